@@ -58,7 +58,7 @@ SPACES: dict[str, dict[str, str]] = {
         "identify_wearing": "excite.human.identified",
     },
     "catalogue": {
-        "robot_summaries": "excite.robot.summary",
+        "robot_summaries": "excite.robot.load",
         "method_summaries": "excite.identification.estimators.registry",
         "effect_summaries": "excite.diagnosis.answer.effect_summary",
         "file_schema": "excite.campaign.schemas",

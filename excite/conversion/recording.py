@@ -20,8 +20,7 @@ from excite.robot.load import load_robot
 from excite.robot.loading import portable_description
 from excite.robot.prismatic import is_prismatic
 from excite.robot.robot import Robot
-from excite.robot.urdf.model import urdf_model
-from excite.robot.urdf.reading import parse_urdf
+from excite.robot.urdf.reading import parse_urdf, urdf_model
 
 # How recordings call their rate and their step, letters only.
 _RATES = frozenset(

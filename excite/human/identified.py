@@ -27,7 +27,7 @@ from excite.logs.files import load_log, save_log
 from excite.logs.log import Log
 from excite.results import write_json
 from excite.robot.loading import load_robot
-from excite.robot.shapes.com_box import com_boxes
+from excite.robot.shapes.collision import com_boxes
 
 IDENTIFIED = "human_identified"
 

@@ -58,7 +58,7 @@ from excite.logs.robot import nominal_faults
 from excite.progress import Progress, silent, step, told_to
 from excite.robot.load import RobotLike, as_robot
 from excite.robot.robot import Robot
-from excite.robot.shapes.com_box import com_boxes
+from excite.robot.shapes.collision import com_boxes
 from excite.rows.settings import ProblemSettings
 from excite.threads import one_blas_thread
 

@@ -24,8 +24,7 @@ from excite.robot.loading import build_robot
 from excite.robot.mechanisms.mechanism import Mechanism
 from excite.robot.robot import Robot, WrenchSensor
 from excite.robot.urdf.inertia import inertial_faults, resting_faults
-from excite.robot.urdf.model import urdf_model
-from excite.robot.urdf.reading import parse_urdf
+from excite.robot.urdf.reading import parse_urdf, urdf_model
 from excite.robot.urdf.tree import MOVING, check_tree
 
 

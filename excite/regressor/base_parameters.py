@@ -158,8 +158,7 @@ def _structural_parameters(robot: Robot, drives: Sequence[str], seed: int) -> Ba
         base, limits = q[:, : robot.n_base_q], robot.limits
         q = robot.mechanism.drawn(random, limits.position_lower, limits.position_upper, n)
         q[:, : robot.n_base_q] = base
-        v = robot.mechanism.velocities(q, v)
-        a = robot.mechanism.accelerations(q, v, a)
+        q, v, a = robot.mechanism.following(q, v, a)
     rows = regressor_rows(robot, columns, q, v, a, stance_flags(robot, n))
     return base_parameters(rows.reshape(-1, len(columns.names)), columns.names)
 

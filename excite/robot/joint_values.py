@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from excite.arrays import Array
-from excite.robot.description import FREE_BASES, LimitsBlock, RobotDescription
+from excite.robot.description import FREE_BASES, RobotDescription
 from excite.robot.quantities import MAX_TRAVEL, PerJoint, in_radians, looks_like_degrees
 from excite.robot.refusal import robot_error, unknown_name
+
+# Blocks of a description that say a number for every joint.
+_PER_JOINT = {
+    "controller": ("kp", "kd"),
+    "sensors": ("noise_torque",),
+    "limits": ("velocity", "acceleration", "jerk", "torque"),
+    "drives": ("viscous", "coulomb", "armature"),
+}
 
 
 @dataclass(frozen=True)
@@ -96,47 +105,34 @@ def check_joints(
 
     Joints in ``passive`` have none.
     """
-    driven = tuple(name for name in names if name not in passive)
-    limits, drives = description.limits, description.drives
-    named: dict[str, dict[str, object]] = {
-        "posture.joints": dict(description.posture.joints),
-        "limits.position.joints": dict(limits.position.joints),
-        "controller.kp.joints": dict(description.controller.kp.joints),
-        "controller.kd.joints": dict(description.controller.kd.joints),
+    named: dict[str, Iterable[str]] = {
+        "posture.joints": description.posture.joints,
+        "limits.position.joints": description.limits.position.joints,
     }
-    for field, block in {
-        "limits.velocity": limits.velocity,
-        "limits.acceleration": limits.acceleration,
-        "limits.jerk": limits.jerk,
-        "limits.torque": limits.torque,
-        "sensors.noise_torque": description.sensors.noise_torque,
-        "drives.viscous": drives.viscous,
-        "drives.coulomb": drives.coulomb,
-        "drives.armature": drives.armature,
-    }.items():
-        if block is not None:
-            named[f"{field}.joints"] = dict(block.joints)
-    for field, full in {"kp": description.controller.kp, "kd": description.controller.kd}.items():
-        _check_covers(full, driven, f"controller.{field}", path)
-    if description.sensors.noise_torque is not None:
-        _check_covers(description.sensors.noise_torque, driven, "sensors.noise_torque", path)
-    for i, table in enumerate(limits.by_position):
-        named[f"limits.by_position[{i}]"] = dict.fromkeys({table.joint, table.over or table.joint})
+    for part, fields in _PER_JOINT.items():
+        for name in fields:
+            block: PerJoint[float] | None = getattr(getattr(description, part), name)
+            if block is None:
+                continue
+            field = f"{part}.{name}"
+            named[f"{field}.joints"] = block.joints
+            missing = [one for one in names if one not in block.joints and one not in passive]
+            # Limits and frictions that are not stated are the model's, or none.
+            if part in {"controller", "sensors"} and block.default is None and missing:
+                what, remedy = (
+                    f"says nothing about joint {missing[0]!r}",
+                    f"give a default or {field}.joints.{missing[0]}",
+                )
+                raise robot_error(path, f"{field}.default", what, remedy)
+    for i, table in enumerate(description.limits.by_position):
+        named[f"limits.by_position[{i}]"] = (table.joint, table.over or table.joint)
     for field, joints in named.items():
         for joint in joints:
             if joint not in names:
                 raise unknown_name(path, field, "joint", joint, names)
 
 
-def _check_covers(block: PerJoint, names: tuple[str, ...], field: str, path: Path) -> None:
-    """A block without default must name every joint."""
-    missing = [name for name in names if block.default is None and name not in block.joints]
-    if missing:
-        remedy = f"give a default or {field}.joints.{missing[0]}"
-        raise robot_error(path, f"{field}.default", f"says nothing about joint {missing[0]!r}", remedy)
-
-
-def per_joint(block: PerJoint | None, names: tuple[str, ...], fallback: Array) -> Array:
+def per_joint(block: PerJoint[Any] | None, names: tuple[str, ...], fallback: Array) -> Array:
     """Values of a per-joint block in the order of ``names``; joints it does not cover get ``fallback``."""
     if block is None:
         return fallback.copy()
@@ -156,69 +152,44 @@ def check_range(joint: str, values: tuple[float, ...], slides: bool, field: str,
         raise robot_error(path, field, what, remedy)
 
 
-def _joint_kind(model: pin.Model, joint: str) -> str:
-    return str(model.joints[model.getJointId(joint)].shortname())
-
-
 def read_limits(
     model: pin.Model, description: RobotDescription, names: tuple[str, ...], path: Path
 ) -> Limits:
     """Joint limits of the model, with what the description says instead; raises RobotError."""
     nq, nv = (7, 6) if description.base in FREE_BASES else (0, 0)
-    block = description.limits
+    block, nothing = description.limits, np.full(len(names), np.nan)
     lower, upper = model.lowerPositionLimit[nq:].copy(), model.upperPositionLimit[nq:].copy()
     for joint, (low, high) in block.position.joints.items():
-        check_range(
-            joint,
-            (low, high),
-            "Prismatic" in _joint_kind(model, joint),
-            f"limits.position.joints.{joint}",
-            path,
-        )
+        slides = "Prismatic" in model.joints[model.getJointId(joint)].shortname()
+        check_range(joint, (low, high), slides, f"limits.position.joints.{joint}", path)
         lower[names.index(joint)], upper[names.index(joint)] = low, high
-    lower, upper = lower + block.position.margin, upper - block.position.margin
-    nothing = np.full(len(names), np.nan)
-    limits = Limits(
-        position_lower=lower,
-        position_upper=upper,
-        velocity=per_joint(block.velocity, names, model.velocityLimit[nv:]),
-        acceleration=per_joint(block.acceleration, names, nothing),
-        jerk=per_joint(block.jerk, names, nothing),
-        torque=per_joint(block.torque, names, model.effortLimit[nv:]),
-        tables=tuple(_read_tables(block, names)),
-    )
-    for field in ("position_lower", "position_upper", "velocity", "acceleration", "jerk", "torque"):
-        values = getattr(limits, field)
-        bad = ~np.isfinite(values) | (values <= 0.0 if not field.startswith("position") else False)
-        if bad.any():
-            joint = names[int(np.argmax(bad))]
-            raise robot_error(
-                path,
-                f"limits.{field.split('_')[0]}",
-                f"{field} of joint {joint!r} is {values[names.index(joint)]}",
-                "state a positive, finite limit for it",
-            )
-    if (upper <= lower).any():
-        joint = names[int(np.argmax(upper <= lower))]
-        index = names.index(joint)
-        low, high = lower[index] - block.position.margin, upper[index] + block.position.margin
-        remedy = (
-            f"exchange them: {joint}: [{high:g}, {low:g}]"
-            if high < low
-            else f"hold it still: locked_joints: {{{joint}: {low:g}}}"
-            if high == low
-            else "make limits.position.margin smaller than half of it"
-        )
+    found = {
+        "position_lower": lower + block.position.margin,
+        "position_upper": upper - block.position.margin,
+        "velocity": per_joint(block.velocity, names, model.velocityLimit[nv:]),
+        "acceleration": per_joint(block.acceleration, names, nothing),
+        "jerk": per_joint(block.jerk, names, nothing),
+        "torque": per_joint(block.torque, names, model.effortLimit[nv:]),
+    }
+    for field, values in found.items():
+        bad = ~np.isfinite(values) | ((values <= 0.0) & (not field.startswith("position")))
+        for index in np.flatnonzero(bad)[:1]:
+            what = f"{field} of joint {names[index]!r} is {values[index]}"
+            remedy = "state a positive, finite limit for it"
+            raise robot_error(path, f"limits.{field.split('_')[0]}", what, remedy)
+    for index in np.flatnonzero(found["position_upper"] <= found["position_lower"])[:1]:
+        joint, low, high = names[index], lower[index], upper[index]
+        remedy = "make limits.position.margin smaller than half of it"
+        if high < low:
+            remedy = f"exchange them: {joint}: [{high:g}, {low:g}]"
+        elif high == low:
+            remedy = f"hold it still: locked_joints: {{{joint}: {low:g}}}"
         what = f"empty position range of joint {joint!r}: {low:g} … {high:g}, less a margin"
         raise robot_error(path, "limits.position", what, remedy)
-    return limits
-
-
-def _read_tables(block: LimitsBlock, names: tuple[str, ...]) -> Iterator[LimitTable]:
+    tables = []
     for table in block.by_position:
-        joint, over = names.index(table.joint), names.index(table.over or table.joint)
-        if table.quantity == "position":
-            yield LimitTable(joint, over, "position_lower", table.at, table.lower)
-            yield LimitTable(joint, over, "position_upper", table.at, table.upper)
-        else:
-            yield LimitTable(joint, over, table.quantity, table.at, table.limit)
+        ends = {"position_lower": table.lower, "position_upper": table.upper}
+        quantities = ends if table.quantity == "position" else {table.quantity: table.limit}
+        column, over = names.index(table.joint), names.index(table.over or table.joint)
+        tables += [LimitTable(column, over, name, table.at, row) for name, row in quantities.items()]
+    return Limits(**found, tables=tuple(tables))

@@ -81,9 +81,6 @@ def _beyond_knee(robot: Robot, end: int, middle: Array) -> list[int]:
 
 # Share of the torque limit that motions use, so that the verdict finds a margin.
 TORQUE_SHARE = 0.85
-# However much friction a drive has, this share of its limit is left to motions: friction that the URDF states is often
-# a simulator's damping, at full speed more than the drive can give.
-_LEFT_BY_FRICTION = 0.3
 
 
 def usable_torque(robot: Robot, share: Array, speed: Array, limit: Array | None = None) -> Array:
@@ -99,7 +96,9 @@ def usable_torque(robot: Robot, share: Array, speed: Array, limit: Array | None 
     viscous = per_joint(drives.viscous, robot.joint_names, nothing)
     coulomb = per_joint(drives.coulomb, robot.joint_names, nothing)
     limit = robot.limits.torque if limit is None else limit
-    return np.asarray(np.maximum(share * limit - coulomb - viscous * speed, _LEFT_BY_FRICTION * limit))
+    # However much friction a drive has, this share of its limit is left to motions: friction that the URDF states is
+    # often a simulator's damping, at full speed more than the drive can give.
+    return np.asarray(np.maximum(share * limit - coulomb - viscous * speed, 0.3 * limit))
 
 
 def holding_torques(robot: Robot, joints: Array, data: pin.Data | None = None) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -15,25 +16,15 @@ from excite.robot.robot import Foot, Segment, WrenchSensor
 
 def read_segments(model: pin.Model, description: RobotDescription, path: Path) -> tuple[Segment, ...]:
     """The moving bodies, one a joint, with their names and pairs; raises RobotError."""
-    links = [carried_link(model, joint) for joint in range(1, model.njoints)]
-    pairs: dict[str, str] = {}
-    for left, right in description.segments.pairs:
-        pairs[left], pairs[right] = right, left
-    for field, named in {
-        "segments.pairs": list(pairs),
-        "segments.names": list(description.segments.names),
-        "segments.com_box": list(description.segments.com_box),
-    }.items():
+    links, block = [carried_link(model, joint) for joint in range(1, model.njoints)], description.segments
+    pairs = dict(block.pairs) | {right: left for left, right in block.pairs}
+    fields: dict[str, Iterable[str]] = {"pairs": pairs, "names": block.names, "com_box": block.com_box}
+    for field, named in fields.items():
         for link in named:
             if link not in links:
-                raise unknown_name(path, field, "moving link", link, links)
+                raise unknown_name(path, f"segments.{field}", "moving link", link, links)
     return tuple(
-        Segment(
-            name=description.segments.names.get(link, link),
-            link=link,
-            joint=joint,
-            pair=links.index(pairs[link]) if link in pairs else None,
-        )
+        Segment(block.names.get(link, link), link, joint, links.index(pairs[link]) if link in pairs else None)
         for joint, link in enumerate(links, start=1)
     )
 
@@ -65,6 +56,7 @@ def read_foot(model: pin.Model, description: RobotDescription, name: str, path: 
     joint, placement = link_placement(model, block.link, path, f"feet.{name}.link")
     corners = np.array([placement.act(np.array(corner)) for corner in block.sole])
     centre = corners.mean(axis=0)
+    rotation: Array | None
     if len(corners) == 1:
         data = model.createData()
         pin.forwardKinematics(model, data, upright)
@@ -72,10 +64,12 @@ def read_foot(model: pin.Model, description: RobotDescription, name: str, path: 
         if block.centre is not None and block.radius > 0.0:
             up = placement.act(np.array(block.centre)) - corners[0]
             rotation = pin.Quaternion.FromTwoVectors(rotation[:, 2], up).matrix() @ rotation
-    elif len(corners) == 2:
-        rotation = _edge_axes(corners, placement.rotation)
     else:
-        rotation = _sole_axes(corners, placement.rotation)
+        rotation = (
+            _edge_axes(corners, placement.rotation)
+            if len(corners) == 2
+            else _sole_axes(corners, placement.rotation)
+        )
     if rotation is None:
         what = "the sole's corners lie on a line" if len(corners) > 2 else "the sole's two corners coincide"
         raise robot_error(path, f"feet.{name}.sole", what, "leave out corners between others")
@@ -84,34 +78,37 @@ def read_foot(model: pin.Model, description: RobotDescription, name: str, path: 
 
 def _edge_axes(corners: Array, link: Array) -> Array | None:
     """Axes of an edge, x along it and z as near to the link's z (or y) as that allows; None without length."""
-    along = corners[1] - corners[0]
-    length = float(np.linalg.norm(along))
-    if length < 1e-9:
+    along = _direction(corners[1] - corners[0])
+    if along is None:
         return None
-    along /= length
-    up = link[:, 2] if abs(link[:, 2] @ along) < 0.9 else link[:, 1]
-    up = up - (up @ along) * along
-    up /= np.linalg.norm(up)
-    return np.column_stack([along, np.cross(up, along), up])
+    up = _direction(_across(link[:, 2] if abs(link[:, 2] @ along) < 0.9 else link[:, 1], along))
+    return None if up is None else np.column_stack([along, np.cross(up, along), up])
 
 
 def _sole_axes(corners: Array, link: Array) -> Array | None:
     """Axes of a sole, z along its normal and x along the link's; None where its corners lie on a line."""
-    normal = np.cross(corners[1] - corners[0], corners[2] - corners[1])
-    if np.linalg.norm(normal) < 1e-9:
+    normal = _direction(np.cross(corners[1] - corners[0], corners[2] - corners[1]))
+    if normal is None:
         # The first three lie on a line: twice the polygon's area.
         spokes = corners - corners.mean(axis=0)
-        normal = np.cross(spokes, np.roll(spokes, -1, axis=0)).sum(axis=0)
-    if np.linalg.norm(normal) < 1e-9:
+        normal = _direction(np.cross(spokes, np.roll(spokes, -1, axis=0)).sum(axis=0))
+    if normal is None:
         return None
-    normal /= np.linalg.norm(normal)
-    if normal @ link[:, 2] < 0.0 and abs(normal @ link[:, 2]) > 0.5:
+    if normal @ link[:, 2] < -0.5:
         normal = -normal
-    x_axis = link[:, 0] - (link[:, 0] @ normal) * normal
-    if np.linalg.norm(x_axis) < 1e-6:
-        x_axis = link[:, 1] - (link[:, 1] @ normal) * normal
-    x_axis /= np.linalg.norm(x_axis)
-    return np.column_stack([x_axis, np.cross(normal, x_axis), normal])
+    level = _across(link[:, 0], normal)
+    along = _direction(level if np.linalg.norm(level) >= 1e-6 else _across(link[:, 1], normal))
+    return None if along is None else np.column_stack([along, np.cross(normal, along), normal])
+
+
+def _across(vector: Array, axis: Array) -> Array:
+    """The part of a vector at right angles to an axis of length one."""
+    return np.asarray(vector - (vector @ axis) * axis)
+
+
+def _direction(vector: Array) -> Array | None:
+    length = float(np.linalg.norm(vector))
+    return vector / length if length > 1e-9 else None
 
 
 def read_sensors(
@@ -120,15 +117,14 @@ def read_sensors(
     """Wrench sensors and where they sit; raises RobotError."""
     sensors = []
     for block in description.sensors.wrench:
-        offset = pin.SE3(pin.rpy.rpyToMatrix(*block.rpy), np.array(block.xyz))
-        if block.kind == "force_plate":
-            joint, link_pose = 0, pin.SE3.Identity()
-        else:
-            joint, link_pose = link_placement(model, block.link, path, f"sensors.wrench.{block.name}.link")
-        excludes = []
-        for link in block.excludes:
-            carrier, _ = link_placement(model, link, path, f"sensors.wrench.{block.name}.excludes")
-            excludes.append(carrier - 1)
+        offset, where = (
+            pin.SE3(pin.rpy.rpyToMatrix(*block.rpy), np.array(block.xyz)),
+            f"sensors.wrench.{block.name}",
+        )
+        joint, link_pose = 0, pin.SE3.Identity()
+        if block.kind != "force_plate":
+            joint, link_pose = link_placement(model, block.link, path, f"{where}.link")
+        beyond = (link_placement(model, link, path, f"{where}.excludes")[0] - 1 for link in block.excludes)
         sensors.append(
             WrenchSensor(
                 name=block.name,
@@ -137,8 +133,8 @@ def read_sensors(
                 joint=joint,
                 placement=link_pose * offset,
                 foot=block.foot,
-                excludes=tuple(excludes),
-                excludes_links=tuple(block.excludes),
+                excludes=tuple(beyond),
+                excludes_links=block.excludes,
                 noise_force=block.noise_force,
                 noise_moment=block.noise_moment,
             )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,12 +16,12 @@ import yaml
 from excite.arrays import Array
 from excite.display import span
 from excite.errors import MotionError, RobotError
-from excite.formats.documents import MAX_XML_BYTES, read_xml
+from excite.formats.documents import MAX_XML_BYTES
 from excite.formats.file import read_bytes
 from excite.results import Assumed
 from excite.robot.catalogue import example_robot_data, find_robot
-from excite.robot.description import FREE_BASES, FootBlock, PositionTable, RobotDescription, read_description
-from excite.robot.joint_values import check_joints, read_limits
+from excite.robot.description import FREE_BASES, FootBlock, RobotDescription, read_description
+from excite.robot.joint_values import check_joints, per_joint, read_limits
 from excite.robot.links import link_placement, read_foot, read_segments, read_sensors
 from excite.robot.mechanisms.closures import (
     Closure,
@@ -30,28 +30,18 @@ from excite.robot.mechanisms.closures import (
     Loop,
     LoopBlock,
     Rod,
-    TieBlock,
     add_motors,
     closures_of,
 )
 from excite.robot.mechanisms.mechanism import Mechanism, build_mechanism
-from excite.robot.quantities import MAX_RATIO, PerJoint
+from excite.robot.quantities import MAX_RATIO, Block, PerJoint
 from excite.robot.refusal import robot_error, unknown_name
 from excite.robot.robot import Foot, Robot
 from excite.robot.shapes.collision import ground_is_assumed
 from excite.robot.urdf.inertia import check_weights
-from excite.robot.urdf.limits import (
-    CONTROL,
-    SOFT,
-    assumed_limits,
-    keep_stated_limits,
-    read_joint_limits,
-    read_position_tables,
-    with_tables,
-)
-from excite.robot.urdf.model import urdf_model
-from excite.robot.urdf.numbers import read_numbers
-from excite.robot.urdf.reading import MAX_NESTING, Stated, read_urdf
+from excite.robot.urdf.limits import assumed_limits, read_limits_file, with_tables
+from excite.robot.urdf.numbers import read_number, read_origin
+from excite.robot.urdf.reading import Stated, read_mimic, read_urdf, urdf_model
 
 CHOSEN = "chosen here"
 """How the source of a value begins that who wrote a description chose."""
@@ -87,20 +77,28 @@ def load_robot(name_or_path: str | Path) -> Robot:
 def build_robot(description: RobotDescription, path: Path) -> Robot:
     """Build the robot of a validated description; ``path`` is the file that it was read from."""
     model_path = urdf_of(description, path)
-    urdf = read_urdf(model_path, _stated_changes(description))
-    root = ElementTree.fromstring(urdf)
-    fingerprint = _robot_fingerprint(description, model_path, root)
-    if description.transmissions:
-        add_motors(root, description.transmissions, path)
-        urdf = ElementTree.tostring(root, encoding="unicode")
-    model = _build_model(root, description, model_path)
-    joint_names = tuple(list(model.names)[2 if description.base in FREE_BASES else 1 :])
+    free, standing = description.base in FREE_BASES, description.base in ("fixed", "floating")
+    block = description.model
+    stated = Stated(free, description.locked_joints, description.limits.position.joints, block.acknowledged)
+    urdf = read_urdf(model_path, stated)
+    assumed = (
+        *description.assumed,
+        *_assumed_ground(description),
+        *_assumed_choices(description),
+        *_assumed_limits(description, urdf.tightened),
+    )
+    fingerprint = _robot_fingerprint(description, model_path, urdf.root)
+    add_motors(urdf.root, description.transmissions, path)
+    model = urdf_model(urdf.root, model_path, floating=free)
+    if model.njoints == 1:
+        raise robot_error(model_path, None, "has no joint that moves", "describe at least one")
+    model.gravity.linear = np.array(description.gravity)
+    joint_names = tuple(list(model.names)[2 if free else 1 :])
     rods, gears = closures_of(description.transmissions)
     loops = (*description.loops, *rods)
-    couplings = (*description.couplings, *mimic_couplings(root, model_path), *gears)
-    ties: tuple[TieBlock, ...] = (*loops, *couplings)
-    passive = {name for block in ties for name in block.passive}
-    check_joints(description, joint_names, path, frozenset(passive))
+    couplings = (*description.couplings, *mimic_couplings(urdf.root, model_path), *gears)
+    passive = frozenset(name for block in (*loops, *couplings) for name in block.passive)
+    check_joints(description, joint_names, path, passive)
     segments = read_segments(model, description, path)
     upright = _upright_posture(model, description, joint_names)
     carrying = [link_placement(model, foot.link, path, "feet")[0] for foot in description.feet]
@@ -108,39 +106,21 @@ def build_robot(description: RobotDescription, path: Path) -> Robot:
     if mechanism is not None:
         upright = mechanism.rest
         description = without_motors(description, joint_names, mechanism, model)
-    description = with_balls_down(description, root, model, upright, path)
+    description = with_balls_down(description, urdf.root, model, upright, path)
     feet = tuple(read_foot(model, description, block.name, path, upright) for block in description.feet)
     sensors = read_sensors(model, description, segments, path)
-    if description.sensors.imu is not None:
-        joint, _ = link_placement(model, description.sensors.imu.link, path, "sensors.imu.link")
-        if description.base in FREE_BASES and joint != 1:
-            raise robot_error(
-                path,
-                "sensors.imu.link",
-                f"link {description.sensors.imu.link!r} moves against the base",
-                "name the base's link, or one fixed to it",
-            )
-    if description.uncertainty is not None and description.uncertainty.payload is not None:
-        link = description.uncertainty.payload.link
-        if link_placement(model, link, path, "uncertainty.payload.link")[0] == 0:
-            raise robot_error(
-                path,
-                "uncertainty.payload.link",
-                f"link {link!r} does not move",
-                "name the link that carries the load",
-            )
-    # A robot that hangs or is held has its feet in the air: nothing reaches the ground, or a sensor there.
-    standing = description.base in ("fixed", "floating")
+    _check_carriers(description, model, path)
     rest = _rest_configuration(model, description, upright, feet)
     return Robot(
         name=description.name,
-        description=_with_limits_said(_with_choices_said(_with_ground_said(description)), model_path, urdf),
+        description=description.model_copy(update={"assumed": assumed}),
         source=path,
-        urdf=urdf,
+        urdf=urdf.text,
         hash=fingerprint,
         model=model,
         joint_names=joint_names,
         limits=read_limits(model, description, joint_names, path),
+        # A robot that hangs or is held has its feet in the air: nothing reaches the ground, or a sensor there.
         feet=feet if standing else (),
         sensors=sensors if standing else (),
         segments=segments,
@@ -149,58 +129,68 @@ def build_robot(description: RobotDescription, path: Path) -> Robot:
     )
 
 
-def _with_ground_said(description: RobotDescription) -> RobotDescription:
-    """The description with the ground among what is assumed, where a fixed base does not say where it is."""
-    if not ground_is_assumed(description):
-        return description
-    ground = Assumed(
-        what="ground",
-        value="the plane that the base is mounted on; of a robot that hangs, below its reach",
-        consequence="motions stay above it: state collision.table_height, or null where nothing is there",
-    )
-    return description.model_copy(update={"assumed": (*description.assumed, ground)})
+def _check_carriers(description: RobotDescription, model: pin.Model, path: Path) -> None:
+    """An IMU sits on a free base itself, and a payload on a link that moves; raises RobotError."""
+    imu, uncertainty = description.sensors.imu, description.uncertainty
+    if imu is not None:
+        joint, _ = link_placement(model, imu.link, path, "sensors.imu.link")
+        if description.base in FREE_BASES and joint != 1:
+            what, remedy = (
+                f"link {imu.link!r} moves against the base",
+                "name the base's link, or one fixed to it",
+            )
+            raise robot_error(path, "sensors.imu.link", what, remedy)
+    if uncertainty is not None and uncertainty.payload is not None:
+        link, field = uncertainty.payload.link, "uncertainty.payload.link"
+        if link_placement(model, link, path, field)[0] == 0:
+            remedy = "name the link that carries the load"
+            raise robot_error(path, field, f"link {link!r} does not move", remedy)
 
 
-def _with_choices_said(description: RobotDescription) -> RobotDescription:
-    """The description with limits among what is assumed whose source says that who wrote it chose them."""
-    found, block = [*description.assumed], description.limits
-    units = {"velocity": "rad/s or m/s", "acceleration": "rad/s² or m/s²", "jerk": "rad/s³ or m/s³"}
-    for name, unit in {**units, "torque": "N·m or N"}.items():
-        stated: PerJoint | None = getattr(block, name)
+# What is assumed beside what a description says.
+
+
+def _assumed_ground(description: RobotDescription) -> Iterator[Assumed]:
+    if ground_is_assumed(description):
+        yield Assumed(
+            what="ground",
+            value="the plane that the base is mounted on; of a robot that hangs, below its reach",
+            consequence="motions stay above it: state collision.table_height, or null where nothing is there",
+        )
+
+
+def _assumed_choices(description: RobotDescription) -> Iterator[Assumed]:
+    """Limits whose source says that who wrote the description chose them."""
+    units = {
+        "velocity": "rad/s or m/s",
+        "acceleration": "rad/s² or m/s²",
+        "jerk": "rad/s³ or m/s³",
+        "torque": "N·m or N",
+    }
+    for name, unit in units.items():
+        stated: PerJoint[float] | None = getattr(description.limits, name)
         if stated is not None and stated.source.startswith(CHOSEN):
             values = [*stated.joints.values(), *([] if stated.default is None else [stated.default])]
             value = f"{span(f'{min(values):g}', f'{max(values):g}')} {unit}, {stated.source}"
             consequence = f"motions keep to it: state limits.{name} if the robot bears less, or more"
-            found.append(Assumed(f"{name} limits", value, consequence))
-    return description.model_copy(update={"assumed": tuple(found)})
+            yield Assumed(f"{name} limits", value, consequence)
 
 
-def _with_limits_said(description: RobotDescription, model_path: Path, urdf: str) -> RobotDescription:
-    """The description with limits of the model that stand elsewhere than in ``<limit>`` among what is assumed."""
-    if not any(element.strip(">") in urdf for element in (SOFT, CONTROL)):
-        return description
-    tightened = keep_stated_limits(read_xml(model_path, error=RobotError, max_depth=MAX_NESTING), model_path)
+def _assumed_limits(
+    description: RobotDescription, tightened: Mapping[str, Mapping[str, list[str]]]
+) -> tuple[Assumed, ...]:
+    """Limits of the model that stand elsewhere than in ``<limit>``, of joints of which the description says nothing."""
     block = description.limits
-    stated = {
-        "position": set(block.position.joints),
-        "velocity": _joints_of(block.velocity),
-        "effort": _joints_of(block.torque),
-    }
-    locked = set(description.locked_joints)
-    left = {
-        said: {
-            what: kept
-            for what, joints in changed.items()
-            if (kept := [name for name in joints if name not in stated.get(what, set()) | locked])
-        }
-        for said, changed in tightened.items()
-    }
-    said = assumed_limits(left)
-    return description.model_copy(update={"assumed": (*description.assumed, *said)}) if said else description
-
-
-def _joints_of(block: PerJoint | None) -> set[str]:
-    return set() if block is None else set(block.joints)
+    blocks = {"position": block.position, "velocity": block.velocity, "effort": block.torque}
+    left = {}
+    for said, changed in tightened.items():
+        kept = {}
+        for what, names in changed.items():
+            own = blocks.get(what)
+            stated = {*description.locked_joints, *(own.joints if own is not None else ())}
+            kept[what] = [name for name in names if name not in stated]
+        left[said] = {what: names for what, names in kept.items() if names}
+    return assumed_limits(left)
 
 
 def _robot_fingerprint(description: RobotDescription, model_path: Path, root: ElementTree.Element) -> str:
@@ -245,68 +235,44 @@ def limited_description(robot: Robot, file: Path) -> str:
         RobotError: it is no such file, names no joint of the robot, or leaves one no range.
     """
     description, limits = read_description(robot.source), robot.limits
-    found = read_joint_limits(file, robot.driven_names)
-    tables = read_position_tables(file, robot.driven_names)
-    if not found and not tables:
-        remedy = "the robot has " + ", ".join(robot.driven_names)
-        raise robot_error(file, "joint_limits", "names no joint of the robot", remedy)
+    found = read_limits_file(file, robot.driven_names)
     changed: dict[str, dict[str, Any]] = {}
-    for name, one in found.items():
+    for name, stated in found.limits.items():
         index, margin = robot.joint_index(name), description.limits.position.margin
-        for what, value in (
-            ("velocity", one.velocity),
-            ("torque", one.effort),
-            ("acceleration", one.acceleration),
-            ("jerk", one.jerk),
-        ):
-            if value is not None and 0.0 < value < getattr(limits, what)[index]:
-                changed.setdefault(what, {})[name] = value
-        if one.range is None:
-            continue
-        low, high = limits.position_lower[index] - margin, limits.position_upper[index] + margin
-        kept = max(float(low), one.range[0]), min(float(high), one.range[1])
+        for what, value in stated.items():
+            own = "torque" if what == "effort" else what
+            if what != "position" and 0.0 < value < getattr(limits, own)[index]:
+                changed.setdefault(own, {})[name] = value
+        low, high = float(limits.position_lower[index] - margin), float(limits.position_upper[index] + margin)
+        lower, upper = stated.get("position", (low, high))
+        kept = max(low, lower), min(high, upper)
         if kept[0] + 2.0 * margin >= kept[1]:
-            what = f"{one.range[0]:g} … {one.range[1]:g} leaves nothing of {low:.4g} … {high:.4g}"
+            what = f"{lower:g} … {upper:g} leaves nothing of {low:.4g} … {high:.4g}"
             raise robot_error(file, f"joint_limits.{name}", what, "correct one of them")
         if kept != (low, high):
             changed.setdefault("position", {})[name] = kept
-    return _portable(robot, _with_limits(description, changed, tables, file))
-
-
-def _with_limits(
-    description: RobotDescription,
-    changed: Mapping[str, Mapping[str, Any]],
-    tables: Sequence[PositionTable],
-    file: Path,
-) -> RobotDescription:
-    """The description with limits of some joints changed, and where they stand among what is assumed."""
     content = description.model_dump(mode="json", by_alias=True, exclude_unset=True)
     for what, joints in changed.items():
         block = content["limits"].get(what) or {"source": file.name}
         content["limits"][what] = {**block, "joints": {**block.get("joints", {}), **joints}}
+    tables = [one.model_dump(exclude_defaults=True) for one in found.tables]
     if tables:
-        stated = content["limits"].get("by_position", [])
-        content["limits"]["by_position"] = [
-            *stated,
-            *(one.model_dump(exclude_defaults=True) for one in tables),
-        ]
-    said = assumed_limits(
-        {file.name: with_tables({what: [*joints] for what, joints in changed.items()}, tables)}
-    )
+        content["limits"]["by_position"] = [*content["limits"].get("by_position", []), *tables]
+    names = {what: [*joints] for what, joints in changed.items()}
+    said = assumed_limits({file.name: with_tables(names, found.tables)})
     content["assumed"] = [*content.get("assumed", []), *(one.to_json() for one in said)]
-    return RobotDescription.model_validate(content)
+    return _portable(robot, RobotDescription.model_validate(content))
 
 
 def _portable(robot: Robot, description: RobotDescription) -> str:
-    whole = description.model.model_copy(update={"path": str(model_file(robot).resolve()), "package": None})
+    path = str(model_file(robot).resolve())
+    changed: dict[str, Any] = {"model": description.model.model_copy(update={"path": path, "package": None})}
     stated = description.uncertainty
     if stated is not None and stated.identified is not None:
         found = str((robot.source.parent / stated.identified).resolve())
-        stated = stated.model_copy(update={"identified": found})
-    content = description.model_copy(
-        update={"model": whole} if stated is None else {"model": whole, "uncertainty": stated}
-    )
+        changed["uncertainty"] = stated.model_copy(update={"identified": found})
     # What is said to be absent, such as a table, is not what was left out.
+    content = description.model_copy(update=changed)
     said = content.model_dump(mode="json", by_alias=True, exclude_unset=True)
     return str(yaml.safe_dump(said, sort_keys=False, allow_unicode=True))
 
@@ -330,24 +296,6 @@ def urdf_of(description: RobotDescription, path: Path) -> Path:
     if description.model.package is None:
         return path.parent / description.model.path
     return example_robot_data() / description.model.path
-
-
-def _stated_changes(description: RobotDescription) -> Stated:
-    """What the description says that changes how the URDF is read."""
-    return Stated(
-        floating=description.base in FREE_BASES,
-        locked=description.locked_joints,
-        limits=description.limits.position.joints,
-        acknowledged=description.model.acknowledged,
-    )
-
-
-def _build_model(root: ElementTree.Element, description: RobotDescription, model_path: Path) -> pin.Model:
-    model = urdf_model(root, model_path, floating=description.base in FREE_BASES)
-    if model.njoints == 1:
-        raise robot_error(model_path, None, "has no joint that moves", "describe at least one")
-    model.gravity.linear = np.array(description.gravity)
-    return model
 
 
 def _upright_posture(model: pin.Model, description: RobotDescription, names: tuple[str, ...]) -> Array:
@@ -388,53 +336,37 @@ def without_motors(
     Limits of speed, acceleration and torque that nobody states for them are the largest of the driven joints', a
     scale for tolerances: what moves and loads them is limited where the motors are.
     """
-    first = model.nv - len(names)
-    passive = [names[column - first] for column in mechanism.passive]
-    driven = [name for name in names if name not in passive]
-    controller, drives, limits = description.controller, description.drives, description.limits
-    stated = {"velocity": model.velocityLimit[first:], "torque": model.effortLimit[first:]}
-    found: dict[str, Any] = {}
+    first, nothing = model.nv - len(names), np.zeros(len(names))
+    passive = np.isin(np.arange(len(names)), mechanism.passive - first)
+    followers = [name for name, follows in zip(names, passive, strict=True) if follows]
+
+    def without(block: Block, *fields: str) -> Block:
+        zeros = dict.fromkeys(followers, 0.0)
+        own = {field: one for field in fields if (one := getattr(block, field)) is not None}
+        update = {f: one.model_copy(update={"joints": {**one.joints, **zeros}}) for f, one in own.items()}
+        return block.model_copy(update=update)
+
+    limits = {}
     for field in ("velocity", "acceleration", "jerk", "torque"):
-        own = dict(zip(names, stated.get(field, np.zeros(len(names))), strict=True))
-        found[field] = _scale_driven(getattr(limits, field), driven, passive, own)
+        block: PerJoint[float] | None = getattr(description.limits, field)
+        own = {"velocity": model.velocityLimit[first:], "torque": model.effortLimit[first:]}.get(
+            field, nothing
+        )
+        values = per_joint(block, names, own)
+        stated = dict(block.joints) if block is not None else {}
+        lacking = [name for name, v in zip(names, values, strict=True) if name in followers and not v > 0.0]
+        largest = float(values[~passive].max(initial=0.0))
+        if lacking and largest > 0.0:
+            joints = {**stated, **{name: largest for name in lacking if name not in stated}}
+            said = PerJoint[float](source="the driven joints'") if block is None else block
+            limits[field] = said.model_copy(update={"joints": joints})
     return description.model_copy(
         update={
-            "controller": controller.model_copy(
-                update={name: _zero_passive(getattr(controller, name), passive) for name in ("kp", "kd")}
-            ),
-            "drives": drives.model_copy(
-                update={
-                    name: _zero_passive(block, passive)
-                    for name in ("viscous", "coulomb", "armature")
-                    if (block := getattr(drives, name)) is not None
-                }
-            ),
-            "limits": limits.model_copy(update=found),
+            "controller": without(description.controller, "kp", "kd"),
+            "drives": without(description.drives, "viscous", "coulomb", "armature"),
+            "limits": description.limits.model_copy(update=limits),
         }
     )
-
-
-def _zero_passive(block: PerJoint, passive: list[str]) -> PerJoint:
-    return block.model_copy(update={"joints": {**block.joints, **dict.fromkeys(passive, 0.0)}})
-
-
-def _scale_driven(
-    block: PerJoint | None, driven: list[str], passive: list[str], own: dict[str, Array]
-) -> PerJoint | None:
-    """A block with numbers for passive joints that neither it nor the URDF has any for."""
-    values = {} if block is None else block.joints
-    default = None if block is None else block.default
-
-    def of(name: str) -> float:
-        return float(values.get(name, own[name] if default is None else default))
-
-    largest = max((of(name) for name in driven), default=0.0)
-    added = {name: largest for name in passive if name not in values and not (default or own[name] > 0.0)}
-    if not added or not largest > 0.0:
-        return block
-    if block is None:
-        return PerJoint(joints=added, source="the driven joints'")
-    return block.model_copy(update={"joints": {**values, **added}})
 
 
 # Balls among a link's solids: where such a foot touches the ground depends on how it is turned.
@@ -463,67 +395,44 @@ def with_balls_down(
     Raises:
         RobotError: a foot's link is not in the model, or an origin or a radius is no number.
     """
-    if not description.posture.joints:
-        return _with_centres(description, root, path)
-    data = model.createData()
+    data, feet = model.createData(), []
     pin.forwardKinematics(model, data, upright)
-    feet = []
     for foot in description.feet:
         centre = _ball_centre(root, description, foot, path)
-        if centre is not None:
+        if description.posture.joints and centre is not None:
             joint, placement = link_placement(model, foot.link, path, f"feet.{foot.name}.link")
             down = (data.oMi[joint].rotation @ placement.rotation).T @ np.array([0.0, 0.0, -foot.radius])
             foot = foot.model_copy(update={"sole": (tuple((centre + down).tolist()),)})
-        feet.append(foot)
-    return description.model_copy(update={"feet": tuple(feet)})
-
-
-def _with_centres(description: RobotDescription, root: ElementTree.Element, path: Path) -> RobotDescription:
-    """The description with the centres of balls that it does not say, where they can be told."""
-    feet = []
-    for foot in description.feet:
-        if foot.centre is None:
-            centre = _ball_centre(root, description, foot, path)
-            if centre is None and _about_origin(foot):
-                # Feet that are meshes nearly all have their frame in the middle of the ball.
-                centre = np.zeros(3)
+        elif not description.posture.joints and foot.centre is None and foot.radius > 0.0:
+            # Feet that are meshes nearly all have their frame in the middle of the ball.
+            about = abs(float(np.linalg.norm(foot.sole[0])) - foot.radius) < _ON
+            centre = np.zeros(3) if centre is None and about else centre
             if centre is not None:
                 foot = foot.model_copy(update={"centre": tuple(centre.tolist())})
         feet.append(foot)
     return description.model_copy(update={"feet": tuple(feet)})
 
 
-def _about_origin(foot: FootBlock) -> bool:
-    """Whether a foot's corner lies on a ball about its link's origin."""
-    return foot.radius > 0.0 and abs(float(np.linalg.norm(foot.sole[0])) - foot.radius) < _ON
-
-
 def _ball_centre(
     root: ElementTree.Element, description: RobotDescription, foot: FootBlock, path: Path
 ) -> Array | None:
     """Centre ``(3,)`` of the ball that a foot is, in its link's frame [m]; None where no solid is that ball."""
-    if foot.radius <= 0.0:
-        return None
+    block = description.collision
     balls = [
         (np.array(shape.xyz), shape.size[0])
-        for shape in description.collision.shapes
-        if shape.link == foot.link and shape.kind == "sphere"
+        for shape in block.shapes
+        if shape.link == foot.link and shape.kind == "sphere" and foot.radius > 0.0
     ]
-    for link in (link for link in root.findall("link") if link.get("name") == foot.link):
-        for solid in link.findall(description.collision.geometry):
-            sphere, where = solid.find("geometry/sphere"), f"link {foot.link!r}/{solid.tag}"
-            if sphere is not None:
-                origin = solid.find("origin")
-                at = (
-                    (0.0, 0.0, 0.0)
-                    if origin is None
-                    else read_numbers(origin, "xyz", 3, path, where, default="0 0 0")
-                )
-                balls.append((np.array(at), read_numbers(sphere, "radius", 1, path, where)[0]))
+    link = root.find(f"link[@name='{foot.link}']") if foot.radius > 0.0 else None
+    for solid in [] if link is None else link.findall(block.geometry):
+        sphere, where = solid.find("geometry/sphere"), f"link {foot.link!r}/{solid.tag}"
+        if sphere is not None:
+            centre = read_origin(solid, path, where).translation
+            balls.append((centre, read_number(sphere, "radius", path, where)))
     for centre, radius in balls:
         from_centre = float(np.linalg.norm(np.array(foot.sole[0]) - centre))
         if max(abs(from_centre - radius), abs(foot.radius - radius)) < _ON:
-            return centre
+            return np.asarray(centre)
     return None
 
 
@@ -538,29 +447,21 @@ def mimic_couplings(root: ElementTree.Element, path: Path) -> tuple[CouplingBloc
     """
     names = {joint.get("name", "") for joint in root.findall("joint")}
     found = []
-    for joint in root.findall("joint"):
+    for joint in (one for one in root.findall("joint") if one.get("type") != "fixed"):
         name, mimic = joint.get("name", ""), joint.find("mimic")
-        if mimic is None or joint.get("type") == "fixed":
+        if mimic is None:
             continue
         where, master = f"joint {name!r}/mimic", mimic.get("joint", "")
         if master not in names or master == name:
-            raise robot_error(
-                path,
-                where,
-                f"follows joint {master!r}, " + ("itself" if master == name else "which is not there"),
-                "name the joint that it follows, or hold it still under locked_joints in robot.yaml",
-            )
-        (factor,) = read_numbers(mimic, "multiplier", 1, path, where, default="1")
-        (offset,) = read_numbers(mimic, "offset", 1, path, where, default="0")
+            what = f"follows joint {master!r}, {'itself' if master == name else 'which is not there'}"
+            remedy = "name the joint that it follows, or hold it still under locked_joints in robot.yaml"
+            raise robot_error(path, where, what, remedy)
+        factor, offset = read_mimic(mimic, path, where)
         if not 1.0 / MAX_RATIO**2 < abs(factor) < MAX_RATIO**2:
-            raise robot_error(
-                path, where, f"follows by a factor of {factor:g}", f"make {name!r} a fixed joint"
-            )
-        found.append(
-            CouplingBlock(
-                name=name, joints={name: 1.0, master: -factor}, offset=offset, passive=(name,), source="URDF"
-            )
-        )
+            what = f"follows by a factor of {factor:g}"
+            raise robot_error(path, where, what, f"make {name!r} a fixed joint")
+        joints: dict[str, float | tuple[float, ...]] = {name: 1.0, master: -factor}
+        found.append(CouplingBlock(name=name, joints=joints, offset=offset, passive=(name,), source="URDF"))
     return tuple(found)
 
 
@@ -586,67 +487,50 @@ def read_mechanism(
         RobotError: a joint or link is not there, several blocks have one name, or the passive joints do not follow
             from the others.
     """
-    blocks: tuple[TieBlock, ...] = (*loops, *couplings)
+    blocks: tuple[LoopBlock | CouplingBlock, ...] = (*loops, *couplings)
     if not blocks:
         return None
-    closures: list[Closure] = [_read_loop(model, block, path) for block in loops]
-    closures += [_read_coupling(model, block, path) for block in couplings]
+    closures = [_read_closure(model, block, path) for block in blocks]
     passive = tuple(dict.fromkeys(name for block in blocks for name in block.passive))
-    for block in blocks:
-        for name in block.passive:
-            _joint_column(model, name, f"{_block_field(block)}.passive", path)
     if not passive:
-        raise robot_error(
-            path,
-            "loops" if loops else "couplings",
+        what, remedy = (
             "leave every joint a motor of its own",
             "name under passive the joints that follow from the others",
         )
+        raise robot_error(path, "loops" if loops else "couplings", what, remedy)
     try:
         return build_mechanism(model, closures, passive, rest, carrying)
     except MotionError as error:
-        raise robot_error(
-            path,
-            error.field,
-            f"{error.what.replace(' at sample 0', '')}",
-            "check ends, posture and passive joints: as many of these as the loops determine",
-        ) from error
+        what = error.what.replace(" at sample 0", "")
+        remedy = "check ends, posture and passive joints: as many of these as the loops determine"
+        raise robot_error(path, error.field, what, remedy) from error
 
 
-def _block_field(block: TieBlock) -> str:
-    return f"{'loops' if isinstance(block, LoopBlock) else 'couplings'}.{block.name}"
-
-
-def _read_loop(model: pin.Model, block: LoopBlock, path: Path) -> Closure:
-    ends = []
+def _read_closure(model: pin.Model, block: LoopBlock | CouplingBlock, path: Path) -> Closure:
+    field = f"{'loops' if isinstance(block, LoopBlock) else 'couplings'}.{block.name}"
+    for name in block.passive:
+        _joint_column(model, name, f"{field}.passive", path)
+    if isinstance(block, CouplingBlock):
+        columns = tuple(_joint_column(model, name, f"{field}.joints", path) for name in block.joints)
+        return Coupling(block.name, columns, tuple(map(block.factors, block.joints)), block.offset)
+    joints, placements = [], []
     for number, end in enumerate(block.ends):
-        joint, link = link_placement(model, end.link, path, f"{_block_field(block)}.ends.{number}.link")
-        ends.append((joint, link * pin.SE3(pin.rpy.rpyToMatrix(*end.rpy), np.array(end.xyz))))
-    joints, placements = (ends[0][0], ends[1][0]), (ends[0][1], ends[1][1])
+        joint, link = link_placement(model, end.link, path, f"{field}.ends.{number}.link")
+        joints.append(joint)
+        placements.append(link * pin.SE3(pin.rpy.rpyToMatrix(*end.rpy), np.array(end.xyz)))
+    both, frames = (joints[0], joints[1]), (placements[0], placements[1])
     if joints[0] == joints[1]:
-        raise robot_error(
-            path,
-            _block_field(block),
-            f"{block.ends[0].link!r} and {block.ends[1].link!r} do not move against each other",
-            "remove it",
-        )
+        what = f"{block.ends[0].link!r} and {block.ends[1].link!r} do not move against each other"
+        raise robot_error(path, field, what, "remove it")
     if block.kind != "rod":
-        return Loop(block.name, joints, placements, rigid=block.kind == "weld")
+        return Loop(block.name, both, frames, rigid=block.kind == "weld")
     data = model.createData()
     pin.forwardKinematics(model, data, pin.neutral(model))
-    points = [data.oMi[joint].act(place.translation) for joint, place in ends]
+    points = [data.oMi[joint].act(place.translation) for joint, place in zip(joints, placements, strict=True)]
     length = float(np.linalg.norm(points[1] - points[0])) if block.length is None else block.length
     if length < 1e-6:
-        raise robot_error(path, _block_field(block), "has no length", "make it a loop of kind point")
-    return Rod(block.name, joints, placements, length)
-
-
-def _read_coupling(model: pin.Model, block: CouplingBlock, path: Path) -> Coupling:
-    columns = tuple(
-        _joint_column(model, name, f"{_block_field(block)}.joints", path) for name in block.joints
-    )
-    factors = tuple(block.factors(name) for name in block.joints)
-    return Coupling(block.name, columns, factors, block.offset)
+        raise robot_error(path, field, "has no length", "make it a loop of kind point")
+    return Rod(block.name, both, frames, length=length)
 
 
 def _joint_column(model: pin.Model, name: str, field: str, path: Path) -> tuple[int, int]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Generic, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, StringConstraints
 from pydantic_core import PydanticCustomError, core_schema
@@ -32,22 +32,11 @@ MAX_MASS = 1e6
 MAX_INERTIA = 1e9
 # Hydraulic presses give 1e9 N; models write 1e4 … 1e6 for a torque without limit.
 MAX_FORCE = 1e10
-# Turbines reach 1e4 rad/s; models write 1e4 for a velocity without limit.
-MAX_VELOCITY = 1e6
-# Shocks that destroy gears have 1e6 m/s²; the jerk that builds one up within a microsecond.
-MAX_ACCELERATION = 1e9
 MAX_JERK = 1e12
-# N·m/rad, N·m·s/rad, kg·m²: a servo that holds a body of MAX_MASS still within its encoder's step.
-MAX_GAIN = 1e12
 # A standard deviation larger than what is measured is no measurement; a rate of 1 MHz is no robot's log.
 MAX_NOISE = 1e6
 # No gear of a robot reduces more.
 MAX_RATIO = 1e4
-MAX_RATE = 1e6
-# Rubber on rubber has 1 … 2; gecko-like pads some tens.
-MAX_FRICTION = 100.0
-# On the sun's surface it is 274 m/s²; no robot identifies itself above Jupiter's 25.
-MAX_GRAVITY = 100.0
 # Exporters write 1e16 for a joint without position limits; what lies beyond MAX_ANGLE is read as that.
 MAX_STAND_IN = 1e18
 
@@ -125,20 +114,25 @@ Length = Annotated[float, Bounded(MAX_LENGTH, "m", "above 0", "write metres")]
 JointValue = Annotated[float, Bounded(MAX_ANGLE, "rad or m", "any", "write radians or metres")]
 Angle = Annotated[float, Bounded(MAX_ORIENTATION, "rad", "any", "looks like degrees: write radians")]
 Margin = Annotated[float, Bounded(MAX_TRAVEL, "rad or m", "from 0", "write radians or metres")]
-Velocity = Annotated[float, Bounded(MAX_VELOCITY, "rad/s or m/s")]
-Acceleration = Annotated[float, Bounded(MAX_ACCELERATION, "rad/s² or m/s²")]
+# Turbines reach 1e4 rad/s; models write 1e4 for a velocity without limit.
+Velocity = Annotated[float, Bounded(1e6, "rad/s or m/s")]
+# Shocks that destroy gears have 1e6 m/s²; the jerk that builds one up within a microsecond.
+Acceleration = Annotated[float, Bounded(1e9, "rad/s² or m/s²")]
 Jerk = Annotated[float, Bounded(MAX_JERK, "rad/s³ or m/s³")]
 Torque = Annotated[float, Bounded(MAX_FORCE, "N·m or N")]
 Mass = Annotated[float, Bounded(MAX_MASS, "kg", "from 0", "write kilograms")]
 Share = Annotated[float, Bounded(1.0, "as a share", "from 0", "write 0.1 for 10 %")]
-Gain = Annotated[float, Bounded(MAX_GAIN, "N·m/rad or N·m·s/rad")]
+# N·m/rad, N·m·s/rad, kg·m²: a servo that holds a body of MAX_MASS still within its encoder's step.
+Gain = Annotated[float, Bounded(1e12, "N·m/rad or N·m·s/rad")]
 Noise = Annotated[float, Bounded(MAX_NOISE, "N, N·m, m or rad", "from 0")]
 TorqueNoise = Annotated[float, Bounded(MAX_NOISE, "N·m or N")]
-Rate = Annotated[float, Bounded(MAX_RATE, "Hz")]
-FrictionCoefficient = Annotated[float, Bounded(MAX_FRICTION, "newtons a newton")]
+Rate = Annotated[float, Bounded(1e6, "Hz")]
+# Rubber on rubber has 1 … 2; gecko-like pads some tens.
+FrictionCoefficient = Annotated[float, Bounded(100.0, "newtons a newton")]
 DriveFriction = Annotated[float, Bounded(MAX_FORCE, "N·m·s/rad, N·m or kg·m²")]
+# On the sun's surface it is 274 m/s²; no robot identifies itself above Jupiter's 25.
 GravityComponent = Annotated[
-    float, Bounded(MAX_GRAVITY, "m/s²", "any", "write m/s²; on the ground it is 9.81 downwards")
+    float, Bounded(100.0, "m/s²", "any", "write m/s²; on the ground it is 9.81 downwards")
 ]
 
 Vector3 = tuple[Coordinate, Coordinate, Coordinate]
@@ -148,13 +142,11 @@ Gravity = tuple[GravityComponent, GravityComponent, GravityComponent]
 
 # Blocks of ``robot.yaml`` that say one number for every joint.
 
-# No link, joint or file is named longer; a line on a terminal holds it.
-_LONGEST_NAME = 200
-# What Linux takes.
-_LONGEST_PATH = 4096
 _PRINTABLE = r"^[^\x00-\x1f\x7f]*[^\x00-\x20\x7f][^\x00-\x1f\x7f]*$"
-Name = Annotated[str, StringConstraints(min_length=1, max_length=_LONGEST_NAME, pattern=_PRINTABLE)]
-FileName = Annotated[str, StringConstraints(min_length=1, max_length=_LONGEST_PATH, pattern=_PRINTABLE)]
+# No link, joint or file is named longer; a line on a terminal holds it.
+Name = Annotated[str, StringConstraints(min_length=1, max_length=200, pattern=_PRINTABLE)]
+# What Linux takes.
+FileName = Annotated[str, StringConstraints(min_length=1, max_length=4096, pattern=_PRINTABLE)]
 Source = Annotated[str, Field(min_length=1)]
 
 
@@ -164,58 +156,40 @@ class Block(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
 
 
-class PerJoint(Block):
+Number = TypeVar("Number", bound=float)
+
+
+class PerJoint(Block, Generic[Number]):
     """One number for every joint: ``default``, and exceptions by joint name."""
 
-    default: float | None = None
-    joints: dict[str, float] = Field(default_factory=dict)
+    default: Number | None = None
+    joints: dict[str, Number] = Field(default_factory=dict)
     source: Source
 
 
-class Velocities(PerJoint):
+class Velocities(PerJoint[Velocity]):
     """[rad/s or m/s]"""
 
-    default: Velocity | None = None
-    joints: dict[str, Velocity] = Field(default_factory=dict)
 
-
-class Accelerations(PerJoint):
+class Accelerations(PerJoint[Acceleration]):
     """[rad/s² or m/s²]"""
 
-    default: Acceleration | None = None
-    joints: dict[str, Acceleration] = Field(default_factory=dict)
 
-
-class Jerks(PerJoint):
+class Jerks(PerJoint[Jerk]):
     """[rad/s³ or m/s³]"""
 
-    default: Jerk | None = None
-    joints: dict[str, Jerk] = Field(default_factory=dict)
 
-
-class Torques(PerJoint):
+class Torques(PerJoint[Torque]):
     """[N·m or N]"""
 
-    default: Torque | None = None
-    joints: dict[str, Torque] = Field(default_factory=dict)
 
-
-class Gains(PerJoint):
+class Gains(PerJoint[Gain]):
     """[N·m/rad, N·m·s/rad; for slides N/m, N·s/m]"""
 
-    default: Gain | None = None
-    joints: dict[str, Gain] = Field(default_factory=dict)
 
-
-class TorqueNoises(PerJoint):
+class TorqueNoises(PerJoint[TorqueNoise]):
     """Standard deviations, positive [N·m or N]."""
 
-    default: TorqueNoise | None = None
-    joints: dict[str, TorqueNoise] = Field(default_factory=dict)
 
-
-class DriveFrictions(PerJoint):
+class DriveFrictions(PerJoint[DriveFriction]):
     """[N·m·s/rad, N·m or kg·m²; for slides N·s/m, N or kg]"""
-
-    default: DriveFriction | None = None
-    joints: dict[str, DriveFriction] = Field(default_factory=dict)

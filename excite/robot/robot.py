@@ -220,6 +220,15 @@ class Robot:
                 return foot
         raise UnknownNameError("foot", name, [foot.name for foot in self.feet])
 
+    def draw_configurations(self, rng: np.random.Generator, n: int) -> Array:
+        """Random configurations within the limits ``(n, nq)``, the base at rest and a mechanism closed."""
+        lower, upper = self.limits.position_lower, self.limits.position_upper
+        if self.mechanism is not None:
+            return self.mechanism.drawn(rng, lower, upper, n)
+        q = np.tile(self.rest, (n, 1))
+        q[:, self.n_base_q :] = rng.uniform(lower, upper, (n, self.n_joints))
+        return q
+
     def on_motors(self, q: Array, forces: Array) -> Array:
         """Forces of the tree ``(n, nv)`` or ``(n, nv, k)`` as motors and base exert them, at closed ``q``."""
         return forces if self.mechanism is None else self.mechanism.on_motors(q, forces)

@@ -32,7 +32,7 @@ from excite.human.segments import NAMES
 from excite.human.weights import AddedMass, locate_added_mass
 from excite.logs.files import load_log
 from excite.robot.loading import load_robot
-from excite.robot.shapes.com_box import com_boxes
+from excite.robot.shapes.collision import com_boxes
 from tests.benchmarks.table import Row
 from tests.human.recordings import write_c3d
 

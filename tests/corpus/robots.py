@@ -273,7 +273,7 @@ _URDF_NUMBERS: dict[str, tuple[str, str, str]] = {
         '<mass value="1e300"/>',
         r"mass@value: is '1e300', more than any.*write kilograms",
     ),
-    "mass 1e999": (_LOWER_MASS, '<mass value="1e999"/>', r"too large for a number"),
+    "mass 1e999": (_LOWER_MASS, '<mass value="1e999"/>', r"too large for a number; give one number"),
     "negative mass": (_LOWER_MASS, '<mass value="-1"/>', r"is -1\.0; give a positive mass in kilograms"),
     "decimal comma": (_LOWER_MASS, '<mass value="1,5"/>', r"is '1,5'; .*decimal point"),
     "wide digits": (_LOWER_MASS, '<mass value="１"/>', r"mass@value: is '１'; give one number"),
@@ -282,7 +282,7 @@ _URDF_NUMBERS: dict[str, tuple[str, str, str]] = {
     "NaN origin": (
         'xyz="0 0 0.15" rpy="0 0 0"/>\n      <mass',
         'xyz="0 nan 0.15"/>\n      <mass',
-        r"origin@xyz: is '0 nan",
+        r"origin@xyz: is '0 nan.*; give 3 numbers",
     ),
     "far origin": (
         'xyz="0 0 0.15" rpy="0 0 0"/>\n      <mass',
@@ -298,9 +298,13 @@ _URDF_NUMBERS: dict[str, tuple[str, str, str]] = {
     "zero axis": (
         ELBOW_AXIS,
         ELBOW_AXIS.replace("0 1 0", "0 0 0"),
-        r"axis: is '0 0 0', which is no direction",
+        r"joint 'elbow'/axis: is '0 0 0', which is no direction; give a vector of length 1",
     ),
-    "NaN axis": (ELBOW_AXIS, ELBOW_AXIS.replace("0 1 0", "0 nan 0"), r"axis@xyz: is '0 nan 0'"),
+    "NaN axis": (
+        ELBOW_AXIS,
+        ELBOW_AXIS.replace("0 1 0", "0 nan 0"),
+        r"axis@xyz: is '0 nan 0'; give 3 numbers",
+    ),
     "effort 1e300": (ELBOW_LIMIT, ELBOW_LIMIT.replace('"20"', '"1e300"'), r"effort: is '1e300'"),
     "negative velocity": (
         ELBOW_LIMIT,
@@ -310,7 +314,7 @@ _URDF_NUMBERS: dict[str, tuple[str, str, str]] = {
     "limits reversed": (
         ELBOW_LIMIT,
         ELBOW_LIMIT.replace('"-2.0"', '"3.0"'),
-        r"lower 3\.0 is above upper 2\.0",
+        r"joint 'elbow'/limit: lower 3\.0 is above upper 2\.0; exchange them",
     ),
     "limit 1e300": (
         ELBOW_LIMIT,
@@ -343,7 +347,7 @@ _URDF_STRUCTURE: dict[str, tuple[str, str, str]] = {
     "two inertials": (
         '<link name="tool"/>',
         '<link name="tool"><inertial/><inertial><mass value="1"/></inertial></link>',
-        r"inertial: occurs twice",
+        r"inertial: occurs twice; keep one",
     ),
     "two solids": (
         '<box size="0.06 0.06 0.25"/>',
@@ -355,7 +359,7 @@ _URDF_STRUCTURE: dict[str, tuple[str, str, str]] = {
         '<link name="tool"><link name="in"/></link>',
         r"holds the link 'in'; put",
     ),
-    "no name": ('<robot name="small">', '<robot name="">', r"robot@name: is missing"),
+    "no name": ('<robot name="small">', '<robot name="">', r"robot@name: is missing; name the robot"),
     "nameless link": ('<link name="tool"/>', '<link name=" "/>', r"has no name; name it"),
     "long name": ('<link name="tool"/>', '<link name="' + "x" * 300 + '"/>', r"at most 200 printable"),
     "link twice": ('<link name="tool"/>', '<link name="lower"/>', r"link 'lower': occurs twice; rename"),
@@ -374,7 +378,7 @@ _URDF_STRUCTURE: dict[str, tuple[str, str, str]] = {
     "floating joint": (
         'name="elbow" type="revolute"',
         'name="elbow" type="floating"',
-        r"is floating; only joints",
+        r"joint 'elbow': is floating; only joints.*base: floating",
     ),
     "mesh of no name": (
         '<box size="0.06 0.06 0.25"/>',

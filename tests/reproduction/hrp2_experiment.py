@@ -21,7 +21,7 @@ from excite.logs.log import Log
 from excite.motion.motion import Motion
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
-from excite.robot.shapes.com_box import com_boxes
+from excite.robot.shapes.collision import com_boxes
 from excite.rows.settings import ProblemSettings
 from excite.simulation.simulate import run_experiment
 from excite.simulation.virtual_robot import VirtualRobot

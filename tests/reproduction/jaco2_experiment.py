@@ -17,7 +17,7 @@ from excite.identification.regression import prior_std
 from excite.motion.generators.mixture import plan_candidates
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
-from excite.robot.shapes.com_box import com_boxes
+from excite.robot.shapes.collision import com_boxes
 from excite.rows.settings import ProblemSettings
 from excite.safety.filter import filter_candidates
 from excite.simulation.virtual_robot import VirtualRobot

@@ -15,6 +15,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import excite.robot.shapes.mesh_files
+from excite.atomic import write_text
 from excite.errors import ExciteError, RobotError
 from excite.export.models.mjcf_compiled import compile_mjcf
 from excite.export.models.mjcf_template import read_mjcf
@@ -23,8 +24,7 @@ from excite.robot.init_robot.description import scaffold_description
 from excite.robot.init_robot.files import write_scaffold
 from excite.robot.mjcf.conversion import convert_mjcf
 from excite.robot.mjcf.scan import scan_mjcf
-from excite.robot.mjcf.urdf import binary_stl
-from excite.robot.shapes.mesh_files import read_meshes
+from excite.robot.shapes.mesh_files import binary_stl, read_meshes
 from tests.corpus.arm import MJCF, replaced
 from tests.robot.small import ARM
 
@@ -114,8 +114,10 @@ def test_a_failed_description_leaves_an_older_one(tmp_path: Path, monkeypatch: p
     assert {path.name for path in before} == {"robot.yaml", "arm.urdf"}
     source.write_text(MJCF.replace('mass="1"', 'mass="7"'), encoding="utf-8")
 
-    def full(*_: object) -> Path:
-        raise OSError(28, "No space left on device", str(out / "robot.yaml"))
+    def full(path: Path, text: str) -> Path:
+        if path == out / "robot.yaml":
+            raise OSError(28, "No space left on device", str(path))
+        return write_text(path, text)
 
     monkeypatch.setattr("excite.robot.init_robot.files.write_text", full)
     with pytest.raises(OSError, match="No space"):

@@ -21,12 +21,12 @@ from excite.robot.shapes.collision import (
     PairSearch,
     collision_model,
     collision_shapes,
+    com_boxes,
     review_pairs,
     shape_pairs,
 )
-from excite.robot.shapes.com_box import com_boxes, shape_bounds
 from excite.robot.shapes.mesh_files import read_meshes
-from excite.robot.shapes.shape import shape_points
+from excite.robot.shapes.shape import shape_bounds, shape_points
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,8 @@ from excite.robot.catalogue import example_robot_data
 from excite.robot.init_robot.files import write_scaffold
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
-from excite.robot.shapes.collision import TABLE, bottom, collision_shapes
+from excite.robot.shapes.collision import TABLE, collision_shapes
+from excite.robot.shapes.shape import bottom
 from excite.safety.check import check_motion
 from tests.robot.test_scaffold import biped
 

@@ -17,8 +17,9 @@ from typer.testing import CliRunner
 from excite.cli.main import app
 from excite.robot.catalogue import bundled_robots
 from excite.robot.inspection.chart import examine_description
-from excite.robot.inspection.links import hull_of, tensor
+from excite.robot.inspection.links import hull_of
 from excite.robot.inspection.rules import nearest_inertia
+from excite.robot.urdf.inertia import symmetric_matrix
 from tests.corpus.arm import MJCF, replaced
 from tests.robot.small import ARM
 
@@ -228,7 +229,9 @@ def test_the_nearest_inertia_is_the_nearest(tmp_path: Path) -> None:
             method="SLSQP",
             constraints={
                 "type": "ineq",
-                "fun": lambda x: np.ptp(np.linalg.eigvalsh(tensor(x)) * [1, 1, 1]) * 0.0 + _margin(x),
+                "fun": lambda x: (
+                    np.ptp(np.linalg.eigvalsh(symmetric_matrix(x)) * [1, 1, 1]) * 0.0 + _margin(x)
+                ),
             },
             options={"maxiter": 500, "ftol": 1e-14},
         )
@@ -238,7 +241,7 @@ def test_the_nearest_inertia_is_the_nearest(tmp_path: Path) -> None:
 
 
 def _margin(six: np.ndarray) -> float:
-    low, middle, high = np.linalg.eigvalsh(tensor(six))
+    low, middle, high = np.linalg.eigvalsh(symmetric_matrix(six))
     return float(low + middle - high)
 
 

@@ -14,7 +14,6 @@ from excite.robot.init_robot.files import write_scaffold
 from excite.robot.loading import load_robot
 from excite.robot.mjcf.conversion import convert_mjcf, is_mjcf
 from excite.robot.shapes.mesh_files import read_meshes
-from excite.robot.urdf.reading import parse_urdf
 
 ODD = """
 <mujoco model="odd">
@@ -369,14 +368,6 @@ def test_what_is_no_mujoco_model_is_told_apart(tmp_path: Path) -> None:
     assert is_mjcf(saved(ODD, tmp_path))
     assert not is_mjcf(saved("<robot name='x'/>", tmp_path, "a.xml"))
     assert not is_mjcf(saved("no xml", tmp_path, "b.xml")) and not is_mjcf(tmp_path / "c.xml")
-
-
-def test_a_part_that_models_include_is_sent_to_the_whole(tmp_path):
-    part = tmp_path / "part.xml"
-    part.write_text("<mujocoinclude><worldbody><body name='a'/></worldbody></mujocoinclude>")
-    with pytest.raises(RobotError, match="part of a MuJoCo model") as raised:
-        parse_urdf(part)
-    assert "file that includes it" in raised.value.remedy
 
 
 def test_rotor_inertias_that_the_model_states_are_written(tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 
 from excite.robot.catalogue import bundled_robots
-from excite.robot.summary import robot_summaries
+from excite.robot.load import robot_summaries
 
 
 def test_every_bundled_robot_in_a_line() -> None:

@@ -21,8 +21,7 @@ from excite.regressor.kernels import joint_torque_regressor
 from excite.results import HIDDEN, Stated, stated
 from excite.robot.loading import model_file
 from excite.robot.robot import Robot
-from excite.robot.urdf.model import urdf_model
-from excite.robot.urdf.reading import parse_urdf
+from excite.robot.urdf.reading import parse_urdf, urdf_model
 from excite.robot.urdf.tree import drop_free_root, hold_planar_root
 from excite.simulation.coordinates import position_to_mujoco, velocity_to_mujoco
 

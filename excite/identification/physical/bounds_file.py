@@ -21,7 +21,7 @@ from excite.identification.physical.coordinates import NAMES
 from excite.identification.physical.default_bounds import default_bounds
 from excite.robot.quantities import MAX_INERTIA
 from excite.robot.robot import Robot
-from excite.robot.shapes.com_box import com_boxes
+from excite.robot.shapes.collision import com_boxes
 from excite.rows.drive_terms import DRIVE_TERMS
 
 SCHEMA = "excite.physical_bounds/1"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -30,11 +31,10 @@ from excite.robot.mechanisms.closures import join_overlapping
 from excite.robot.refusal import robot_error
 from excite.robot.robot import Robot
 from excite.robot.shapes.collision import collision_shapes, robot_reach
-from excite.robot.shapes.shape import Shape
 from excite.robot.shapes.stand_ins import box_shapes, links_lacking_geometry, links_without_shape
-from excite.robot.urdf.inertia import check_weights, inertial_faults
+from excite.robot.urdf.inertia import GEOMETRY, check_weights, inertial_faults
 from excite.robot.urdf.limits import stated_ranges
-from excite.robot.urdf.reading import MAX_NESTING, parse_urdf
+from excite.robot.urdf.reading import MAX_NESTING, prepare_urdf
 from excite.robot.urdf.tree import MOVING, check_tree, link_at
 
 # A robot whose description is not complete yet, built with stand-ins for what only a person can say.
@@ -79,9 +79,9 @@ class StandIn:
     posture: Mapping[str, float] = field(default_factory=dict)
 
     def with_geometry(self) -> WithGeometry:
-        """The robot with the first kind of geometry that can be built, or without any."""
+        """The robot with the first kind of geometry that can be built, else each link with what can be built of it."""
         reasons = []
-        for kind in ("collision", "visual"):
+        for kind in GEOMETRY:
             robot = self.robot(kind)
             try:
                 shapes = collision_shapes(robot)
@@ -94,29 +94,19 @@ class StandIn:
                 # Nothing would be checked: no shape moves.
                 reasons.append(f"{kind}: none on a link that moves")
                 continue
-            return self._filled(WithGeometry(robot, kind, None), shapes)
-        return self._piecewise("; ".join(reasons))
-
-    def _piecewise(self, fault: str) -> WithGeometry:
-        """The same, each link with what can be built of it; ``fault`` says why that is not all."""
-        lacking = links_lacking_geometry(self.robot("either"))
+            # With what is drawn of links that have no ``collision``, if it can be built.
+            more = self.robot("either")
+            with suppress(RobotError):
+                if kind == "collision" and len(collision_shapes(more)) > len(shapes):
+                    return WithGeometry(more, "either", None)
+            return WithGeometry(robot, kind, None)
+        fault, lacking = "; ".join(reasons), links_lacking_geometry(self.robot("either"))
         robot = self.robot("either", stand_ins=lacking)
         try:
             collision_shapes(robot)
         except RobotError:
             return WithGeometry(self.robot("authored"), None, fault)
         return WithGeometry(robot, "either", fault, lacking)
-
-    def _filled(self, found: WithGeometry, shapes: tuple[Shape, ...]) -> WithGeometry:
-        """The same with what is drawn of links that have no ``collision``, if it can be built."""
-        if found.kind != "collision":
-            return found
-        robot = self.robot("either")
-        try:
-            more = len(collision_shapes(robot)) > len(shapes)
-        except RobotError:
-            return found
-        return WithGeometry(robot, "either", None) if more else found
 
     def _rest(self) -> dict[str, float]:
         """The model's own posture, as far as its limits let it."""
@@ -130,37 +120,32 @@ class StandIn:
         self, geometry: str, shapes: Sequence[dict[str, Any]] = (), stand_ins: Sequence[str] = ()
     ) -> Robot:
         """The robot with geometry of one kind, and authored ``shapes``, those of links in ``stand_ins`` for theirs."""
-        said = "stand-in"
-        one = {"default": 1.0, "source": said}
-        content = {
+        said: dict[str, Any] = {"source": "stand-in"}
+        one: dict[str, Any] = {"default": 1.0, **said}
+        content: dict[str, Any] = {
             "schema": "excite.robot/1",
-            "name": said,
-            "title": said,
+            "name": "stand-in",
+            "title": "stand-in",
             "model": {
                 "path": str(self.path.resolve()),
-                "acknowledged": dict.fromkeys(self.faults, said),
-                "source": said,
+                "acknowledged": dict.fromkeys(self.faults, "stand-in"),
+                **said,
             },
             "base": "fixed",
             "locked_joints": self.locked,
             **self.tied,
-            "posture": {"joints": self._rest() if self.tied else {}, "base_height": 0.0, "source": said},
+            "posture": {"joints": self._rest() if self.tied else {}, "base_height": 0.0, **said},
             "limits": {
                 "position": {
                     "joints": {g.name: (-np.pi, np.pi) for g in self.free if g.position is None},
                     "margin": self.margin,
-                    "source": said,
+                    **said,
                 },
-                **{name: one for name in ("velocity", "acceleration", "jerk")},
+                **dict.fromkeys(("velocity", "acceleration", "jerk"), one),
                 # A joint without a torque limit is given one later that carries its load in any posture.
-                "torque": {"joints": {g.name: g.torque or 1e9 for g in self.free}, "source": said},
+                "torque": {"joints": {g.name: g.torque or 1e9 for g in self.free}, **said},
             },
-            "sensors": {
-                "rate_hz": 1.0,
-                "noise_position": 0.0,
-                "joint_torque": "link_side",
-                "source": said,
-            },
+            "sensors": {"rate_hz": 1.0, "noise_position": 0.0, "joint_torque": "link_side", **said},
             "controller": {"kp": one, "kd": one},
             "collision": {
                 "geometry": geometry,
@@ -168,7 +153,7 @@ class StandIn:
                 "stand_ins": list(stand_ins),
                 "margin": self.apart,
                 "table_height": None,
-                "source": said,
+                **said,
             },
         }
         try:
@@ -243,30 +228,39 @@ def bare_model(path: Path, said: Said, weak: Mapping[str, float]) -> BareModel:
     Raises:
         RobotError: the URDF is missing or absurd in a way that no description can mend, or nothing in it moves.
     """
-    root = parse_urdf(path)
-    ranges = stated_ranges(read_xml(path, error=RobotError, max_depth=MAX_NESTING), path)
+    root = read_xml(path, error=RobotError, max_depth=MAX_NESTING)
+    ranges = stated_ranges(root, path)
+    prepare_urdf(root, path)
     joints = check_tree(root, path)
     guesses = guess_joints(joints, path)
-    together = tied_blocks(joints, said.loops, said.couplings)
-    held = held_joints(root, joints, guesses, together.joints, together.closing)
+    together = read_ties(joints, said.loops, said.couplings)
+    held = held_joints(root, joints, guesses, together.joints(), together.joints("loops"))
     held |= {name: Held(value, TOO_WEAK) for name, value in weak.items()}
     held |= together.holding(held, guesses)
-    still_names = _with_followers(held, guesses)
-    free = tuple(guess for guess in guesses if guess.name not in still_names)
+    still = set(held)
+    while more := {guess.name for guess in guesses if guess.follows in still} - still:
+        still |= more
+    free = tuple(guess for guess in guesses if guess.name not in still)
     if not free:
         raise _nothing_moves(held, path)
-    for name, joint in joints.items():
+    for name in still & joints.keys():
         # As they will be read: what is held moves nothing, and no fault of its inertia matters.
-        if name in still_names:
-            joint.set("type", "fixed")
-    faults = {floating: _inertial_faults(root, joints, floating, path) for floating in (False, True)}
-    locked = {name: one.value for name, one in held.items()}
-    moving, margin = together.moving(held), _position_margin(free)
+        joints[name].set("type", "fixed")
+    faults = {
+        floating: {name: fault.what for name, fault in inertial_faults(root, joints, floating, path).items()}
+        for floating in (False, True)
+    }
+    locked, moving = {name: one.value for name, one in held.items()}, together.moving(held)
+    # Small against the shortest range.
+    shortest = min((g.position[1] - g.position[0] for g in free if g.position), default=1.0)
+    margin = min(0.03, float(f"{0.05 * shortest:.1g}"))
     stand_in = StandIn(path, free, locked, tuple(faults[False]), margin, moving, posture=said.posture or {})
     geometry = stand_in.with_geometry()
-    apart = _link_distance(geometry.robot)
-    if apart < stand_in.apart:
-        stand_in = replace(stand_in, apart=apart)
+    # Small against the longest limb.
+    shapes = collision_shapes(geometry.robot) if geometry.kind else ()
+    longest = robot_reach(geometry.robot.model, shapes, from_base=False)
+    if 0.0 < longest and float(f"{_APART_SHARE * longest:.1g}") < APART:
+        stand_in = replace(stand_in, apart=float(f"{_APART_SHARE * longest:.1g}"))
         geometry = stand_in.with_geometry()
     robot = geometry.robot
     check_weights(robot.model, robot.model.effortLimit[-robot.n_joints :], path)
@@ -276,125 +270,79 @@ def bare_model(path: Path, said: Said, weak: Mapping[str, float]) -> BareModel:
     authored = box_shapes(robot, lacking)
     if lacking:
         robot = stand_in.robot(geometry.kind or "authored", authored, lacking)
-    figure = Figure(robot)
     ranged = tuple(guess.name for guess in free if guess.name in ranges)
     return BareModel(
-        path, root, joints, free, held, moving, margin, geometry, authored, figure, faults, ranged
+        path, root, joints, free, held, moving, margin, geometry, authored, Figure(robot), faults, ranged
     )
 
 
 def _nothing_moves(held: dict[str, Held], path: Path) -> RobotError:
     """What to say of a model none of whose joints is left to move."""
-    if held and all(one.why == MASSLESS for one in held.values()):
-        what, remedy = (
-            "states no masses, and has no geometry at hand to guess them from",
-            "add <inertial> to its links, or give --package-path FOLDER, where its meshes are",
-        )
-        return robot_error(path, None, what, remedy)
+    what = "has no joint that moves"
     named = ", ".join(list(held)[:3])
     remedy = f"state limits that let {named} move" if held else "describe at least one"
-    return robot_error(path, None, "has no joint that moves", remedy)
-
-
-def _with_followers(held: Mapping[str, Held], guesses: tuple[JointGuess, ...]) -> set[str]:
-    """Names of joints that are held, and of those that follow them."""
-    names = set(held)
-    while more := {guess.name for guess in guesses if guess.follows in names} - names:
-        names |= more
-    return names
-
-
-def _inertial_faults(root: Any, joints: dict[str, Any], floating: bool, path: Path) -> dict[str, str]:
-    return {name: error.what for name, error in inertial_faults(root, joints, floating, path).items()}
-
-
-def _position_margin(free: tuple[JointGuess, ...]) -> float:
-    """Margin to the position limits, small against the shortest range [rad or m]."""
-    shortest = min((g.position[1] - g.position[0] for g in free if g.position), default=1.0)
-    return min(0.03, float(f"{0.05 * shortest:.1g}"))
-
-
-def _link_distance(robot: Robot) -> float:
-    """Distance that links keep, small against the longest limb [m]."""
-    shapes = collision_shapes(robot) if robot.description.collision.geometry != "authored" else ()
-    longest = robot_reach(robot.model, shapes, from_base=False)
-    return min(APART, float(f"{_APART_SHARE * longest:.1g}")) if longest > 0.0 else APART
+    if held and all(one.why == MASSLESS for one in held.values()):
+        what = "states no masses, and has no geometry at hand to guess them from"
+        remedy = "add <inertial> to its links, or give --package-path FOLDER, where its meshes are"
+    return robot_error(path, None, what, remedy)
 
 
 # Joints of a bare model that move together: which of its loops and couplings stay when joints are held still.
 
 
 @dataclass(frozen=True, eq=False)
-class Tied:
-    """Loops and couplings as blocks of a ``robot.yaml``, with the joints that each moves.
+class Ties:
+    """Loops and couplings as blocks of a ``robot.yaml``.
 
     Attributes:
-        loops: ``(block, names of its joints)`` each.
-        couplings: the same.
+        blocks: place (``loops`` or ``couplings``), block, and names of the joints that it moves.
     """
 
-    loops: tuple[tuple[Mapping[str, Any], frozenset[str]], ...] = ()
-    couplings: tuple[tuple[Mapping[str, Any], frozenset[str]], ...] = ()
+    blocks: tuple[tuple[str, Mapping[str, Any], frozenset[str]], ...] = ()
 
-    @property
-    def joints(self) -> frozenset[str]:
-        """All joints that it moves."""
-        return frozenset().union(*(names for _, names in (*self.loops, *self.couplings)))
-
-    @property
-    def closing(self) -> frozenset[str]:
-        """Joints of its loops alone."""
-        return frozenset().union(*(names for _, names in self.loops))
-
-    def groups(self) -> list[frozenset[str]]:
-        """Joints that loops and couplings with joints in common move together."""
-        return join_overlapping(names for _, names in (*self.loops, *self.couplings))
+    def joints(self, place: str | None = None) -> frozenset[str]:
+        """All joints that blocks of one place move, or all blocks."""
+        return frozenset().union(*(names for where, _, names in self.blocks if place in {None, where}))
 
     def holding(self, held: Mapping[str, Held], guesses: tuple[JointGuess, ...]) -> dict[str, Held]:
         """What is held besides: of joints that move together all where one is, each where its model rests."""
         rests = {guess.name: nearest_to_zero(guess) for guess in guesses}
-        more: dict[str, Held] = {}
-        for group in self.groups():
-            if group & set(held):
-                more |= {
-                    name: Held(rests[name], "it moves with a joint that is held")
-                    for name in sorted(group - set(held))
-                    if name in rests
-                }
-        return more
+        together = (
+            group for group in join_overlapping(names for *_, names in self.blocks) if group & set(held)
+        )
+        names = sorted(frozenset().union(*together) - set(held))
+        return {
+            name: Held(rests[name], "it moves with a joint that is held") for name in names if name in rests
+        }
 
     def moving(self, held: Mapping[str, Held]) -> dict[str, list[dict[str, Any]]]:
         """Blocks ``loops`` and ``couplings`` of which no joint is held; nothing where there are none."""
-        blocks = {"loops": self.loops, "couplings": self.couplings}
-        kept = {
-            field: [dict(block) for block, names in found if not names & set(held)]
-            for field, found in blocks.items()
-        }
-        return {field: found for field, found in kept.items() if found}
+        kept: dict[str, list[dict[str, Any]]] = {}
+        for place, block, names in self.blocks:
+            if not names & set(held):
+                kept.setdefault(place, []).append(dict(block))
+        return kept
 
 
-def tied_blocks(
+def read_ties(
     joints: dict[str, ElementTree.Element],
     loops: tuple[Mapping[str, Any], ...],
     couplings: tuple[Mapping[str, Any], ...],
-) -> Tied:
+) -> Ties:
     """What blocks of a ``robot.yaml`` tie together in a URDF with these joints."""
-    carriers = {}
-    for name, joint in joints.items():
-        carriers[link_at(joint, "child")] = (name, link_at(joint, "parent"))
+    carriers = {link_at(joint, "child"): (name, link_at(joint, "parent")) for name, joint in joints.items()}
 
     def chain(link: str) -> set[str]:
         found = set()
         while link in carriers:
             name, link = carriers[link]
-            if joints[name].get("type") in MOVING:
-                found.add(name)
+            found |= {name} if joints[name].get("type") in MOVING else set()
         return found
 
-    return Tied(
-        tuple(
-            (block, frozenset(chain(block["ends"][0]["link"]) ^ chain(block["ends"][1]["link"])))
-            for block in loops
-        ),
-        tuple((block, frozenset(block["joints"])) for block in couplings),
+    between = [chain(block["ends"][0]["link"]) ^ chain(block["ends"][1]["link"]) for block in loops]
+    return Ties(
+        (
+            *(("loops", block, frozenset(names)) for block, names in zip(loops, between, strict=True)),
+            *(("couplings", block, frozenset(block["joints"])) for block in couplings),
+        )
     )

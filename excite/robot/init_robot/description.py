@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -15,7 +15,7 @@ import pinocchio as pin
 import yaml
 
 from excite.arrays import Array
-from excite.display import span
+from excite.display import count, span
 from excite.finding import first_names
 from excite.results import Assumed
 from excite.robot.init_robot.bare_model import BareModel, bare_model
@@ -23,11 +23,9 @@ from excite.robot.init_robot.first_guesses import (
     FRICTION,
     JointGuess,
     assumed_structure,
-    drawn_posture,
     guess_pairs,
     joint_inertias,
 )
-from excite.robot.init_robot.limbs import Figure
 from excite.robot.init_robot.model_metadata import Said
 from excite.robot.init_robot.rest import Rest, find_rest, weak_joints
 from excite.robot.legs import UPRIGHT, toppling_stiffness
@@ -109,93 +107,91 @@ def _description_content(
     model: BareModel, rest: Rest, folder: Path, rng: np.random.Generator, armature: Mapping[str, float]
 ) -> dict[str, Any]:
     """The blocks in their order, of a model that rests so; ``folder`` is where they will be read."""
-    robot, path, stands = model.robot, model.path, rest.base == "floating"
-    rotors = {n: armature[n] for n in robot.joint_names if n in armature}
-    made = Values.of(robot, model.free, rest, float(model.figure.beyond[0]), rng, rotors)
+    robot, path, stands, free = model.robot, model.path, rest.base == "floating", model.free
+    names, mass, legs = robot.joint_names, float(model.figure.beyond[0]), _leg_contacts(robot, rest)
+    rotors = {name: armature[name] for name in names if name in armature}
+    # What the drives' torques turn: the bodies and the rotors.
+    inertia = joint_inertias(robot, rng) + [rotors.get(name, 0.0) for name in names]
+    # Torque limits that lift the robot many times stand for none.
+    # A stated torque that lifts so many of the whole robot, a metre away, stands for no limit. In the URDFs looked at
+    # those that do (10000, 50000, 1e9 N·m) lift 10 of it and more, the strongest drives 6 (a gripper) and 3.5
+    # (Minitaur). Alexander's 1000 N·m lift 2.2 of it and are believed.
+    most = 8.0 * 9.81 * mass
+    free = tuple(replace(g, torque=None) if g.torque and g.torque > most else g for g in free)
+    loads = weight_loads(robot, rng, legs, 9.81 * mass if legs else 0.0)
+    torques, said = torque_limits(robot, free, loads, inertia)
+    torque = {g.name: torques.get(g.name, g.torque or 1.0) for g in free}
     slides = {name for name, joint in model.joints.items() if joint.get("type") == "prismatic"}
-    limits, more = made.limits(slides)
-    sensors, noise = guess_sensors(made.torque, _base_link(model.root, model.joints) if stands else None)
+    limits, more = limits_block(free, inertia, torques, slides)
+    sensors, noise = guess_sensors(torque, _base_link(model.root, model.joints) if stands else None)
     ground = None
     if not stands:
         held_up = rest.base == "held"
         ground = ground_height(model.figure.model, model.figure.shapes, rest.q, held_up=held_up)
-    unlimited = tuple(g.name for g in model.free if g.position is None)
+    unlimited = tuple(g.name for g in free if g.position is None)
+    faults = model.faults[stands]
     structure = assumed_structure(
-        model.held,
-        model.faults[stands],
-        model.geometry.fault,
-        rest,
-        ground,
-        model.figure,
-        model.ranged,
-        unlimited,
+        model.held, faults, model.geometry.fault, rest, ground, model.figure, model.ranged, unlimited
     )
-    more += uncounted_friction(model.joints, model.free, made.torque)
-    controller, stiff = made.controller()
-    joints = {n: round(float(v), 5) for n, v in zip(robot.joint_names, rest.q, strict=True) if abs(v) > 1e-6}
+    controller, stiff = controller_block(robot, inertia, loads, legs, mass)
+    friction = uncounted_friction(model.joints, free, torque)
+    joints = {n: round(float(v), 5) for n, v in zip(names, rest.q, strict=True) if abs(v) > 1e-6}
     pairs = [list(pair) for pair in guess_pairs(robot)]
+    accepted = {"acknowledged": {k: f"{AS_IT_IS}: {v}" for k, v in faults.items()}} if faults else {}
+    where = os.path.relpath(path.resolve(), folder.resolve())
+    inertias = {name: float(f"{value:.6g}") for name, value in rotors.items()}
+    wide = {name: [-3.1416, 3.1416] for name in unlimited}
+    position = "the model's, less a margin" + ", half a turn either way where it has none" * bool(wide)
     content: dict[str, Any] = {
         "schema": "excite.robot/1",
         "name": path.stem[:MAX_NAME],
         "title": model.root.get("name", "") or path.stem,
-        "model": _model_block(path, folder, model.faults[stands]),
+        "model": {"path": where, **accepted, "source": f"the file {path.name}"},
         "base": rest.base,
-        **({"locked_joints": model.locked} if model.held else {}),
+        "locked_joints": model.locked,
         **model.moving,
         "posture": {"joints": joints, "source": rest.source},
-        "limits": {"position": _position_block(model.free, model.margin), **limits},
-        **({"feet": made.feet()} if stands else {}),
+        "limits": {
+            "position": {**({"joints": wide} if wide else {}), "margin": model.margin, "source": position},
+            **limits,
+        },
+        "feet": feet_block(rest),
         "sensors": sensors,
         "controller": controller,
-        **({"drives": {"armature": _armature_block(rotors)}} if rotors else {}),
-        **({"segments": {"pairs": pairs}} if pairs else {}),
+        "drives": {"armature": {"joints": inertias, "source": "the model's armature"}} if rotors else {},
+        "segments": {"pairs": pairs} if pairs else {},
         "collision": _collision_block(model, rest, ground),
-        "assumed": [one.to_json() for one in (*structure, *rest.assumed, *more, *stiff, *noise)],
     }
-    follow = {name for name, passive in zip(robot.joint_names, robot.passive, strict=True) if passive}
+    content = {name: block for name, block in content.items() if block not in ({}, [])}
+    assumed = (*structure, *rest.assumed, *said, *more, *friction, *stiff, *noise)
+    content["assumed"] = [one.to_json() for one in assumed]
+    follow = {name for name, passive in zip(names, robot.passive, strict=True) if passive}
     drives = content.get("drives", {}).values()
-    for block in (*limits.values(), sensors.get("noise_torque"), *controller.values(), *drives):
-        if isinstance(block, dict) and "joints" in block:
-            block["joints"] = {name: value for name, value in block["joints"].items() if name not in follow}
+    for block in (*limits.values(), sensors["noise_torque"], *controller.values(), *drives):
+        block["joints"] = {name: value for name, value in block["joints"].items() if name not in follow}
     return content
-
-
-def _model_block(path: Path, folder: Path, faults: dict[str, str]) -> dict[str, Any]:
-    """The block ``model``: where the file is, seen from a folder, and what is wrong with it."""
-    taken = {"acknowledged": {k: f"{AS_IT_IS}: {v}" for k, v in faults.items()}} if faults else {}
-    where = os.path.relpath(path.resolve(), folder.resolve())
-    return {"path": where, **taken, "source": f"the file {path.name}"}
-
-
-def _armature_block(rotors: Mapping[str, float]) -> dict[str, Any]:
-    """The block ``drives.armature`` of joints whose rotor inertia the model states [kg·m² or kg]."""
-    joints = {name: float(f"{value:.6g}") for name, value in rotors.items()}
-    return {"joints": joints, "source": "the model's armature"}
 
 
 def _collision_block(model: BareModel, rest: Rest, ground: float | None) -> dict[str, Any]:
     """The block ``collision``; ``ground`` is the table's height [m], None for a robot that stands on it."""
-    block = model.robot.description.collision
+    block, figure = model.robot.description.collision, model.figure
     built = "convex hulls of the model's geometry" if model.geometry.kind else ""
     boxes = "boxes of the links' inertia where there is none" if block.stand_ins else ""
-    shapes = ", ".join(filter(None, (built, boxes)))
     near = [{"links": list(pair), "distance": distance} for pair, distance in rest.near.items()]
-    return {
+    below = [] if ground is None else links_below(figure.model, figure.shapes, rest.q, ground, block.margin)
+    content = {
         "geometry": model.geometry.kind or "authored",
-        **({"shapes": model.authored} if model.authored else {}),
-        **({"stand_ins": list(block.stand_ins)} if block.stand_ins else {}),
+        "shapes": model.authored,
+        "stand_ins": list(block.stand_ins),
         "margin": block.margin,
-        **({} if ground is None else {"table_height": round(ground, 4)}),
-        **({"near_pairs": near} if near else {}),
-        "ignored_pairs": [list(p) for p in _ignored_pairs_of(rest, model.figure, ground)],
-        "source": f"{shapes}; pairs computed by excite.robot.shapes.collision",
+        "table_height": [] if ground is None else round(ground, 4),
+        "near_pairs": near,
     }
-
-
-def _position_block(free: tuple[JointGuess, ...], margin: float) -> dict[str, Any]:
-    unlimited = {g.name: [-3.1416, 3.1416] for g in free if g.position is None}
-    said = "the model's, less a margin" + (", half a turn either way where it has none" if unlimited else "")
-    return {**({"joints": unlimited} if unlimited else {}), "margin": margin, "source": said}
+    return {
+        **{name: value for name, value in content.items() if value != []},
+        "ignored_pairs": [list(pair) for pair in (*rest.ignored, *((link, TABLE) for link in below))],
+        "source": f"{', '.join(filter(None, (built, boxes)))}; pairs computed by excite.robot.shapes.collision",
+    }
 
 
 def _wanted_posture(robot: Robot, posture: Mapping[str, float] | None) -> Array:
@@ -214,136 +210,98 @@ def _base_link(root: Any, joints: dict[str, Any]) -> str:
     return next(str(link.get("name")) for link in root.findall("link") if link.get("name") not in children)
 
 
-def _ignored_pairs_of(rest: Rest, figure: Figure, ground: float | None) -> list[tuple[str, str]]:
-    margin = figure.robot.description.collision.margin
-    below = [] if ground is None else links_below(figure.model, figure.shapes, rest.q, ground, margin)
-    return [*rest.ignored, *((link, TABLE) for link in below)]
-
-
 # Blocks of a first description that follow from the robot, its rest and its model's limits.
 
 
-@dataclass(frozen=True, eq=False)
-class Values:
-    """What the numbers of a description follow from.
+def limits_block(
+    free: tuple[JointGuess, ...], inertia: Array, torques: dict[str, float], slides: set[str]
+) -> tuple[dict[str, Any], list[Assumed]]:
+    """The block ``limits`` without positions, and what was assumed for it.
 
-    Attributes:
-        robot: without limits and feet.
-        free: what the model says of each joint that can be believed.
-        rest: the posture, with what stands on the ground in it.
-        mass: of the whole [kg].
-        inertia: ``(n_joints,)`` the largest at each joint [kg·m² or kg].
-        loads: ``(n_joints,)`` torques that hold the weight [N·m or N].
-        assumed: torque limits that the model does not state [N·m or N].
-        said: what was assumed for them.
+    Args:
+        free: the joints, without torque limits that stand for none.
+        inertia: largest inertia at each joint, ``(n_joints,)``.
+        torques: torque limits that the model does not state.
+        slides: joints along an axis.
     """
+    velocities, assumed = velocity_limits(free, slides)
+    accelerations, jerks = dict[str, float](), dict[str, float]()
+    for guess, own in zip(free, inertia, strict=True):
+        known = guess.torque is not None and own > 0.0
+        # Share of the torque limit that a proposed acceleration limit may use on the joint's own inertia.
+        share = 0.3 * (guess.torque or 0.0) / own if known else _UNKNOWN_ACCELERATION
+        most = min(two_digits(min(_ACCELERATION, share)), guess.acceleration or math.inf)
+        accelerations[guess.name], jerks[guess.name] = most, min(20.0 * most, guess.jerk or math.inf)
+    said = "assumed for joints whose limit the model does not state"
+    rule = "30 % of the torque limit on the largest inertia at the joint, at most 30 rad/s²"
+    soft = "so that full acceleration takes 0.05 s to build up"
+    rows = (
+        ("velocity", velocities, said),
+        ("torque", torques, said),
+        ("acceleration", accelerations, rule),
+        ("jerk", jerks, soft),
+    )
+    block = {name: {"joints": values, "source": source} for name, values, source in rows if values}
+    assumed.append(
+        Assumed(
+            "acceleration limits",
+            f"{_spanned(accelerations.values())} rad/s² or m/s², 30 % of the torque limit on the largest inertia",
+            "motions may be slower than the robot allows, or faster than its maker does",
+        )
+    )
+    chosen = [jerks[guess.name] for guess in free if jerks[guess.name] != guess.jerk]
+    if chosen:
+        value = f"{_spanned(chosen)} rad/s³ or m/s³, full acceleration within 0.05 s"
+        consequence = (
+            "motions may start and turn softer than the robot has to, or harder than its maker lets it"
+        )
+        assumed.append(Assumed("jerk limits", value, consequence))
+    return block, assumed
 
-    robot: Robot
-    free: tuple[JointGuess, ...]
-    rest: Rest
-    mass: float
-    inertia: Array
-    loads: Array
-    assumed: dict[str, float]
-    said: list[Assumed]
 
-    @classmethod
-    def of(
-        cls,
-        robot: Robot,
-        free: tuple[JointGuess, ...],
-        rest: Rest,
-        mass: float,
-        rng: np.random.Generator,
-        rotors: Mapping[str, float],
-    ) -> Self:
-        """The values of a robot of that mass [kg]; ``rng`` draws the postures in which joints are looked at.
+def _spanned(values: Collection[float]) -> str:
+    return span(f"{min(values):g}", f"{max(values):g}")
 
-        ``rotors`` are the drives' own inertias by joint, which their torques turn too [kg·m² or kg].
-        """
-        own = np.array([rotors.get(name, 0.0) for name in robot.joint_names])
-        inertia, legs, weight = joint_inertias(robot, rng) + own, _leg_contacts(robot, rest), 9.81 * mass
-        free = drop_unbelievable_limits(free, weight)
-        loads = weight_loads(robot, rng, legs, weight if legs else 0.0)
-        assumed, said = torque_limits(robot, free, loads, inertia)
-        return cls(robot, free, rest, mass, inertia, loads, assumed, said)
 
-    @property
-    def torque(self) -> dict[str, float]:
-        """Torque limit of each joint, assumed where the model states none [N·m or N]."""
-        return {g.name: self.assumed.get(g.name, g.torque or 1.0) for g in self.free}
-
-    def limits(self, slides: set[str]) -> tuple[dict[str, Any], list[Assumed]]:
-        """The block ``limits`` of a description, and what was assumed for it; ``slides`` are joints along an axis."""
-        velocities, more = velocity_limits(self.free, slides)
-        accelerations = guess_accelerations(self.free, self.inertia)
-        block: dict[str, Any] = {}
-        for name, values in (("velocity", velocities), ("torque", self.assumed)):
-            if values:
-                block[name] = {
-                    "joints": values,
-                    "source": "assumed for joints whose limit the model does not state",
-                }
-        block["acceleration"] = {
-            "joints": accelerations,
-            "source": "30 % of the torque limit on the largest inertia at the joint, at most 30 rad/s²",
+def feet_block(rest: Rest) -> list[dict[str, Any]]:
+    """The block ``feet``: sole, radius and friction of each."""
+    kinds = {1: "point", 2: "edge"}
+    return [
+        {
+            "name": foot.link,
+            "link": foot.link,
+            "sole": [[round(float(x), 5) + 0.0 for x in corner] for corner in foot.sole],
+            **({"radius": foot.radius} if foot.radius else {}),
+            "friction": FRICTION,
+            "source": f"{kinds.get(len(foot.sole), 'polygon')} where the link's geometry is lowest in the posture"
+            " above; friction assumed",
         }
-        jerks = {g.name: min(20.0 * accelerations[g.name], g.jerk or math.inf) for g in self.free}
-        block["jerk"] = {"joints": jerks, "source": "so that full acceleration takes 0.05 s to build up"}
-        low, high = min(accelerations.values()), max(accelerations.values())
-        rule = Assumed(
-            what="acceleration limits",
-            value=f"{span(f'{low:g}', f'{high:g}')} rad/s² or m/s², 30 % of the torque limit on the largest inertia",
-            consequence="motions may be slower than the robot allows, or faster than its maker does",
-        )
-        chosen = [jerks[g.name] for g in self.free if jerks[g.name] != g.jerk]
-        if not chosen:
-            return block, [*self.said, *more, rule]
-        low, high = min(chosen), max(chosen)
-        jerk = Assumed(
-            what="jerk limits",
-            value=f"{span(f'{low:g}', f'{high:g}')} rad/s³ or m/s³, full acceleration within 0.05 s",
-            consequence="motions may start and turn softer than the robot has to, or harder than its maker lets it",
-        )
-        return block, [*self.said, *more, rule, jerk]
+        for foot in rest.feet
+    ]
 
-    def feet(self) -> list[dict[str, Any]]:
-        """The block ``feet``: sole, radius and friction of each."""
-        feet = []
-        for foot in self.rest.feet:
-            sole = [[round(float(x), 5) + 0.0 for x in corner] for corner in foot.sole]
-            kind = {1: "point", 2: "edge"}.get(len(sole), "polygon")
-            feet.append(
-                {
-                    "name": foot.link,
-                    "link": foot.link,
-                    "sole": sole,
-                    **({"radius": foot.radius} if foot.radius else {}),
-                    "friction": FRICTION,
-                    "source": f"{kind} where the link's geometry is lowest in the posture above; friction assumed",
-                }
-            )
-        return feet
 
-    def controller(self) -> tuple[dict[str, Any], list[Assumed]]:
-        """The block ``controller``, gains of a servo at each joint, and what was assumed for it."""
-        legs = _leg_contacts(self.robot, self.rest)
-        found = guess_gains(self.robot, self.inertia, self.loads, legs, self.mass)
-        said = "a servo that its load's weight bends by 0.7 degrees, of 8 Hz at least, damping 0.7"
-        if any(not tip.any() for tip in legs.values()):
-            said += ", legs on soles twenty times stiffer than what topples the robot"
-        block = {name: {"joints": values, "source": said} for name, values in found.items()}
-        if not legs:
-            return block, []
-        of_legs = [found["kp"][self.robot.joint_names[joint - 1]] for joint in legs]
-        size = " … ".join(f"{value:g}" for value in sorted({min(of_legs), max(of_legs)}))
-        stiff = Assumed(
-            what="servo gains",
-            value=f"kp {size} N·m/rad at the ends of the legs, as stiff as geared position servos are",
-            consequence="motions are rehearsed with them, without feedback of balance: a robot with softer servos "
-            "may fall where this one stands: state controller.kp and kd",
-        )
-        return block, [stiff]
+def controller_block(
+    robot: Robot, inertia: Array, loads: Array, legs: Mapping[int, Array], mass: float
+) -> tuple[dict[str, Any], list[Assumed]]:
+    """The block ``controller``, gains of a servo at each joint, and what was assumed for it.
+
+    Arguments as for :func:`guess_gains`.
+    """
+    found = guess_gains(robot, inertia, loads, legs, mass)
+    said = "a servo that its load's weight bends by 0.7 degrees, of 8 Hz at least, damping 0.7"
+    if any(not tip.any() for tip in legs.values()):
+        said += ", legs on soles twenty times stiffer than what topples the robot"
+    block = {name: {"joints": values, "source": said} for name, values in found.items()}
+    if not legs:
+        return block, []
+    of_legs = [found["kp"][robot.joint_names[joint - 1]] for joint in legs]
+    size = " … ".join(f"{value:g}" for value in sorted({min(of_legs), max(of_legs)}))
+    value = f"kp {size} N·m/rad at the ends of the legs, as stiff as geared position servos are"
+    consequence = (
+        "motions are rehearsed with them, without feedback of balance: a robot with softer servos "
+        "may fall where this one stands: state controller.kp and kd"
+    )
+    return block, [Assumed("servo gains", value, consequence)]
 
 
 def _leg_contacts(robot: Robot, rest: Rest) -> dict[int, Array]:
@@ -359,25 +317,12 @@ def _leg_contacts(robot: Robot, rest: Rest) -> dict[int, Array]:
 # Numbers that a bare model lacks: limits, gains and noise, each on the careful side, and what was assumed for
 # them.
 
-SHARE_OF_TORQUE = 0.3
-"""Share of the torque limit that a proposed acceleration limit may use on the joint's own inertia."""
 # What arms that people work beside keep to [rad/s, m/s]; a sixth of it for slides.
 _VELOCITY, _SLIDE_VELOCITY = 1.5, 0.25
 # Bundled robots have 3 to 30 rad/s²; without a torque limit nothing says what the drive can do.
 _ACCELERATION, _UNKNOWN_ACCELERATION = 30.0, 5.0
-# A drive is chosen for about twice the weight that it holds and moves.
-_RESERVE = 3.0
-# A stated torque that lifts so many of the whole robot, a metre away, stands for no limit. In the URDFs looked at
-# those that do (10000, 50000, 1e9 N·m) lift 10 of it and more, the strongest drives 6 (a gripper) and 3.5 (Minitaur).
-# Alexander's 1000 N·m lift 2.2 of it and are believed.
-_NO_TORQUE = 8.0
 # Natural frequency of the servo on the joint's own inertia, and on the robot's that a leg carries [Hz]; its damping.
 _FREQUENCY, _DAMPING = 8.0, 0.7
-# What weight bends a joint by [rad]: with it the bundled G1 has the 8000 N·m/rad with which it stands in simulation as
-# the real one does, and the Go2 the 2000 with which its trunk follows.
-_SAG = 0.0125
-# Torques of motor currents are seldom known better than to a hundredth of full scale.
-_TORQUE_NOISE = 0.005
 
 
 def two_digits(value: float) -> float:
@@ -385,19 +330,12 @@ def two_digits(value: float) -> float:
     return float(f"{max(value, 1e-6):.2g}")
 
 
-def drop_unbelievable_limits(guesses: tuple[JointGuess, ...], weight: float) -> tuple[JointGuess, ...]:
-    """The joints without torque limits that stand for none, of a robot of a ``weight`` [N]."""
-    return tuple(
-        replace(guess, torque=None) if guess.torque and guess.torque > _NO_TORQUE * weight else guess
-        for guess in guesses
-    )
-
-
 def torque_limits(
     robot: Robot, guesses: tuple[JointGuess, ...], loads: Array, inertia: Array
 ) -> tuple[dict[str, float], list[Assumed]]:
     """Torque limits that the model does not state, by joint, from weight ``loads`` and ``inertia`` ``(n_joints,)``."""
-    needed = _RESERVE * (loads + inertia * _UNKNOWN_ACCELERATION)
+    # A drive is chosen for about twice the weight that it holds and moves.
+    needed = 3.0 * (loads + inertia * _UNKNOWN_ACCELERATION)
     found = {g.name: two_digits(max(needed[i], 0.1)) for i, g in enumerate(guesses) if g.torque is None}
     if not found:
         return {}, []
@@ -422,22 +360,21 @@ def uncounted_friction(
     """
     shares: dict[str, float] = {}
     for guess in guesses:
-        dynamics = joints[guess.name].find("dynamics")
-        if dynamics is not None:
+        for dynamics in joints[guess.name].findall("dynamics"):
             dry, viscous = (float(dynamics.get(name, "0")) for name in ("friction", "damping"))
-            shares[guess.name] = (dry + viscous * (guess.velocity or 0.0)) / torque[guess.name]
-    rubbing = [name for name, share in shares.items() if share > 0.0]
-    if not rubbing:
+            share = (dry + viscous * (guess.velocity or 0.0)) / torque[guess.name]
+            if share > 0.0:
+                shares[guess.name] = share
+    if not shares:
         return []
-    worst = max(rubbing, key=lambda name: shares[name])
-    return [
-        Assumed(
-            what=f"friction that the model states at {len(rubbing)} joint{'s' * (len(rubbing) > 1)}",
-            value=f"not counted; at full speed it would take {shares[worst]:.2g} of the torque limit of {worst}",
-            consequence="a motion may ask more of a drive than it gives, unless that is a simulator's damping: state "
-            "drives.viscous and drives.coulomb",
-        )
-    ]
+    worst = max(shares, key=lambda name: shares[name])
+    what = f"friction that the model states at {count(len(shares), 'joint')}"
+    value = f"not counted; at full speed it would take {shares[worst]:.2g} of the torque limit of {worst}"
+    consequence = (
+        "a motion may ask more of a drive than it gives, unless that is a simulator's damping: state "
+        "drives.viscous and drives.coulomb"
+    )
+    return [Assumed(what, value, consequence)]
 
 
 def velocity_limits(
@@ -454,16 +391,6 @@ def velocity_limits(
     return found, [Assumed(what="velocity limits", value=value, consequence=consequence)]
 
 
-def guess_accelerations(guesses: tuple[JointGuess, ...], inertia: Array) -> dict[str, float]:
-    """Acceleration limits by joint, no more than the model states [rad/s² or m/s²]."""
-    found = {}
-    for guess, own in zip(guesses, inertia, strict=True):
-        known = guess.torque is not None and own > 0.0
-        share = SHARE_OF_TORQUE * (guess.torque or 0.0) / own if known else _UNKNOWN_ACCELERATION
-        found[guess.name] = min(two_digits(min(_ACCELERATION, share)), guess.acceleration or math.inf)
-    return found
-
-
 def weight_loads(robot: Robot, rng: np.random.Generator, legs: Mapping[int, Array], weight: float) -> Array:
     """Largest torque of weight at each joint over random postures, of legs with the robot's weight at their ends.
 
@@ -475,19 +402,27 @@ def weight_loads(robot: Robot, rng: np.random.Generator, legs: Mapping[int, Arra
     """
     data = robot.model.createData()
     loads = np.zeros(robot.n_joints)
-    for _ in range(30):
-        q = drawn_posture(robot, rng)
+    for q in robot.draw_configurations(rng, 30):
         weight_now = pin.computeGeneralizedGravity(robot.model, data, q)
         loads = np.maximum(loads, np.abs(robot.on_motors(q[None], weight_now[None])[0]))
-    q = robot.rest
-    pin.forwardKinematics(robot.model, data, q)
-    for leg, tip in legs.items():
-        for joint in list(robot.model.supports[leg])[1:]:
-            reach = np.linalg.norm(data.oMi[leg].act(tip) - data.oMi[joint].translation)
-            loads[joint - 1] = max(
-                loads[joint - 1], 0.5 * weight * max(float(reach), 0.1) / max(len(legs) // 2, 1)
-            )
+    for _, index, reach in _leg_reaches(robot, legs):
+        loads[index] = max(loads[index], 0.5 * weight * reach / max(len(legs) // 2, 1))
     return loads
+
+
+def _leg_reaches(robot: Robot, legs: Mapping[int, Array]) -> list[tuple[int, int, float]]:
+    """Joints at ends of legs, indices of the joints of these, and how far the ground is from each at rest [m]."""
+    data = robot.model.createData()
+    pin.forwardKinematics(robot.model, data, robot.rest)
+    return [
+        (
+            leg,
+            joint - 1,
+            max(float(np.linalg.norm(data.oMi[leg].act(tip) - data.oMi[joint].translation)), 0.1),
+        )
+        for leg, tip in legs.items()
+        for joint in list(robot.model.supports[leg])[1:]
+    ]
 
 
 def guess_gains(
@@ -502,39 +437,36 @@ def guess_gains(
         legs: as for :func:`weight_loads`.
         mass: of the robot [kg].
     """
-    data = robot.model.createData()
-    pin.forwardKinematics(robot.model, data, robot.rest)
-    topples = toppling_stiffness(robot, (leg for leg, tip in legs.items() if not tip.any()), mass)
-    stiffness, damping = [], []
-    loaded = {}
-    for leg, tip in legs.items():
-        for joint in list(robot.model.supports[leg])[1:]:
-            reach = float(np.linalg.norm(data.oMi[leg].act(tip) - data.oMi[joint].translation))
-            # A leg on a point is damped as it swings: damped as the robot sways, it drags at its point (with a
-            # quarter of that damping feet of the HyQ slip by 3 mm in place of 12).
-            loaded[joint - 1] = 0.0 if tip.any() else mass / len(legs) * max(reach, 0.1) ** 2
-    for index, own in enumerate(inertia):
-        moved = max(float(own), loaded.get(index, 0.0))
-        stiff = max(own * (2.0 * math.pi * _FREQUENCY) ** 2, loads[index] / _SAG)
-        stiffness.append(max(stiff, UPRIGHT * topples.get(index + 1, 0.0)))
-        # Damped for its load alone: of ten leg swings of an H1_2 seven stand with ankles damped for this stiffness, and
-        # six with three tenths of that.
-        damping.append(2.0 * _DAMPING * math.sqrt(stiff * moved))
-    names = robot.joint_names
+    topples, loaded = np.zeros(robot.n_joints), np.zeros(robot.n_joints)
+    soles = (leg for leg, tip in legs.items() if not tip.any())
+    for joint, stiffness in toppling_stiffness(robot, soles, mass).items():
+        topples[joint - 1] = stiffness
+    for leg, index, reach in _leg_reaches(robot, legs):
+        # A leg on a point is damped as it swings: damped as the robot sways, it drags at its point (with a quarter of
+        # that damping feet of the HyQ slip by 3 mm in place of 12).
+        loaded[index] = 0.0 if legs[leg].any() else mass / len(legs) * reach**2
+    # What weight bends a joint by [rad]: with it the bundled G1 has the 8000 N·m/rad with which it stands in
+    # simulation as the real one does, and the Go2 the 2000 with which its trunk follows.
+    stiff = np.maximum(inertia * (2.0 * math.pi * _FREQUENCY) ** 2, loads / 0.0125)
+    # Damped for its load alone: of ten leg swings of an H1_2 seven stand with ankles damped for this stiffness, and
+    # six with three tenths of that.
+    damping = 2.0 * _DAMPING * np.sqrt(stiff * np.maximum(inertia, loaded))
+    gains = {"kp": np.maximum(stiff, UPRIGHT * topples), "kd": damping}
     return {
-        "kp": {n: max(two_digits(v), 0.01) for n, v in zip(names, stiffness, strict=True)},
-        "kd": {n: max(two_digits(v), 0.01) for n, v in zip(names, damping, strict=True)},
+        kind: {n: max(two_digits(float(v)), 0.01) for n, v in zip(robot.joint_names, values, strict=True)}
+        for kind, values in gains.items()
     }
 
 
 def guess_sensors(limits: dict[str, float], base_link: str | None) -> tuple[dict[str, Any], list[Assumed]]:
     """The ``guess_sensors`` block: joint torques and, where ``base_link`` floats, an IMU there."""
+    # Torques of motor currents are seldom known better than to a hundredth of full scale.
     block: dict[str, Any] = {
         "rate_hz": 200.0,
         "noise_position": 1e-4,
         "joint_torque": "motor_side",
         "noise_torque": {
-            "joints": {name: two_digits(_TORQUE_NOISE * value) for name, value in limits.items()},
+            "joints": {name: two_digits(0.005 * value) for name, value in limits.items()},
             "source": "assumed: 0.5 % of the torque limit",
         },
     }

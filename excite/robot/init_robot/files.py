@@ -4,33 +4,33 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from itertools import chain
 from pathlib import Path
 from xml.etree import ElementTree
 
 import yaml
 
-from excite.atomic import all_or_nothing, write_text
+from excite.atomic import all_or_nothing, write_bytes, write_text
 from excite.errors import InputError, RobotError
 from excite.formats.child import in_child
 from excite.formats.documents import read_xml
 from excite.formats.file import first_bytes
 from excite.results import Assumed
+from excite.robot.catalogue import MODEL_SUFFIXES
 from excite.robot.description import PositionTable
 from excite.robot.init_robot.description import scaffold_description
 from excite.robot.init_robot.first_guesses import Held, held_still
 from excite.robot.init_robot.model_metadata import Said, states_mass, weigh_links
 from excite.robot.init_robot.source import Source
-from excite.robot.mjcf.conversion import MjcfConversion, convert_mjcf, is_mjcf
+from excite.robot.mjcf.conversion import convert_mjcf, is_mjcf
 from excite.robot.refusal import robot_error
 from excite.robot.urdf.limits import (
     assumed_limits,
     joint_limits_beside,
     keep_stated_limits,
-    read_joint_limits,
-    read_position_tables,
+    read_limits_file,
     tighten,
     with_tables,
 )
@@ -83,40 +83,34 @@ def write_scaffold(
         InputError: a file is there already.
         RobotError: the model is missing or absurd in a way that no description can mend.
     """
-    source = source or Source()
-    target = folder / "robot.yaml"
+    source, target = source or Source(), folder / "robot.yaml"
     _check_absent(target, overwrite)
     ignored = () if source.srdf is None else read_srdf(source.srdf)
-    if is_mjcf(file):
-        urdf = folder / f"{file.stem}.urdf"
-        _check_absent(urdf, overwrite)
-        conversion = convert_mjcf(file)
-        limited = _limited(_Made(conversion.urdf, None), file, source)
-        conversion = replace(conversion, urdf=limited.text or conversion.urdf)
-        text = _describe_copy(conversion, urdf, file, seed, ignored, limited)
-        with all_or_nothing():
-            conversion.write(urdf)
-            write_text(target, text)
-        return ScaffoldFiles(target, urdf, _read_assumed(text), conversion.notes)
-    found, said = _limited(_expand_model(file, source), file, source), Said(ignored=ignored)
-    if found.text is None:
-        said = replace(said, floating=found.floating, assumed=found.assumed)
-        text = scaffold_description(
-            file, None if absolute else folder, seed=seed, said=said, absolute=absolute
-        )
+    made = _limited(_make_urdf(file, source), file, source)
+    said = replace(made.said, ignored=(*made.said.ignored, *ignored))
+    if made.text is None:
+        here = None if absolute else folder
+        text = scaffold_description(file, here, seed=seed, said=said, absolute=absolute)
         return ScaffoldFiles(write_text(target, text), file, _read_assumed(text), ())
-    urdf = folder / f"{file.name.removesuffix('.xacro').removesuffix('.sdf').removesuffix('.urdf')}.urdf"
+    name = file.name
+    while Path(name).suffix in MODEL_SUFFIXES:
+        name = Path(name).stem
+    urdf = folder / f"{name}.urdf"
     if urdf.resolve() == file.resolve():
         urdf = urdf.with_name(f"{urdf.stem}_expanded.urdf")
     _check_absent(urdf, overwrite)
+    # Described from a copy that goes away again, so that nothing is written where that fails.
     place = TemporaryFolder()
-    copy = write_text(place.path / urdf.name, found.text)
-    said = replace(said, floating=found.floating, assumed=found.assumed, by_position=found.by_position)
-    text = _renamed_errors(copy, place.path, file, seed, said)
+    try:
+        copy = made.write(place.path / urdf.name)
+        text = scaffold_description(copy, place.path, seed=seed, said=said)
+    except RobotError as error:
+        # The person knows the model, not the copy of its URDF.
+        raise robot_error(file, error.field, error.what, error.remedy) from error
     with all_or_nothing():
-        write_text(urdf, found.text)
+        made.write(urdf)
         write_text(target, text)
-    return ScaffoldFiles(target, urdf, _read_assumed(text), ())
+    return ScaffoldFiles(target, urdf, _read_assumed(text), made.notes)
 
 
 @dataclass(frozen=True)
@@ -125,31 +119,52 @@ class _Made:
 
     Attributes:
         text: None where the file is the URDF.
-        floating: True where it says that its base is free; None where it does not say.
-        assumed: what was assumed to make it.
-        by_position: limits that depend on positions.
+        said: what the file says beside it.
+        meshes: files of meshes by relative path.
+        notes: what the file says and the URDF does not.
     """
 
     text: str | None
-    floating: bool | None
-    assumed: tuple[Assumed, ...] = ()
-    by_position: tuple[PositionTable, ...] = ()
+    said: Said
+    meshes: Mapping[str, bytes] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    def write(self, path: Path) -> Path:
+        """Write the URDF and the meshes beside it."""
+        for name, content in self.meshes.items():
+            write_bytes(path.parent / name, content)
+        return write_text(path, self.text or "")
 
 
-def _expand_model(file: Path, source: Source) -> _Made:
-    """The URDF that is made of a xacro file, or of one that leaves masses out."""
-    plain = not is_xacro(file) and not source.package_path
+def _make_urdf(file: Path, source: Source) -> _Made:
+    """The URDF that is made of a MuJoCo model, an SDF or xacro file, or of a URDF that leaves masses out."""
+    if is_mjcf(file):
+        found = convert_mjcf(file)
+        said = Said(
+            found.floating,
+            found.posture,
+            found.excluded,
+            found.loops,
+            found.couplings,
+            armature=found.armature,
+        )
+        return _Made(found.urdf, said, found.meshes, found.notes)
+    plain, text = not is_xacro(file) and not source.package_path, None
     root = read_xml(file, error=RobotError, max_depth=MAX_NESTING) if plain or file.suffix == ".sdf" else None
     if root is not None and root.tag == "sdf":
-        return _Made(convert_sdf(root, file), None)
-    if root is not None and (states_mass(root) or root.tag != "robot"):
-        return _Made(None, _stated_floating(root), _wheeled_assumption(root))
-    text = expand_xacro(file, source.arguments, source.package_path)
-    root = ElementTree.fromstring(text)
-    found = weigh_links(root, file)
-    if found is not None:
-        return _Made(found.text, _stated_floating(root), (found.assumed, *_wheeled_assumption(root)))
-    return _Made(None if plain else text, _stated_floating(root), _wheeled_assumption(root))
+        return _Made(convert_sdf(root, file), Said())
+    if root is None or (root.tag == "robot" and not states_mass(root)):
+        text = expand_xacro(file, source.arguments, source.package_path)
+        root = ElementTree.fromstring(text)
+    joint, weighed = planar_root(root), None if text is None else weigh_links(root, file)
+    # A base that slides and turns on a plane is held still.
+    held = {} if joint is None else {str(joint.get("name")): Held(0.0, "what its wheels or legs do")}
+    assumed = (*(() if weighed is None else (weighed,)), *held_still(held))
+    if weighed is not None:
+        text = ElementTree.tostring(root, encoding="unicode")
+    elif plain:
+        text = None
+    return _Made(text, Said(None if free_root(root) is None else True, assumed=assumed))
 
 
 def _limited(made: _Made, file: Path, source: Source) -> _Made:
@@ -157,67 +172,20 @@ def _limited(made: _Made, file: Path, source: Source) -> _Made:
     files = joint_limits_beside(file) if source.limits is None else [source.limits]
     if not files:
         return made
-    text = made.text or expand_xacro(file, source.arguments, source.package_path)
-    root = ElementTree.fromstring(text)
+    root = ElementTree.fromstring(made.text or expand_xacro(file, source.arguments, source.package_path))
     keep_stated_limits(root, file)
     names = [joint.get("name", "") for joint in root.findall("joint")]
-    tightened, by_position = dict[str, dict[str, list[str]]](), list[PositionTable]()
+    tightened, tables = dict[str, dict[str, list[str]]](), list[PositionTable]()
     for one in files:
-        limits, tables = read_joint_limits(one, names), read_position_tables(one, names)
-        if not limits and not tables and source.limits is not None:
-            raise robot_error(
-                one, "joint_limits", "names no joint of the robot", "the model has " + ", ".join(names)
-            )
+        found = read_limits_file(one, names, given=source.limits is not None)
         named = "/".join(one.parts[-3:] if source.limits is None else one.parts[-1:])
-        tightened[named] = with_tables(tighten(root, limits, file, one.name), tables)
-        by_position += tables
+        tightened[named] = with_tables(tighten(root, found.limits, file, one.name), found.tables)
+        tables += found.tables
     if not any(tightened.values()):
         return made
-    text = ElementTree.tostring(root, encoding="unicode")
-    said = (*made.assumed, *assumed_limits(tightened))
-    return replace(made, text=text, assumed=said, by_position=tuple(by_position))
-
-
-def _wheeled_assumption(root: ElementTree.Element) -> tuple[Assumed, ...]:
-    """A base that slides and turns on a plane is held still."""
-    joint = planar_root(root)
-    held = {} if joint is None else {str(joint.get("name")): Held(0.0, "what its wheels or legs do")}
-    return tuple(held_still(held))
-
-
-def _stated_floating(root: ElementTree.Element) -> bool | None:
-    return None if free_root(root) is None else True
-
-
-def _describe_copy(
-    conversion: MjcfConversion,
-    urdf: Path,
-    file: Path,
-    seed: int,
-    ignored: tuple[tuple[str, str], ...],
-    limited: _Made,
-) -> str:
-    """Describe the URDF from a copy that goes away again, so that nothing is written where that fails."""
-    said = Said(
-        conversion.floating,
-        conversion.posture,
-        (*conversion.excluded, *ignored),
-        conversion.loops,
-        conversion.couplings,
-        assumed=limited.assumed,
-        armature=conversion.armature,
-        by_position=limited.by_position,
-    )
-    place = TemporaryFolder()
-    return _renamed_errors(conversion.write(place.path / urdf.name), place.path, file, seed, said)
-
-
-def _renamed_errors(copy: Path, folder: Path, file: Path, seed: int, said: Said) -> str:
-    try:
-        return scaffold_description(copy, folder, seed=seed, said=said)
-    except RobotError as error:
-        # The person knows the model, not the copy of its URDF.
-        raise robot_error(file, error.field, error.what, error.remedy) from error
+    assumed = (*made.said.assumed, *assumed_limits(tightened))
+    said = replace(made.said, assumed=assumed, by_position=tuple(tables))
+    return replace(made, text=ElementTree.tostring(root, encoding="unicode"), said=said)
 
 
 def _check_absent(path: Path, overwrite: bool) -> None:
@@ -245,9 +213,8 @@ def read_srdf(path: Path) -> tuple[tuple[str, str], ...]:
     for number, element in enumerate(root.findall("disable_collisions")):
         first, second = element.get("link1"), element.get("link2")
         if not first or not second:
-            raise robot_error(
-                path, f"disable_collisions {number}", "names one link only", "give link1 and link2"
-            )
+            where = f"disable_collisions {number}"
+            raise robot_error(path, where, "names one link only", "give link1 and link2")
         pairs.append((first, second))
     return tuple(pairs)
 
@@ -278,23 +245,19 @@ def expand_xacro(path: Path, arguments: Mapping[str, str], package_path: tuple[P
     Raises:
         RobotError: the file is missing, or xacro cannot expand it, or not within half a minute, or to no link.
     """
-    if is_xacro(path):
-        leftovers = _without_xacro(path)
-        try:
-            root = _expanded_root(path, arguments, package_path)
-        except RobotError:
-            if leftovers is None:
-                raise
-            # What every reader of URDF makes of such a file: elements of xacro mean nothing to them.
-            root = leftovers
-    else:
-        root = read_xml(path, error=RobotError)
-    for mesh in root.iter("mesh"):
+    root = _without_xacro(path) if is_xacro(path) else read_xml(path, error=RobotError)
+    try:
+        root = _expanded_root(path, arguments, package_path) if is_xacro(path) else root
+    except RobotError:
+        # What every reader of URDF makes of a file with leftovers: elements of xacro mean nothing to them.
+        if root is None:
+            raise
+    for mesh in () if root is None else root.iter("mesh"):
         name = mesh.get("filename", "")
         found = find_mesh(name, path) or _in_packages(name, package_path)
         if found is not None:
             mesh.set("filename", str(found))
-    return ElementTree.tostring(root, encoding="unicode")
+    return "" if root is None else ElementTree.tostring(root, encoding="unicode")
 
 
 def _expanded_root(
@@ -317,8 +280,18 @@ def _expanded_root(
     )
     root = ElementTree.fromstring(text)
     if root.find("link") is None:
-        raise _defines_alone(path)
+        macros = [str(one.get("name")) for one in _xacro_elements(path, "macro")]
+        if not macros:
+            remedy = "give the file that describes the robot"
+            raise robot_error(path, None, "expands to no <link>", remedy)
+        what = f"only defines macros ({', '.join(macros[:_NAMED])})"
+        remedy = f"give the file that includes it and calls {'it' if len(macros) == 1 else 'one'}"
+        raise robot_error(path, None, what, remedy)
     return root
+
+
+def _xacro_elements(path: Path, kind: str) -> list[ElementTree.Element]:
+    return [one for one in read_xml(path).iter() if one.tag.endswith(f"/xacro}}{kind}")]
 
 
 def _without_xacro(path: Path) -> ElementTree.Element | None:
@@ -340,13 +313,12 @@ def _without_xacro(path: Path) -> ElementTree.Element | None:
 
 
 def _in_packages(name: str, package_path: tuple[Path, ...]) -> Path | None:
-    if not name.startswith("package://"):
-        return None
     package, _, inside = name.removeprefix("package://").lstrip("/").partition("/")
-    for given in package_path if package and "\0" not in name else ():
-        folder = package_folder(package, (given,))
-        if folder is not None and (folder / inside).is_file():
-            return (folder / inside).resolve()
+    if package and name.startswith("package://") and "\0" not in name:
+        for given in package_path:
+            folder = package_folder(package, (given,))
+            if folder is not None and (folder / inside).is_file():
+                return (folder / inside).resolve()
     return None
 
 
@@ -356,16 +328,12 @@ def _expand(path: Path, arguments: Mapping[str, str], package_path: tuple[Path, 
 
     def find(package: str) -> str:
         place = package_folder(package, package_path, path.resolve().parents)
-        if place is not None:
-            return str(place)
-        raise robot_error(
-            path,
-            "$(find)",
-            f"needs the package {package!r}",
-            "give --package-path FOLDER, in which it or its clone lies",
-        )
+        if place is None:
+            remedy = "give --package-path FOLDER, in which it or its clone lies"
+            raise robot_error(path, "$(find)", f"needs the package {package!r}", remedy)
+        return str(place)
 
-    known: Callable[[str], str] = substitution_args._eval_find
+    # The child ends with this: nobody else's names are found so.
     substitution_args._eval_find = find
     try:
         return str(xacro.process_file(str(path), mappings=dict(arguments)).toxml())
@@ -374,41 +342,17 @@ def _expand(path: Path, arguments: Mapping[str, str], package_path: tuple[Path, 
         cause = _wrapped_error(error)
         if cause is not None:
             raise cause from error
-        endless = isinstance(error, RecursionError) or "recursion depth" in str(error)
-        said = (
-            "it includes a file, or calls a macro, without end"
-            if endless
-            else " ".join(str(error).split())[:200] or type(error).__name__
-        )
+        said = " ".join(str(error).split())[:200] or type(error).__name__
+        if isinstance(error, RecursionError) or "recursion depth" in str(error):
+            said = "it includes a file, or calls a macro, without end"
         unknown = _UNKNOWN_ARGUMENT.search(said)
-        name = unknown.group(1) if unknown else "name"
-        raise robot_error(
-            path,
-            None,
-            f"xacro cannot expand it ({said})",
-            f"mend it, or give its arguments with --xacro-arg {name}:=value{_describe_arguments(path)}",
-        ) from error
-    finally:
-        substitution_args._eval_find = known
-
-
-def _defines_alone(path: Path) -> RobotError:
-    """What to say of a file that expands to no link, as those do that only define macros."""
-    macros = [str(one.get("name")) for one in read_xml(path).iter() if one.tag.endswith("/xacro}macro")]
-    if not macros:
-        return robot_error(path, None, "expands to no <link>", "give the file that describes the robot")
-    named = ", ".join(macros[:_NAMED])
-    remedy = f"give the file that includes it and calls {'it' if len(macros) == 1 else 'one'}"
-    return robot_error(path, None, f"only defines macros ({named})", remedy)
-
-
-def _describe_arguments(path: Path) -> str:
-    """Which arguments a file takes that do not follow from others, and what they are without being given."""
-    found = [element for element in read_xml(path).iter() if element.tag.endswith("/xacro}arg")]
-    free = [arg for arg in found if "$" not in arg.get("default", "")]
-    said = [":=".join(filter(None, (arg.get("name"), arg.get("default")))) for arg in free[:_NAMED]]
-    more = ", …" if len(free) > _NAMED else ""
-    return f" (it takes {', '.join(said)}{more})" if said else ""
+        # Which arguments it takes that do not follow from others, and what they are without being given.
+        free = [arg for arg in _xacro_elements(path, "arg") if "$" not in arg.get("default", "")]
+        takes = [":=".join(filter(None, (arg.get("name"), arg.get("default")))) for arg in free[:_NAMED]]
+        more = ", …" if len(free) > _NAMED else ""
+        known = f" (it takes {', '.join(takes)}{more})" if takes else ""
+        remedy = f"mend it, or give its arguments with --xacro-arg {unknown[1] if unknown else 'name'}:=value{known}"
+        raise robot_error(path, None, f"xacro cannot expand it ({said})", remedy) from error
 
 
 def _wrapped_error(error: BaseException | None) -> RobotError | None:
@@ -442,38 +386,36 @@ def package_folder(name: str, package_path: Iterable[Path], above: Iterable[Path
             under its name.
     """
     given, outer = tuple(package_path), tuple(above)
-    near, far = ([*_folders_named(name, folders)] for folders in (given, outer))
-    clone = next(((folder,) for folder in outer if (folder / ".git").exists()), ())
-    said = (place for place in (*near, *far, *outer) if _package_name(place) == name)
-    inside = (
+    near, far = (
+        [
+            place
+            for folder in folders
+            for place in (folder, folder / name)
+            if place.name == name and place.is_dir()
+        ]
+        for folders in (given, outer)
+    )
+    clone = [folder for folder in outer if (folder / ".git").exists()][:1]
+    inside = (place for folder in (*given, *clone) for place in _find_packages(folder, _DEEP))
+    # Folders, and whether they must say the name or may say none.
+    order = ((chain(near, far, outer), True), (near, False), (inside, True), (far, False))
+    found = (
         place
-        for folder in (*given, *clone)
-        for place in _find_packages(folder, _DEEP)
-        if _package_name(place) == name
+        for places, said in order
+        for place in places
+        if _package_name(place) == (name if said else None)
     )
-    unsaid_near, unsaid_far = (
-        [place for place in places if _package_name(place) is None] for places in (near, far)
-    )
-    return next(chain(said, unsaid_near, inside, unsaid_far), None)
-
-
-def _folders_named(name: str, folders: Iterable[Path]) -> Iterator[Path]:
-    """Folders of that name, of which each given one may be one, or hold one."""
-    for place in (place for folder in folders for place in (folder, folder / name)):
-        if place.name == name and place.is_dir():
-            yield place
+    return next(found, None)
 
 
 def _package_name(folder: Path) -> str | None:
     """The name in a folder's ``package.xml``; None where there is none that can be read."""
-    file = folder / _MANIFEST
-    if not file.is_file():
-        return None
     try:
-        named = read_xml(file, error=RobotError).find("name")
+        file = folder / _MANIFEST
+        named = read_xml(file, error=RobotError).findtext("name") if file.is_file() else None
     except RobotError:
         return None
-    return None if named is None or not named.text else named.text.strip()
+    return named.strip() if named else None
 
 
 def _find_packages(folder: Path, deep: int) -> Iterator[Path]:

@@ -16,27 +16,15 @@ from excite.arrays import Array
 from excite.robot.legs import Ankle, before_knee
 from excite.robot.links import link_placement
 from excite.robot.robot import Robot
-from excite.robot.shapes.collision import bottom, collision_shapes, lowest_points, whole_centre
-from excite.robot.shapes.shape import Shape
+from excite.robot.shapes.collision import collision_shapes, lowest_points, whole_centre
+from excite.robot.shapes.shape import Shape, bottom, placed
 
 # Which limbs of a bare model are legs, and where their feet touch the ground.
 
 _LEG = re.compile(r"leg|foot|feet|ankle|toe|knee|hip|calf|thigh|shank|shin|sole|kfe|hfe", re.IGNORECASE)
 _ARM = re.compile(r"arm|hand|wrist|elbow|shoulder|finger|gripper|claw", re.IGNORECASE)
-# Feet of one stance differ in height by knees that cannot straighten; hands hang at 0.4 of a person's height.
-_LEVEL = 0.15
-# Hulls of meshes stand out by a hundredth of their size: what lies within this of the lowest point touches [m].
-_PATCH = 0.003
 # A ball of 30 mm radius has a patch of 27 mm within that of its lowest point; the narrowest sole known has 40 mm.
 _POINT = 0.03
-# A square millimetre of a sole [m²].
-_NO_AREA = 1e-6
-# Height and tilt of a sole take three joints, and its place two more.
-_STEERED = 5
-# Cosine of 45 degrees: soles face down so far in any posture in which a robot is drawn.
-_FACING = 0.7
-# Limbs that part beyond a joint which moves less than this share of the robot's mass end in one foot or hand.
-_ONE_FOOT = 0.12
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,10 +71,9 @@ class Figure:
     def reach(self) -> float:
         """Length of the longest limb, from its first joint to its last [m]."""
         lengths = np.zeros(self.model.njoints)
-        for joint in range(1, self.model.njoints):
-            parent = self.model.parents[joint]
+        for joint, parent in enumerate(self.model.parents):
             if parent:
-                step = float(np.linalg.norm(self.model.jointPlacements[joint].translation))
+                step = np.linalg.norm(self.model.jointPlacements[joint].translation)
                 lengths[joint] = lengths[parent] + step
         return float(lengths.max())
 
@@ -110,40 +97,39 @@ class Figure:
             free: whether the model itself says that its base is free.
         """
         low = self.lowest(q)
-        inner = set(self.model.parents)
-        ends = [j for j in low if j and j not in inner and len(self.chain(j)) >= 2]
+        ends = self._ends(low)
         if not ends:
             return []
         top = max(float(self.data.oMi[s.joint].act(s.placement.translation)[2]) for s in self.shapes)
         ground = min(low[j] for j in ends)
-        reach = _LEVEL * max(top - ground, 1e-3)
-        if low.get(0, np.inf) < ground + reach:
+        # Feet of one stance differ in height by knees that cannot straighten; hands hang at 0.4 of a person's height.
+        level = ground + 0.15 * max(top - ground, 1e-3)
+        if low.get(0, np.inf) < level:
             return []
-        ends = self._one_a_limb([j for j in ends if low[j] < ground + reach], low)
-        named = [j for j in ends if self._called(j, _LEG)]
-        if named:
+        kept: list[int] = []
+        for end in sorted((j for j in ends if low[j] < level), key=lambda j: (round(low[j], 6), j)):
+            if not any(self._same_foot(end, other) for other in kept):
+                kept.append(end)
+        named = sorted(j for j in kept if self._called(j, _LEG))
+        if named or any(self._called(j, _ARM) for j in kept):
             return named
-        if any(self._called(j, _ARM) for j in ends):
-            return []
-        return ends if free or len(ends) >= 3 else []
+        return sorted(kept) if free or len(kept) >= 3 else []
 
     def has_folded_legs(self, q: Array) -> bool:
         """Whether the robot lies on its base with legs about it that are drawn flat: limbs from the root called so."""
-        inner, low = set(self.model.parents), self.lowest(q)
-        ends = [j for j in low if j and j not in inner and len(self.chain(j)) >= 2]
+        ends = self._ends(self.lowest(q))
         legs = [j for j in ends if self._called(j, _LEG) and not self._called(j, _ARM)]
         return len({self.chain(j)[0] for j in legs}) > 1
 
-    def _one_a_limb(self, ends: list[int], low: dict[int, float]) -> list[int]:
-        kept: list[int] = []
-        for end in sorted(ends, key=lambda j: (round(low[j], 6), j)):
-            if not any(self._same_foot(end, other) for other in kept):
-                kept.append(end)
-        return sorted(kept)
+    def _ends(self, low: dict[int, float]) -> list[int]:
+        """Joints at the ends of limbs of several joints that have shapes."""
+        inner = set(self.model.parents)
+        return [j for j in low if j and j not in inner and len(self.chain(j)) >= 2]
 
     def _same_foot(self, one: int, other: int) -> bool:
         common = [a for a, b in zip(self.chain(one), self.chain(other), strict=False) if a == b]
-        return bool(common) and self.beyond[common[-1]] < _ONE_FOOT * self.beyond[0]
+        # Limbs that part beyond a joint which moves less than this share of the robot's mass end in one foot or hand.
+        return bool(common) and self.beyond[common[-1]] < 0.12 * self.beyond[0]
 
     def _called(self, end: int, pattern: re.Pattern[str]) -> bool:
         names = [self.model.names[j] for j in self.chain(end)]
@@ -160,7 +146,8 @@ class Figure:
         pose = self.data.oMi[joint]
         own = self._known(joint)
         best, largest = self._touch(own, pose), -1.0
-        if len(self.chain(joint)) >= _STEERED:
+        # Height and tilt of a sole take three joints, and its place two more.
+        if len(self.chain(joint)) >= 5:
             for turn in _face_turns(np.vstack([bottom(shape, pose) for shape in own])):
                 found = self._touch(own, turn * pose)
                 area = turn.rotation[2, 2] * sole_area(found.sole)
@@ -171,21 +158,20 @@ class Figure:
     def _touch(self, own: list[Shape], pose: pin.SE3) -> FootGuess:
         """Contact of shapes on one joint that is at ``pose``."""
         lows = [bottom(shape, pose) for shape in own]
-        lowest = min(range(len(own)), key=lambda i: float(lows[i][:, 2].min()))
-        floor = float(lows[lowest][:, 2].min())
-        near = np.vstack([points[points[:, 2] < floor + _PATCH] for points in lows])
-        corners = floor_outline(near, floor)
-        link = own[lowest].link
-        _, placement = link_placement(self.model, link, self.robot.source, "feet")
-        frame = pose * placement
-        shape = own[lowest]
+        shape, floor = min(
+            ((shape, float(points[:, 2].min())) for shape, points in zip(own, lows, strict=True)),
+            key=lambda one: one[1],
+        )
+        # Hulls of meshes stand out by a hundredth of their size: what lies within this of the lowest point touches [m].
+        corners = floor_outline(np.vstack([points[points[:, 2] < floor + 0.003] for points in lows]), floor)
+        _, placement = link_placement(self.model, shape.link, self.robot.source, "feet")
         ball = shape.kind == "sphere" and len(corners) == 1
         if shape.kind == "cylinder" and len(corners) == 2 and shape.size[1] < 2.0 * shape.size[0]:
             # A wheel rolls as a ball does when its leg pitches. Tilted by 0.1 rad, one as wide as it is high would
             # touch lower by a twentieth of that.
             corners, ball = corners.mean(axis=0, keepdims=True), True
-        sole = np.array([frame.actInv(corner) for corner in corners])
-        return FootGuess(link, sole, shape.size[0] if ball else 0.0)
+        sole = placed(corners, (pose * placement).inverse())
+        return FootGuess(shape.link, sole, shape.radius if ball else 0.0)
 
 
 def _face_turns(points: Array) -> list[pin.SE3]:
@@ -196,7 +182,8 @@ def _face_turns(points: Array) -> list[pin.SE3]:
         normals = ConvexHull(points).equations[:, :3]
     except QhullError:
         return turns
-    for normal in normals[normals[:, 2] < -_FACING]:
+    # Cosine of 45 degrees: soles face down so far in any posture in which a robot is drawn.
+    for normal in normals[normals[:, 2] < -0.7]:
         rotation = pin.Quaternion.FromTwoVectors(normal, down).matrix()
         if all(np.linalg.norm(rotation - turn.rotation) > 0.01 for turn in turns):
             turns.append(pin.SE3(rotation, np.zeros(3)))
@@ -240,7 +227,8 @@ def _reduce_polygon(hull: Array, most: int) -> Array:
         before, after = np.roll(hull, 1, axis=0), np.roll(hull, -1, axis=0)
         one, two = hull - before, after - before
         area = 0.5 * np.abs(one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0])
-        if len(hull) <= most and area.min() > _NO_AREA:
+        # A square millimetre of a sole [m²].
+        if len(hull) <= most and area.min() > 1e-6:
             break
         hull = np.delete(hull, int(np.argmin(area)), axis=0)
     return hull
@@ -292,24 +280,19 @@ class Footing:
     def stand(self, start: Array, legs: list[int]) -> Standing | None:
         """Inverse kinematics from ``start``; a foot that is no sole touches elsewhere when it turns, so thrice."""
         q, on = start, [self._leg(leg, self._foot(leg, start)) for leg in legs]
-        limits = self.figure.robot.limits
-        low, high = limits.position_lower + 1e-4, limits.position_upper - 1e-4
-        flat = self.lower < self.upper
+        limits, flat = self.figure.robot.limits, self.lower < self.upper
         low, high = (
-            np.where(flat, 0.6 * low + 0.4 * self.lower, low),
-            np.where(flat, 0.6 * high + 0.4 * self.upper, high),
+            np.where(flat, 0.6 * end + 0.4 * inner, end)
+            for end, inner in (
+                (limits.position_lower + 1e-4, self.lower),
+                (limits.position_upper - 1e-4, self.upper),
+            )
         )
         if (high - low <= 1e-6).any():
             return None
         for _ in range(3):
-            solved = least_squares(
-                self._residual,
-                np.clip(q, low + 1e-9, high - 1e-9),
-                bounds=(low, high),
-                args=(start, on),
-                max_nfev=40,
-            )
-            q = solved.x
+            inside = np.clip(q, low + 1e-9, high - 1e-9)
+            q = least_squares(self._residual, inside, bounds=(low, high), args=(start, on), max_nfev=40).x
             on = [
                 leg if len(leg.foot.sole) >= 3 else self._leg(leg.end, self.figure.foot(leg.end, q))
                 for leg in on
@@ -333,11 +316,12 @@ class Footing:
     def corners(self, stand: Standing, legs: list[int]) -> Array:
         """Corners of all soles seen from above, ``(n, 2)`` [m]."""
         self.figure.centre(stand.q)
-        soles = []
-        for leg, foot in zip(legs, stand.feet, strict=True):
-            pose = self.figure.data.oMi[leg] * self._placement(foot)
-            soles.append(foot.sole @ pose.rotation.T + pose.translation)
-        return np.vstack(soles)[:, :2]
+        pairs = zip(legs, stand.feet, strict=True)
+        return np.vstack([self._sole(leg, foot) for leg, foot in pairs])[:, :2]
+
+    def _sole(self, leg: int, foot: FootGuess) -> Array:
+        """Corners of a sole where it is now, ``(n, 3)`` [m]."""
+        return placed(foot.sole, self.figure.data.oMi[leg] * self._placement(foot))
 
     def bend(self, stand: Standing, leg: int, foot: FootGuess) -> float:
         """Angle [rad] between thigh and shank, a leg's two longest parts in a row, seen along the joint between them; a
@@ -345,7 +329,9 @@ class Footing:
         figure = self.figure
         figure.centre(stand.q)
         pin.computeJointJacobians(figure.model, figure.data, stand.q)
-        parts = self._parts(leg, foot)
+        # From each joint of the leg to the next and from the last to the foot.
+        ends = [figure.data.oMi[joint].translation for joint in figure.chain(leg)]
+        parts = np.diff([*ends, self._sole(leg, foot).mean(axis=0)], axis=0)
         if len(parts) < 2:
             return np.inf
         k = before_knee(np.linalg.norm(parts, axis=1))
@@ -358,13 +344,6 @@ class Footing:
         cosine = parts[k] @ parts[k + 1] / max(sizes[k] * sizes[k + 1], 1e-12)
         return float(np.arccos(np.clip(cosine, -1.0, 1.0)))
 
-    def _parts(self, leg: int, foot: FootGuess) -> Array:
-        """From each joint of a leg to the next and from the last to the foot, where they are now, ``(n, 3)`` [m]."""
-        data = self.figure.data
-        ends = [data.oMi[joint].translation for joint in self.figure.chain(leg)]
-        end = data.oMi[leg] * self._placement(foot)
-        return np.asarray(np.diff([*ends, end.act(foot.sole.mean(axis=0))], axis=0))
-
     def agility(self, stand: Standing, leg: int, foot: FootGuess) -> float:
         """Least speed of a point foot at unit speed of its leg's joints, of its distance from the hip [1/rad].
 
@@ -375,7 +354,7 @@ class Footing:
             return np.inf
         figure.centre(stand.q)
         pin.computeJointJacobians(figure.model, figure.data, stand.q)
-        tip = (figure.data.oMi[leg] * self._placement(foot)).act(foot.sole[0])
+        tip = self._sole(leg, foot)[0]
         turn = pin.getJointJacobian(figure.model, figure.data, leg, pin.LOCAL_WORLD_ALIGNED)
         lever = tip - figure.data.oMi[leg].translation
         linear = turn[:3] - pin.skew(lever) @ turn[3:]
@@ -389,8 +368,7 @@ class Footing:
         load = figure.beyond[0] * float(np.linalg.norm(figure.model.gravity.linear)) / len(on)
         heights, tilts, middles = [], [], []
         for leg, foot, ankle in on:
-            pose = figure.data.oMi[leg] * self._placement(foot)
-            corners = foot.sole @ pose.rotation.T + pose.translation
+            corners = self._sole(leg, foot)
             middle = corners.mean(axis=0)
             middles.append(middle[:2])
             heights.append(corners[:, 2].mean())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,6 +19,8 @@ from excite.robot.shapes.link_shapes import origin_of, solid_shape
 from excite.robot.shapes.mesh_files import read_meshes
 from excite.robot.shapes.shape import coal_geometry
 from excite.robot.shapes.stand_ins import DENSITY
+from excite.robot.urdf.inertia import GEOMETRY
+from excite.robot.urdf.numbers import MOMENTS, add_element
 from excite.robot.urdf.reading import find_mesh
 
 # What a model's file says beside the URDF made of it.
@@ -51,59 +54,53 @@ class Said:
 # Masses in place of those that a model does not state: its links' geometry at the density of robots.
 
 
-@dataclass(frozen=True)
-class Weighed:
-    """A URDF with masses that its file did not state, and what was assumed for them."""
-
-    text: str
-    assumed: Assumed
-
-
-def weigh_links(root: ElementTree.Element, path: Path) -> Weighed | None:
-    """A URDF's text with masses from its geometry; None where it states some, or has no geometry that can be read.
+def weigh_links(root: ElementTree.Element, path: Path) -> Assumed | None:
+    """Give a URDF masses from its geometry; None where it states some, or has no geometry that can be read.
 
     Args:
         root: its ``robot`` element, which is given the inertials.
         path: the file, from which its meshes are found.
     """
-    if states_mass(root):
-        return None
     whole = 0.0
-    for link in root.findall("link"):
+    for link in [] if states_mass(root) else root.findall("link"):
         inertia = _of_geometry(link, path)
         if inertia is None:
             continue
         for old in link.findall("inertial"):
             link.remove(old)
-        link.append(_inertial_element(inertia))
+        made = add_element(link, "inertial")
+        add_element(made, "origin", xyz=" ".join(f"{x:.6g}" for x in inertia.lever))
+        add_element(made, "mass", value=f"{inertia.mass:.6g}")
+        moments = (f"{x:.9g}" for x in inertia.inertia[np.triu_indices(3)])
+        add_element(made, "inertia", **dict(zip(MOMENTS, moments, strict=True)))
         whole += inertia.mass
     if whole <= 0.0:
         return None
-    assumed = Assumed(
+    return Assumed(
         what="masses",
         value=f"{whole:.3g} kg in all, {DENSITY:.0f} kg/m³ of the links' convex hulls",
         consequence="right within a factor of two, as predicted torques are: state <inertial>, or begin slowly",
     )
-    return Weighed(ElementTree.tostring(root, encoding="unicode"), assumed)
 
 
 def states_mass(root: ElementTree.Element) -> bool:
-    """Whether any link of a URDF has a mass."""
-    return any(_states_mass(link) for link in root.findall("link"))
+    """Whether any link of a URDF has a mass, or what is no number in its place."""
+    # What is none is refused, with its place, where inertials are checked.
+    return any(link_mass(link, math.nan) != 0.0 for link in root.findall("link"))
 
 
-def _states_mass(link: ElementTree.Element) -> bool:
+def link_mass(link: ElementTree.Element, otherwise: float = 0.0) -> float:
+    """A link's mass [kg], 0 without one; ``otherwise`` of what is no number."""
     mass = link.find("inertial/mass")
     try:
-        return mass is not None and float(mass.get("value", "0")) != 0.0
+        return 0.0 if mass is None else float(mass.get("value", "0"))
     except ValueError:
-        # Refused, with its place, where inertials are checked.
-        return True
+        return otherwise
 
 
 def _of_geometry(link: ElementTree.Element, path: Path) -> pin.Inertia | None:
     """Inertia of a link full of robot, in its own frame: of what it collides with, else of what is seen of it."""
-    for kind in ("collision", "visual"):
+    for kind in GEOMETRY:
         parts = [part for element in link.findall(kind) if (part := _of_element(element, path)) is not None]
         if parts:
             return sum(parts[1:], start=parts[0])
@@ -111,33 +108,18 @@ def _of_geometry(link: ElementTree.Element, path: Path) -> pin.Inertia | None:
 
 
 def _of_element(element: ElementTree.Element, path: Path) -> pin.Inertia | None:
-    geometry = element.find("geometry")
-    solid = geometry[0] if geometry is not None and len(geometry) else None
-    if solid is None:
-        return None
+    solid, points = next(element.iterfind("geometry/*"), None), None
     try:
-        points = None
-        if solid.tag == "mesh":
+        if solid is not None and solid.tag == "mesh":
             file = find_mesh(solid.get("filename", ""), path)
-            if file is None:
-                return None
-            points = read_meshes([file])[file]
+            points = None if file is None else read_meshes([file])[file]
+        if solid is None or (solid.tag == "mesh" and points is None):
+            return None
         body = coal_geometry(solid_shape(solid, points, path, "geometry"))
     except (RobotError, ValueError):
         # A description says what is wrong with geometry, where it is needed.
         return None
     mass = DENSITY * body.computeVolume()
     about = DENSITY * np.asarray(body.computeMomentofInertiaRelatedToCOM())
-    if not mass > 0.0:
-        return None
-    return origin_of(element.find("origin")).act(pin.Inertia(mass, np.asarray(body.computeCOM()), about))
-
-
-def _inertial_element(inertia: pin.Inertia) -> ElementTree.Element:
-    made = ElementTree.Element("inertial")
-    ElementTree.SubElement(made, "origin", xyz=" ".join(f"{x:.6g}" for x in inertia.lever))
-    ElementTree.SubElement(made, "mass", value=f"{inertia.mass:.6g}")
-    names = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-    values = inertia.inertia[np.triu_indices(3)]
-    ElementTree.SubElement(made, "inertia", {n: f"{x:.9g}" for n, x in zip(names, values, strict=True)})
-    return made
+    own = pin.Inertia(mass, np.asarray(body.computeCOM()), about) if mass > 0.0 else None
+    return None if own is None else origin_of(element.find("origin")).act(own)

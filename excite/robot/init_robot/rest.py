@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -21,13 +20,6 @@ from excite.robot.legs import TORQUE_SHARE, holding_torques, usable_torque
 from excite.robot.mechanisms.mechanism import limb_columns
 from excite.robot.shapes.collision import PairSearch, ground_height, review_pairs
 from excite.robot.shapes.shape import has_area
-
-# Links that rest so close to the margin [m] refuse every motion, which begins and ends there: the filter and the
-# independent check build their shapes anew (iCub's hip and torso, apart at rest, were refused at 9.97 of 10 mm).
-_SLACK = 1e-3
-# Room between moving links and the ground at rest, of the longest limb's length: of 12 candidates of a UR5 that rests
-# stretched out at 0.09 m the ground refuses 7; with this much room 4.
-_HEADROOM = 0.15
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,55 +52,55 @@ def find_rest(figure: Figure, wanted: Array, said: Said, rng: np.random.Generato
     search = PairSearch(figure.robot)
     review = review_pairs(figure.robot, rng, 100, search, wanted)
     allowed = frozenset((*review.ignored, *said.ignored, *((b, a) for a, b in said.ignored)))
-    postures, legs, standing = _search_standing(figure, search, wanted, said, allowed, rng)
-    if (legs or said.floating) and np.any(wanted) and _explain_held(figure, postures, legs, standing):
+    postures = Postures(figure, search, wanted, said.floating, allowed, rng)
+    unsteady = postures.explain_held() if postures.legs or said.floating else ""
+    if unsteady and np.any(wanted):
         # A model's own posture may be none that it stands in: MuJoCo's key frames of some lie, fold legs, or leap.
-        other = _search_standing(figure, search, np.zeros_like(wanted), said, allowed, rng)
-        if not _explain_held(figure, *other):
-            postures, legs, standing = other
-    base: Base = "floating" if legs else "fixed"
-    feet: tuple[FootGuess, ...] = ()
+        other = Postures(figure, search, np.zeros_like(wanted), said.floating, allowed, rng)
+        if not other.explain_held():
+            postures, unsteady = other, ""
+    base: Base = "floating" if postures.legs else "fixed"
     notes: list[Assumed] = []
-    unsteady = _explain_held(figure, postures, legs, standing) if legs or said.floating else ""
-    if not legs and said.floating is None and figure.has_folded_legs(wanted):
+    if not postures.legs and said.floating is None and figure.has_folded_legs(wanted):
         unsteady = "its legs lie flat about its base in the file: hold the robot up, legs free, or state how it stands"
     if unsteady:
         base = "held"
-        notes.append(_assumption("base", "held", unsteady))
-    if standing is not None and base == "floating":
-        q, feet = standing.q, standing.feet
+        notes.append(Assumed("base", "held", unsteady))
+    feet: tuple[FootGuess, ...] = ()
+    if postures.standing is not None and base == "floating":
+        q, feet = postures.standing.q, postures.standing.feet
         source = "found: feet on one plane, centre of mass above the middle of what soles and ankles hold"
     else:
         ground = ground_height(figure.model, figure.shapes, wanted, held_up=base == "held")
-        above = [ground] if said.posture is not None else [ground + _HEADROOM * figure.reach, ground]
-        clear = _first_clear(postures, [*above, None], allowed)
+        # Room between moving links and the ground at rest, of the longest limb's length: of 12 candidates of a UR5 that
+        # rests stretched out at 0.09 m the ground refuses 7; with this much room 4.
+        above = [ground] if said.posture is not None else [ground + 0.15 * figure.reach, ground]
         source = "found near zero, or the model's own posture: free of collision, above the ground"
-        q = wanted if clear is None else clear
+        q = _first_clear(postures, [*above, None], wanted)
     q = np.round(q, 5)
-    touching = postures.touching(q, allowed, _SLACK)
+    # Links that rest so close to the margin [m] refuse every motion, which begins and ends there: the filter and the
+    # independent check build their shapes anew (iCub's hip and torso, apart at rest, were refused at 9.97 of 10 mm).
+    touching = postures.touching(q, 1e-3)
     if touching:
         names = ", ".join(f"{a} and {b}" for a, b in touching[:5])
         why = "no posture to move from was found that parts them: they keep a distance of their own"
-        notes.append(_assumption("links that touch at rest", names, why))
+        notes.append(Assumed("links that touch at rest", names, why))
     stated = {pair for a, b in said.ignored for pair in ((a, b), (b, a))} & set(search.pairs)
     ignored = tuple(dict.fromkeys((*review.never, *(p for p in search.pairs if p in stated))))
-    margin = figure.robot.description.collision.margin
-    near = _near_pairs(search, q, margin, (*review.at_rest, *review.always, *touching), stated)
+    near = _near_pairs(search, q, postures.margin, (*review.at_rest, *review.always, *touching), stated)
     if near:
         found = f"{len(review.always)} always, {len(review.at_rest)} at rest"
         how = "they may not overlap, or where their hulls do at rest not deeper by more than the margin"
-        notes.append(
-            _assumption("pairs of links nearer than the margin", found, f"{how}: collision.near_pairs")
-        )
+        notes.append(Assumed("pairs of links nearer than the margin", found, f"{how}: collision.near_pairs"))
     if ignored:
         found = f"{len(review.never)} that never meet, {len(stated)} that the model lets touch"
         where = "found in 100 random postures; they stand in collision.ignored_pairs"
-        notes.append(_assumption("pairs of links not kept apart", found, where))
+        notes.append(Assumed("pairs of links not kept apart", found, where))
     if base != "held":
         # Of one that is held it stands there why.
-        notes.insert(0, _assumption("base", base, _CONSEQUENCE[base]))
-    legs_down = tuple(legs) if base == "floating" else ()
-    return Rest(base, q, legs_down, feet, ignored, near, source, tuple(notes))
+        notes.insert(0, Assumed("base", base, _CONSEQUENCE[base]))
+    legs = tuple(postures.legs) if base == "floating" else ()
+    return Rest(base, q, legs, feet, ignored, near, source, tuple(notes))
 
 
 def _near_pairs(
@@ -132,82 +124,15 @@ def _near_pairs(
     }
 
 
-class _StandingSearch(NamedTuple):
-    """The search for postures, the legs of the robot, and how it stands on them, where it does."""
-
-    postures: Postures
-    legs: list[int]
-    standing: Standing | None
-
-
-class _Pitches(NamedTuple):
-    """Joints that bend a leg, which way each turns, and whether the hip among them does so obliquely."""
-
-    joints: list[int]
-    signs: list[float]
-    oblique: bool
-
-
-def _search_standing(
-    figure: Figure,
-    search: PairSearch,
-    wanted: Array,
-    said: Said,
-    allowed: frozenset[tuple[str, str]],
-    rng: np.random.Generator,
-) -> _StandingSearch:
-    """The search from a posture ``(n_joints,)``, the legs that it has in it, and how it stands on them."""
-    postures = Postures(figure, search, wanted, rng)
-    legs = [] if said.floating is False else figure.legs(wanted, free=bool(said.floating))
-    standing = postures.standing(legs, allowed) if legs and not figure.is_guessed(legs) else None
-    return _StandingSearch(postures, legs, standing)
-
-
-def _explain_held(figure: Figure, postures: Postures, legs: list[int], standing: Standing | None) -> str:
-    """Why a robot that ought to stand on legs is held; empty where it stands."""
-    if not legs:
-        return "no legs were found that it could stand on: hold it still"
-    if figure.is_guessed(legs):
-        return "no geometry says where its soles are: hold the robot up, legs free"
-    if standing is None:
-        return "no standing posture was found: hold the robot up, legs free"
-    if not has_area(postures.footing.corners(standing, legs)):
-        return "its feet span no area to stand on: hold the robot up, legs free"
-    if not _can_steer(figure, legs, standing.feet):
-        return "its legs have too few joints to move it over feet that stay: hold the robot up, legs free"
-    if _has_tied_legs(figure, legs):
-        return "joints of its legs follow from others, and no balance was planned so: hold the robot up, legs free"
-    return ""
-
-
-def _first_clear(
-    postures: Postures, heights: list[float | None], allowed: frozenset[tuple[str, str]]
-) -> Array | None:
+def _first_clear(postures: Postures, heights: list[float | None], wanted: Array) -> Array:
     """A clear posture above the first of some heights where one can be held; else the first of those that cannot."""
     strained: list[Array] = []
     for height in heights:
-        q = postures.clear(height, allowed)
+        q = postures.clear(height)
         if q is not None and postures.strain(q) <= 1.0:
             return q
         strained += [] if q is None else [q]
-    return strained[0] if strained else None
-
-
-def _can_steer(figure: Figure, legs: list[int], feet: tuple[FootGuess, ...]) -> bool:
-    """Whether legs have the joints to move a trunk forth, aside and up: six coordinates of the base and the legs' less
-    what the feet hold, six of a sole and three of a point or an edge."""
-    joints = {joint for leg in legs for joint in figure.chain(leg)}
-    held = sum(6 if len(foot.sole) >= 3 else 3 for foot in feet)
-    return 6 + len(joints) - held >= 3
-
-
-def _has_tied_legs(figure: Figure, legs: list[int]) -> bool:
-    """Whether joints of legs have to follow from others, which feet that stay do not let them."""
-    mechanism = figure.robot.mechanism
-    if mechanism is None:
-        return False
-    columns = limb_columns(figure.model, legs)
-    return bool(np.isin(mechanism.following_from(columns).passive, columns).any())
+    return strained[0] if strained else wanted
 
 
 def weak_joints(figure: Figure, rest: Rest) -> dict[str, float]:
@@ -226,10 +151,6 @@ _CONSEQUENCE = {
 }
 
 
-def _assumption(what: str, value: str, consequence: str) -> Assumed:
-    return Assumed(what=what, value=value, consequence=consequence)
-
-
 # A posture in which a bare model rests: upright on its legs, or free of collision above its ground.
 
 # Room that motions need about a standing posture: of the legs' joints to their limits [rad], between links and below
@@ -243,8 +164,6 @@ _BEND = 0.6
 # every direction. Other makers' quadrupeds have 0.2 … 0.3; on legs with 0.14 (ANYmal's hind ones, little bent) and 0.10
 # (CENTAURO's, whose feet rest below the axes that turn their hips) most and all of the candidates are out of reach.
 _AGILE = 0.2
-# Share of the usable torque down to which a posture is eased: beside it there must be others that can be held, too.
-_EASE = 0.8
 # Random postures of what does not stand, from near the wanted posture outwards; a dual arm needs some tens.
 _TRIES = 300
 
@@ -258,36 +177,84 @@ class _Tried(NamedTuple):
 
 
 class Postures:
-    """Searches postures of a figure within its limits, a tenth of each range away from them where possible."""
+    """Searches postures of a figure within its limits, a tenth of each range away from them where possible.
 
-    def __init__(self, figure: Figure, search: PairSearch, wanted: Array, rng: np.random.Generator) -> None:
-        self.figure, self.search, self.rng = figure, search, rng
-        limits = figure.robot.limits
+    Args:
+        figure: the robot.
+        search: of its links' distances.
+        wanted: posture from which others are sought ``(n_joints,)``.
+        free: whether the model says that its base is free; None where it does not say.
+        ignored: pairs of links that may touch.
+        rng: draws postures.
+
+    Attributes:
+        legs: joints at the ends of the limbs that the robot stands on in the wanted posture.
+        standing: how it stands on them; None where it does not.
+        margin: distance that links keep [m].
+    """
+
+    def __init__(
+        self,
+        figure: Figure,
+        search: PairSearch,
+        wanted: Array,
+        free: bool | None,
+        ignored: frozenset[tuple[str, str]],
+        rng: np.random.Generator,
+    ) -> None:
+        self.figure, self.search, self.ignored, self.rng = figure, search, ignored, rng
+        robot, limits = figure.robot, figure.robot.limits
         room = 0.1 * (limits.position_upper - limits.position_lower)
         self.lower, self.upper = limits.position_lower + room, limits.position_upper - room
         self.wanted = np.clip(wanted, limits.position_lower, limits.position_upper)
+        self.margin = robot.description.collision.margin
+        self.usable = usable_torque(robot, np.full(robot.n_joints, TORQUE_SHARE), limits.velocity)
         self.footing = Footing(figure, self.lower, self.upper, self.wanted)
-        self.stances = Stances(figure, self.lower, self.upper, self.wanted)
+        self.legs = [] if free is False else figure.legs(wanted, free=bool(free))
+        self.of_legs = {joint for leg in self.legs for joint in figure.chain(leg)}
+        known = self.legs and not figure.is_guessed(self.legs)
+        self.standing = self._find_standing() if known else None
 
-    def clear(self, ground: float | None, ignored: frozenset[tuple[str, str]]) -> Array | None:
+    def explain_held(self) -> str:
+        """Why a robot that ought to stand on legs is held; empty where it stands."""
+        figure, mechanism, standing = self.figure, self.figure.robot.mechanism, self.standing
+        if not self.legs:
+            return "no legs were found that it could stand on: hold it still"
+        if figure.is_guessed(self.legs):
+            return "no geometry says where its soles are: hold the robot up, legs free"
+        if standing is None:
+            return "no standing posture was found: hold the robot up, legs free"
+        if not has_area(self.footing.corners(standing, self.legs)):
+            return "its feet span no area to stand on: hold the robot up, legs free"
+        # To move a trunk forth, aside and up: six coordinates of the base and the legs' less what the feet hold, six of
+        # a sole and three of a point or an edge.
+        held = sum(6 if len(foot.sole) >= 3 else 3 for foot in standing.feet)
+        if 6 + len(self.of_legs) - held < 3:
+            return "its legs have too few joints to move it over feet that stay: hold the robot up, legs free"
+        columns = limb_columns(figure.model, self.legs)
+        # Joints that have to follow from others, which feet that stay do not let them.
+        if mechanism is not None and np.isin(mechanism.following_from(columns).passive, columns).any():
+            return "joints of its legs follow from others, and no balance was planned so: hold the robot up, legs free"
+        return ""
+
+    def clear(self, ground: float | None) -> Array | None:
         """A posture near the wanted one without collision and above the ground that the drives can hold; one that
         strains them least where none can be held, None where all collide."""
-        every = np.ones(len(self.wanted), dtype=bool)
-        parted = self._parted(self.wanted, set(), ignored)
+        tries = [self._parted(self.wanted, set()), self.wanted]
+        for number in range(_TRIES):
+            goal = self.rng.uniform(self.lower, self.upper)
+            tries.append(self.wanted + (number + 1) / _TRIES * (goal - self.wanted))
         least: tuple[float, Array] | None = None
-        for near in (parted, *self._near(self.wanted, every)):
-            q = self._closed(near)
-            if q is None:
-                continue
+        for q in (closed for near in tries if (closed := self._closed(near)) is not None):
             eased = self._eased(q)
             strain = self.strain(eased)
             if least is not None and strain >= least[0]:
                 continue
-            if self.touching(eased, ignored) or (ground is not None and self._below(eased, ground)):
+            if self.touching(eased) or (ground is not None and self._is_below(eased, ground)):
                 continue
-            if strain <= 1.0:
-                return eased
             least = strain, eased
+            if strain <= 1.0:
+                break
         return None if least is None else least[1]
 
     def _closed(self, q: Array) -> Array | None:
@@ -304,7 +271,7 @@ class Postures:
 
     def strain(self, q: Array) -> float:
         """The largest torque that holds a posture, of what motions may use of it."""
-        return float(np.abs(holding_torques(self.figure.robot, q[None]) / self._usable).max(initial=0.0))
+        return float(np.abs(holding_torques(self.figure.robot, q[None]) / self.usable).max(initial=0.0))
 
     def _eased(self, q: Array) -> Array:
         """A posture near ``q`` that the drives can hold, as far as one is found downhill from it."""
@@ -313,135 +280,100 @@ class Postures:
         model, data = self.figure.model, self.figure.data
 
         def excess(at: Array) -> tuple[float, Array]:
-            strain = pin.computeGeneralizedGravity(model, data, at) / self._usable
-            over = np.sign(strain) * np.maximum(np.abs(strain) - _EASE, 0.0)
-            slope = pin.computeGeneralizedGravityDerivatives(model, data, at) / self._usable[:, None]
+            strain = pin.computeGeneralizedGravity(model, data, at) / self.usable
+            # Share of the usable torque down to which a posture is eased: beside it there must be others that can be
+            # held, too.
+            over = np.sign(strain) * np.maximum(np.abs(strain) - 0.8, 0.0)
+            slope = pin.computeGeneralizedGravityDerivatives(model, data, at) / self.usable[:, None]
             return float(over @ over), 2.0 * over @ slope
 
         bounds = list(zip(self.lower, self.upper, strict=True))
         start = np.clip(q, self.lower, self.upper)
         return np.asarray(minimize(excess, start, jac=True, method="L-BFGS-B", bounds=bounds).x)
 
-    @cached_property
-    def _usable(self) -> Array:
-        robot = self.figure.robot
-        return usable_torque(robot, np.full(robot.n_joints, TORQUE_SHARE), robot.limits.velocity)
+    def _distances(self, q: Array) -> dict[tuple[str, str], float]:
+        """Distances of the links that have to keep one [m]."""
+        found = zip(self.search.pairs, self.search.distances(self.search.posture(q)), strict=True)
+        return {pair: float(distance) for pair, distance in found if pair not in self.ignored}
 
-    def _near(self, start: Array, moves: Array) -> list[Array]:
-        tries = [start]
-        for number in range(_TRIES):
-            share = (number + 1) / _TRIES
-            goal = self.rng.uniform(self.lower, self.upper)
-            tries.append(np.where(moves, start + share * (goal - start), start))
-        return tries
-
-    def touching(
-        self, q: Array, ignored: frozenset[tuple[str, str]], slack: float = 0.0
-    ) -> list[tuple[str, str]]:
+    def touching(self, q: Array, slack: float = 0.0) -> list[tuple[str, str]]:
         """Pairs of links closer than the margin and some slack [m], those left out that are ignored."""
-        margin = self.figure.robot.description.collision.margin + slack
-        near = self.search.distances(self.search.posture(q)) < margin
-        return [
-            pair for pair, close in zip(self.search.pairs, near, strict=True) if close and pair not in ignored
-        ]
+        return [pair for pair, distance in self._distances(q).items() if distance < self.margin + slack]
 
-    def _below(self, q: Array, ground: float) -> bool:
-        margin = self.figure.robot.description.collision.margin
-        low = self.figure.lowest(q)
-        return any(
-            z < ground + margin for joint, z in low.items() if joint and self.figure.model.parents[joint] != 0
-        )
+    def _is_below(self, q: Array, ground: float) -> bool:
+        low, parents = self.figure.lowest(q), self.figure.model.parents
+        return any(z < ground + self.margin for joint, z in low.items() if joint and parents[joint] != 0)
 
-    def standing(self, legs: list[int], ignored: frozenset[tuple[str, str]]) -> Standing | None:
+    def _find_standing(self) -> Standing | None:
         """A posture with all feet on one plane, the centre of mass where they hold it, and nothing touching.
 
         What links of a leg and of its trunk touch in all postures on bent legs does not count: hulls of hips and ankles
         are larger than what turns in them, and a robot on straight legs can move nothing but its arms.
         """
-        tried = self._tried(self.stances.of(legs), legs, ignored)
-        if not tried or self._agility(self._best(tried, legs, ignored).stand, legs) < _AGILE:
-            tried += self._tried(self.stances.wide(legs), legs, ignored)
+        stances = Stances(self.figure, self.lower, self.upper, self.wanted)
+        tried = self._try_stances(stances.bent(self.legs))
+        if not tried or self._least(self.footing.agility, self._best(tried).stand) < _AGILE:
+            tried += self._try_stances(stances.wide(self.legs))
         if not tried:
             return None
-        best, of_hulls = self._best(tried, legs, ignored), self._of_hulls(tried, legs)
-        return self._spread(best.stand, legs, ignored | of_hulls) if best.touching - of_hulls else best.stand
+        best, stated = self._best(tried), self.ignored
+        self.ignored = stated | self._of_hulls(tried)
+        if self.touching(best.stand.q):
+            # The same feet with arms and head out of the way, if that can be; else as far as it could.
+            found = self.footing.stand(self._parted(best.stand.q, self.of_legs), self.legs)
+            if found is not None and len(self.touching(found.q)) < len(self.touching(best.stand.q)):
+                best = best._replace(stand=found)
+        self.ignored = stated
+        return best.stand
 
-    def _tried(
-        self, starts: list[Array], legs: list[int], ignored: frozenset[tuple[str, str]]
-    ) -> list[_Tried]:
+    def _try_stances(self, starts: list[Array]) -> list[_Tried]:
         """What is found from some starts, up to the first that leaves nothing to wish for."""
         tried: list[_Tried] = []
         for start in starts:
-            found = self.footing.stand(start, legs)
+            found = self.footing.stand(start, self.legs)
             if found is None:
                 continue
-            touching = frozenset(self.touching(found.q, ignored))
-            tried.append(_Tried(found, touching, self._bend(found, legs) >= _BEND))
-            if not touching and self._room(found, legs, ignored) >= 1.0:
+            touching = frozenset(self.touching(found.q))
+            tried.append(_Tried(found, touching, self._least(self.footing.bend, found) >= _BEND))
+            if not touching and self._room(found) >= 1.0:
                 break
         return tried
 
-    def _best(self, tried: list[_Tried], legs: list[int], ignored: frozenset[tuple[str, str]]) -> _Tried:
+    def _best(self, tried: list[_Tried]) -> _Tried:
         """The one with the most room, and with the fewest pairs that touch."""
-        of_hulls = self._of_hulls(tried, legs)
+        of_hulls = self._of_hulls(tried)
+        return max(tried, key=lambda one: self._room(one.stand, of_hulls) - len(one.touching - of_hulls))
 
-        def score(one: _Tried) -> float:
-            return self._room(one.stand, legs, ignored | of_hulls) - len(one.touching - of_hulls)
-
-        return max(tried, key=score)
-
-    def _of_hulls(self, tried: list[_Tried], legs: list[int]) -> frozenset[tuple[str, str]]:
+    def _of_hulls(self, tried: list[_Tried]) -> frozenset[tuple[str, str]]:
         """Pairs of links with only joints of legs between them that touch in every posture on bent legs."""
         bent = [one.touching for one in tried if one.bent]
-        of_legs = {joint for leg in legs for joint in self.figure.chain(leg)}
         common = frozenset.intersection(*bent) if bent else frozenset[tuple[str, str]]()
-        return frozenset(pair for pair in common if set(self.search.joints_between(pair)) <= of_legs)
+        return frozenset(pair for pair in common if set(self.search.joints_between(pair)) <= self.of_legs)
 
-    def _bend(self, stand: Standing, legs: list[int]) -> float:
-        return min(self.footing.bend(stand, leg, foot) for leg, foot in zip(legs, stand.feet, strict=True))
+    def _least(self, measure: Callable[[Standing, int, FootGuess], float], stand: Standing) -> float:
+        return min(measure(stand, leg, foot) for leg, foot in zip(self.legs, stand.feet, strict=True))
 
-    def _agility(self, stand: Standing, legs: list[int]) -> float:
-        return min(self.footing.agility(stand, leg, foot) for leg, foot in zip(legs, stand.feet, strict=True))
-
-    def _room(self, stand: Standing, legs: list[int], ignored: frozenset[tuple[str, str]]) -> float:
-        """How much of the room that motions need is there, 0 … 1."""
-        q = stand.q
-        limits = self.figure.robot.limits
-        joints = sorted({joint - 1 for leg in legs for joint in self.figure.chain(leg)})
+    def _room(self, stand: Standing, apart_from: Collection[tuple[str, str]] = ()) -> float:
+        """How much of the room that motions need is there, 0 … 1, some pairs of links left out."""
+        q, limits = stand.q, self.figure.robot.limits
+        joints = sorted(joint - 1 for joint in self.of_legs)
         to_limits = np.minimum(q - limits.position_lower, limits.position_upper - q)[joints]
-        margin = self.figure.robot.description.collision.margin
-        apart = [
-            distance - margin
-            for pair, distance in zip(
-                self.search.pairs, self.search.distances(self.search.posture(q)), strict=True
-            )
-            if pair not in ignored
-        ]
-        low, of_legs = self.figure.lowest(q), {joint for leg in legs for joint in self.figure.chain(leg)}
-        ground = min(low[leg] for leg in legs)
-        above = [low[joint] - ground - margin for joint in low if joint not in of_legs]
+        apart = [one - self.margin for pair, one in self._distances(q).items() if pair not in apart_from]
+        low = self.figure.lowest(q)
+        ground = min(low[leg] for leg in self.legs) + self.margin
+        above = [low[joint] - ground for joint in low if joint not in self.of_legs]
         shares = (
             float(to_limits.min(initial=_ROOM)) / _ROOM,
             min(apart, default=_APART) / _APART,
             min(above, default=_APART) / _APART,
-            self._bend(stand, legs) / _BEND,
-            self._agility(stand, legs) / _AGILE,
+            self._least(self.footing.bend, stand) / _BEND,
+            self._least(self.footing.agility, stand) / _AGILE,
         )
         return sum(min(max(share, 0.0), 1.0) for share in shares) / len(shares)
 
-    def _spread(self, stand: Standing, legs: list[int], ignored: frozenset[tuple[str, str]]) -> Standing:
-        """The same feet with arms and head out of the way, if that can be; else as far as it could."""
-        of_legs = {joint for leg in legs for joint in self.figure.chain(leg)}
-        found = self.footing.stand(self._parted(stand.q, of_legs, ignored), legs)
-        return (
-            found
-            if found and len(self.touching(found.q, ignored)) < len(self.touching(stand.q, ignored))
-            else stand
-        )
-
-    def _parted(self, q: Array, kept: set[int], ignored: frozenset[tuple[str, str]]) -> Array:
+    def _parted(self, q: Array, kept: set[int]) -> Array:
         """Fewer links touching: pair by pair, joints between its links are drawn anew, but for those ``kept``."""
-        touching = self.touching(q, ignored)
+        touching = self.touching(q)
         for number in range(_TRIES):
             if not touching:
                 break
@@ -451,7 +383,7 @@ class Postures:
             drawn = q.copy()
             goal = self.rng.uniform(self.lower, self.upper)
             drawn[places] += share * (goal - q)[places]
-            after = self.touching(drawn, ignored)
+            after = self.touching(drawn)
             if len(after) < len(touching):
                 q, touching = drawn, after
         return q
@@ -464,11 +396,6 @@ _BENDS = (0.5, -0.5, 0.7, -0.7, 0.35, -0.35, 0.9, -0.9, 0.2, -0.2)
 _WIDE = (0.0, 0.12)
 # Cosine of 37 degrees: axes this near to each other, or to the ground, count as along them.
 _ALONG = 0.8
-# Steps of Newton's method by which a leg's end is turned to where it faced, to within half a degree [rad]; directions
-# that joints turn a tenth as well as others are left as they are.
-_TURNS, _FACES, _RCOND = 5, 0.01, 0.1
-# Cosine of 60 degrees: a hip that swings its thigh about an axis less oblique than this bends the leg (an X1's has 45).
-_OBLIQUE = 0.5
 
 
 class Stances:
@@ -482,8 +409,12 @@ class Stances:
 
     def __init__(self, figure: Figure, lower: Array, upper: Array, wanted: Array) -> None:
         self.figure, self.lower, self.upper, self.wanted = figure, lower, upper, wanted
+        # Axes of the joints, and where they are, with all at zero.
+        jacobian = pin.computeJointJacobians(figure.model, figure.data, pin.neutral(figure.model))
+        self.axes = jacobian[3:].T.copy()
+        self.sides = np.sign([place.translation[1] for place in figure.data.oMi])
 
-    def of(self, legs: list[int]) -> list[Array]:
+    def bent(self, legs: list[int]) -> list[Array]:
         """In the order in which they are tried."""
         starts = [self.wanted] if np.any(self.wanted) else []
         starts += [self._bent(legs, bend, wide) for wide in _WIDE for bend in _BENDS]
@@ -495,95 +426,47 @@ class Stances:
 
     def _sprawled(self, legs: list[int], bend: float) -> Array:
         """The wanted posture with thighs out and shanks down."""
-        q = self.wanted.copy()
-        model, data = self.figure.model, self.figure.data
+        q, data = self.wanted.copy(), self.figure.data
         for leg in legs:
-            pin.computeJointJacobians(model, data, pin.neutral(model))
-            pitch, signs, _ = self._pitches(leg)
-            if len(pitch) < 2:
-                continue
+            pitch, signs = self._pitches(leg)
             reached = []
-            for side in (1.0, -1.0):
+            for side in (1.0, -1.0) if len(pitch) > 1 else ():
                 tried = q.copy()
-                tried[pitch[:2]] = side * bend * np.array([1.0, -1.0]) * np.array(signs[:2])
+                tried[pitch[:2]] = side * bend * np.array([1.0, -1.0]) * signs[:2]
                 self.figure.centre(tried)
                 reached.append((float(np.linalg.norm(data.oMi[leg].translation[:2])), tried))
-            q = max(reached, key=lambda one: one[0])[1]
+            q = max(reached, key=lambda one: one[0], default=(0.0, q))[1]
         return np.clip(q, self.lower, self.upper)
 
     def _bent(self, legs: list[int], bend: float, wide: float) -> Array:
-        """The wanted posture with knees bent, each leg to the side that its limits allow."""
+        """The wanted posture with knees bent, each leg to the side that its limits allow, and hips turned out."""
         q = self.wanted.copy()
-        model, data = self.figure.model, self.figure.data
-        pin.computeJointJacobians(model, data, pin.neutral(model))
         for leg in legs:
-            pitch, signs, oblique = self._pitches(leg)
-            self._widen(q, leg, wide)
+            rolls = [joint - 1 for joint in self.figure.chain(leg) if abs(self.axes[joint - 1, 0]) > 0.8]
+            # The hip turns out and the ankle back, if joints for that are there.
+            for joint, turn in zip((rolls[:1] + rolls[-1:])[: len(rolls)], (1.0, -1.0), strict=False):
+                q[joint] += turn * self.sides[leg] * wide * np.sign(self.axes[joint, 0])
+            pitch, signs = self._pitches(leg)
             if len(pitch) < 2:
                 continue
-            pattern = np.zeros(len(pitch))
-            pattern[:3] = np.array([1.0, -2.0, 1.0])[: len(pitch)]
-            both = [side * bend * pattern * np.array(signs) for side in (1.0, -1.0)]
-            clipped = [np.clip(angles, self.lower[pitch], self.upper[pitch]) for angles in both]
-            lost = [float(np.abs(a - b).sum()) for a, b in zip(both, clipped, strict=True)]
-            q[pitch] = clipped[0] if lost[0] <= lost[1] + 1e-9 else clipped[1]
-            if oblique:
-                self._face_as_drawn(q, leg, pitch[1])
+            pattern = bend * np.pad([1.0, -2.0, 1.0], (0, len(pitch)))[: len(pitch)] * signs
+            both = [
+                (angles, np.clip(angles, self.lower[pitch], self.upper[pitch]))
+                for angles in (pattern, -pattern)
+            ]
+            lost = [float(np.abs(a - b).sum()) for a, b in both]
+            q[pitch] = both[0 if lost[0] <= lost[1] + 1e-9 else 1][1]
         return np.clip(q, self.lower, self.upper)
 
-    def _face_as_drawn(self, q: Array, leg: int, knee: int) -> None:
-        """Turn a leg's end back to as it is wanted, by joints other than the knee: an oblique hip turned its toes."""
-        model, data = self.figure.model, self.figure.data
-        columns = [joint - 1 for joint in self.figure.chain(leg) if joint - 1 != knee]
-        pin.forwardKinematics(model, data, self.wanted)
-        drawn = data.oMi[leg].rotation.copy()
-        for _ in range(_TURNS):
-            pin.computeJointJacobians(model, data, q)
-            off = pin.log3(drawn @ data.oMi[leg].rotation.T)
-            if len(columns) < 3 or np.linalg.norm(off) < _FACES:
-                break
-            turn = pin.getJointJacobian(model, data, leg, pin.LOCAL_WORLD_ALIGNED)[3:, columns]
-            q[columns] += np.linalg.lstsq(turn, off, rcond=_RCOND)[0]
-        pin.computeJointJacobians(model, data, pin.neutral(model))
-
-    def _pitches(self, leg: int) -> _Pitches:
-        """Joints of a leg that bend it, as indices, and which way each turns: most of its level axes are parallel.
-
-        Where these are a knee and an ankle alone, the hip before them is the one that turns most nearly about theirs,
-        if obliquely, which comes third.
-        """
-        axes = []
-        for joint in self.figure.chain(leg):
-            turn = pin.getJointJacobian(self.figure.model, self.figure.data, joint, pin.LOCAL_WORLD_ALIGNED)
-            axes.append((joint - 1, turn[3:, joint - 1]))
-        level = [
-            (index, axis[:2] / np.linalg.norm(axis[:2]))
-            for index, axis in axes
-            if np.linalg.norm(axis[:2]) > _ALONG
+    def _pitches(self, leg: int) -> tuple[list[int], Array]:
+        """Joints of a leg that bend it, as indices, and which way each turns: most of its level axes are parallel."""
+        level = {joint - 1: self.axes[joint - 1, :2] for joint in self.figure.chain(leg)}
+        sizes = {joint: float(np.linalg.norm(axis)) for joint, axis in level.items()}
+        axes = {joint: axis / sizes[joint] for joint, axis in level.items() if sizes[joint] > _ALONG}
+        groups = [
+            [one for one, other in axes.items() if abs(other @ axis) > _ALONG] for axis in axes.values()
         ]
-        groups = [[one for one in level if abs(one[1] @ axis) > _ALONG] for _, axis in level]
         # Where as many roll as pitch, those across the robot bend it.
-        group = max(groups, key=lambda one: (len(one), abs(one[0][1][1])), default=[])
-        if not group:
-            return _Pitches([], [], False)
-        forth = group[0][1] * (1.0 if group[0][1][1] >= 0.0 else -1.0)
-        before = [(index, axis[:2]) for index, axis in axes[: [i for i, _ in axes].index(group[0][0])]]
-        hip = max(before, key=lambda one: abs(float(one[1] @ forth)), default=None)
-        oblique = len(group) == 2 and hip is not None and abs(float(hip[1] @ forth)) > _OBLIQUE
-        if oblique and hip is not None:
-            group = [hip, *group]
-        return _Pitches(
-            [index for index, _ in group], [float(np.sign(axis @ forth)) for _, axis in group], oblique
-        )
-
-    def _widen(self, q: Array, leg: int, wide: float) -> None:
-        """Turn a leg's hip out by ``wide`` [rad] and its ankle back, if joints for that are there."""
-        model, data = self.figure.model, self.figure.data
-        columns = {
-            joint: pin.getJointJacobian(model, data, joint, pin.LOCAL_WORLD_ALIGNED)[3, joint - 1]
-            for joint in self.figure.chain(leg)
-        }
-        rolls = [joint for joint, share in columns.items() if abs(share) > 0.8]
-        side = np.sign(data.oMi[leg].translation[1])
-        for joint, turn in zip((rolls[:1] + rolls[-1:])[: len(rolls)], (1.0, -1.0), strict=False):
-            q[joint - 1] += turn * side * wide * np.sign(columns[joint])
+        group = max(groups, key=lambda one: (len(one), abs(axes[one[0]][1])), default=[])
+        forth = axes[group[0]] if group else np.zeros(2)
+        return group, np.sign([axes[joint] @ forth * (1.0 if forth[1] >= 0.0 else -1.0) for joint in group])

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
+from excite.atomic import write_text
 from excite.display import count
 from excite.errors import RobotError
 from excite.finding import Examination, Finding, list_names, merge_findings, worst_first
@@ -16,20 +17,16 @@ from excite.robot.description import FREE_BASES, RobotDescription, read_descript
 from excite.robot.init_robot.description import AS_IT_IS
 from excite.robot.init_robot.files import expand_xacro, is_xacro
 from excite.robot.inspection.links import DescribedRobot
-from excite.robot.inspection.rules import COMPARISON_RULES, SHAPE_RULES, impossible_inertia
+from excite.robot.inspection.rules import RULES, impossible_inertia
 from excite.robot.loading import load_robot, urdf_of
 from excite.robot.mjcf.conversion import convert_mjcf, is_mjcf
 from excite.robot.robot import Robot
 from excite.robot.urdf.inertia import drop_points, inertial_faults
-from excite.robot.urdf.reading import MAX_NESTING, parse_urdf
+from excite.robot.urdf.numbers import MOMENTS, add_element
+from excite.robot.urdf.reading import MAX_NESTING, prepare_urdf
 from excite.robot.urdf.tree import check_tree
 from excite.temporary_folder import TemporaryFolder
 
-RULES: tuple[Callable[[DescribedRobot], Iterator[Finding]], ...] = (
-    impossible_inertia,
-    *SHAPE_RULES,
-    *COMPARISON_RULES,
-)
 # What follows from another fault of the same link is not said beside it.
 _TELLS = {"inertia_scale": ("density", "placeholder")}
 _OF_INERTIA = {"triangle", "not_positive", "inertial"}
@@ -72,21 +69,25 @@ def examine_description(name_or_path: str | Path) -> RobotChart:
     path = Path(name_or_path)
     if path.suffix != ".xacro":
         path = find_robot(name_or_path)
-    if path.suffix not in {".yaml", ".yml"}:
-        place = TemporaryFolder()
-        try:
-            urdf = _urdf_of_model(path, place.path)
-        except RobotError as error:
-            return _inertials_alone(path, place.path, error)
-        return _examined(path.stem, urdf)
-    chart = _of_description(read_description(path), path)
-    if not chart.healthy:
+    if path.suffix in {".yaml", ".yml"}:
+        description = read_description(path)
+        chart = _of_description(description, path)
+        if chart.healthy:
+            try:
+                load_robot(path)
+            except RobotError as error:
+                return RobotChart(chart.robot, worst_first((_refusal(error), *chart.findings)))
         return chart
+    place = TemporaryFolder()
+    folder, urdf = place.path, path
     try:
-        load_robot(path)
+        if is_mjcf(path):
+            urdf = convert_mjcf(path).write(folder / f"{path.stem}.urdf")
+        elif is_xacro(path):
+            urdf = write_text(folder / f"{path.stem}.urdf", expand_xacro(path, {}, ()))
     except RobotError as error:
-        return RobotChart(chart.robot, worst_first((_refusal(error), *chart.findings)))
-    return chart
+        return _inertials_alone(path, folder, error)
+    return _examined(path.stem, urdf)
 
 
 def examine_model(robot: Robot) -> RobotChart:
@@ -98,26 +99,17 @@ def examine_model(robot: Robot) -> RobotChart:
 
 
 def _of_description(description: RobotDescription, path: Path, *, thorough: bool = True) -> RobotChart:
-    urdf = urdf_of(description, path)
-    accepted = {
-        link: reason
-        for link, reason in description.model.acknowledged.items()
-        if not reason.startswith(AS_IT_IS)
-    }
-    return _examined(
-        description.name,
-        urdf,
-        floating=description.base in FREE_BASES,
-        acknowledged=accepted,
-        thorough=thorough,
-    )
+    stated = description.model.acknowledged.items()
+    accepted = {link: reason for link, reason in stated if not reason.startswith(AS_IT_IS)}
+    free, urdf = description.base in FREE_BASES, urdf_of(description, path)
+    return _examined(description.name, urdf, floating=free, acknowledged=accepted, thorough=thorough)
 
 
 def _inertials_alone(path: Path, folder: Path, error: RobotError) -> RobotChart:
     """Judge the inertials that a MuJoCo model states which MuJoCo refuses; raise its error where that is not why."""
     if not is_mjcf(path):
         raise error
-    urdf = ElementTree.Element("robot", name=path.stem)
+    urdf = Element("robot", name=path.stem)
     for number, body in enumerate(read_xml(path, error=RobotError, max_depth=MAX_NESTING).iter("body")):
         stated = body.find("inertial")
         if stated is None:
@@ -126,27 +118,16 @@ def _inertials_alone(path: Path, folder: Path, error: RobotError) -> RobotChart:
         if len(moments) not in {3, 6}:
             raise error
         xx, yy, zz, xy, xz, yz = [*moments, "0", "0", "0"][:6]
-        link = ElementTree.SubElement(urdf, "link", name=body.get("name") or f"body_{number}")
-        inertial = ElementTree.SubElement(link, "inertial")
-        ElementTree.SubElement(inertial, "origin", xyz=stated.get("pos", "0 0 0"))
-        ElementTree.SubElement(inertial, "mass", value=stated.get("mass", "0"))
-        ElementTree.SubElement(inertial, "inertia", ixx=xx, iyy=yy, izz=zz, ixy=xy, ixz=xz, iyz=yz)
+        link = add_element(urdf, "link", name=body.get("name") or f"body_{number}")
+        inertial = add_element(link, "inertial")
+        add_element(inertial, "origin", xyz=stated.get("pos", "0 0 0"))
+        add_element(inertial, "mass", value=stated.get("mass", "0"))
+        add_element(inertial, "inertia", **dict(zip(MOMENTS, (xx, xy, xz, yy, yz, zz), strict=True)))
     robot = DescribedRobot(urdf, folder / f"{path.stem}.urdf")
     found = (*robot.faults, *impossible_inertia(robot))
     if not found:
         raise error
     return RobotChart(path.stem, worst_first(merge_findings((*found, _refusal(error)))))
-
-
-def _urdf_of_model(path: Path, folder: Path) -> Path:
-    """The URDF that a model is, or is made of it in a folder."""
-    if is_mjcf(path):
-        return convert_mjcf(path).write(folder / f"{path.stem}.urdf")
-    if is_xacro(path):
-        made = folder / f"{path.stem}.urdf"
-        made.write_text(expand_xacro(path, {}, ()))
-        return made
-    return path
 
 
 def _examined(
@@ -157,55 +138,39 @@ def _examined(
     acknowledged: Mapping[str, str] | None = None,
     thorough: bool = True,
 ) -> RobotChart:
-    """Judge a URDF."""
+    """Judge a URDF; faults of the links in ``acknowledged`` are accepted, for the reasons there."""
     root = read_xml(urdf, error=RobotError, max_depth=MAX_NESTING)
     if root.tag != "robot":
-        parse_urdf(urdf)
+        prepare_urdf(root, urdf)
     drop_points(root)
-    robot = DescribedRobot(root, urdf, floating=floating, thorough=thorough)
-    found = [finding for rule in RULES for finding in rule(robot)]
-    found = [*robot.faults, *found]
-    found += _refused(urdf, floating, {place for one in found for place in one.places})
-    stated = acknowledged or {}
+    robot = DescribedRobot(root, urdf, thorough=thorough)
+    ruled = [finding for rule in RULES for finding in rule(robot)]
+    found = [*robot.faults, *ruled]
+    found += _refused(root, urdf, floating, {place for one in found for place in one.places})
     told = {(one.kind, place) for one in found for place in one.places}
-    found = [
-        _accepted(one, stated)
-        for one in found
-        if not any((kind, place) in told for kind in _TELLS.get(one.kind, ()) for place in one.places)
-    ]
-    return RobotChart(name, worst_first(tuple(_shortened(one) for one in merge_findings(tuple(found)))))
+    kept = []
+    for one in found:
+        if any((kind, place) in told for kind in _TELLS.get(one.kind, ()) for place in one.places):
+            continue
+        if acknowledged and one.kind in _OF_INERTIA and set(one.places) <= set(acknowledged):
+            reason = f"accepted in robot.yaml: {acknowledged[one.places[0]]}"
+            one = replace(one, severity="note", remedy=reason)
+        kept.append(one)
+    merged = merge_findings(tuple(kept))
+    return RobotChart(name, worst_first(tuple(_shortened(one) for one in merged)))
 
 
 def _shortened(finding: Finding) -> Finding:
     """A finding of many links told of the first."""
     first, *others = finding.text.split("; ")
-    return (
-        replace(finding, text=f"{first}; the like of {count(len(others), 'other')}")
-        if len(others) > 1
-        else finding
-    )
+    text = f"{first}; the like of {count(len(others), 'other')}" if len(others) > 1 else finding.text
+    return replace(finding, text=text)
 
 
-def _accepted(finding: Finding, acknowledged: Mapping[str, str]) -> Finding:
-    """A finding, a note where the robot's description accepts the fault of that link with a reason."""
-    if finding.kind not in _OF_INERTIA or not set(finding.places) <= set(acknowledged):
-        return finding
-    reason = acknowledged[finding.places[0]]
-    return Finding(
-        finding.kind,
-        finding.text,
-        finding.figures,
-        finding.places,
-        "note",
-        finding.sure,
-        remedy=f"accepted in robot.yaml: {reason}",
-    )
-
-
-def _refused(urdf: Path, floating: bool, named: set[str]) -> Iterator[Finding]:
+def _refused(root: Element, urdf: Path, floating: bool, named: set[str]) -> Iterator[Finding]:
     """What the strict reader refuses that no rule has named."""
     try:
-        root = parse_urdf(urdf)
+        prepare_urdf(root, urdf)
         joints = check_tree(root, urdf)
         faults = inertial_faults(root, joints, floating, urdf)
     except RobotError as error:
@@ -215,14 +180,11 @@ def _refused(urdf: Path, floating: bool, named: set[str]) -> Iterator[Finding]:
     for name, fault in faults.items():
         if name not in named:
             said = f"{str(fault.field).partition('/')[2]} {fault.what}"
-            yield Finding(
-                "inertial", said, {}, (name,), "spoils", remedy="give it a mass and moments that a body has"
-            )
+            remedy = "give it a mass and moments that a body has"
+            yield Finding("inertial", said, {}, (name,), "spoils", remedy=remedy)
 
 
 def _refusal(error: RobotError) -> Finding:
     field = str(error.field or "")
-    place = tuple(field.split("'")[1:2])
-    return Finding(
-        "refused", f"{field} {error.what}".strip(), {}, place, "spoils", remedy=error.remedy or "correct it"
-    )
+    said, place = f"{field} {error.what}".strip(), tuple(field.split("'")[1:2])
+    return Finding("refused", said, {}, place, "spoils", remedy=error.remedy or "correct it")

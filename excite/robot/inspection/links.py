@@ -7,12 +7,11 @@ a number, a mesh or a joint that is wrong.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import NamedTuple
-from xml.etree import ElementTree
+from typing import Any
+from xml.etree.ElementTree import Element
 
 import numpy as np
 import pinocchio as pin
@@ -23,14 +22,11 @@ from excite.finding import Finding
 from excite.robot.shapes.collision import turn_file_upright, turn_upright
 from excite.robot.shapes.link_shapes import solid_shape
 from excite.robot.shapes.mesh_files import read_meshes
-from excite.robot.shapes.shape import CORNERS, Shape
-from excite.robot.urdf.inertia import WEIGHTLESS
-from excite.robot.urdf.numbers import read_numbers
-from excite.robot.urdf.reading import find_mesh
+from excite.robot.shapes.shape import outline, placed
+from excite.robot.urdf.inertia import WEIGHTLESS, symmetric_matrix
+from excite.robot.urdf.numbers import MOMENTS, read_numbers
+from excite.robot.urdf.reading import absolute_meshes
 from excite.robot.urdf.tree import MOVING, link_at
-
-MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-_ROUND = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,27 +69,14 @@ class Solid:
         return float((self.planes[:, :3] @ point + self.planes[:, 3]).max())
 
     def nearest(self, point: Array) -> Array:
-        """The point of the body nearest to one outside, by Dykstra's projection onto its half-spaces."""
-        found, steps = point.copy(), np.zeros((len(self.planes), 3))
-        for _ in range(200):
-            before = found.copy()
-            for index, plane in enumerate(self.planes):
-                free = found + steps[index]
-                found = free - max(0.0, plane[:3] @ free + plane[3]) * plane[:3]
-                steps[index] = free - found
-            if np.abs(found - before).max() < 1e-6:
-                break
-        return found
+        """The point of the body nearest to one outside: the mean of its corners by weights of least squares."""
+        from scipy.optimize import nnls
 
-
-class _Inertial(NamedTuple):
-    """The inertial of a link as :class:`DescribedLink` states it."""
-
-    mass: float | None
-    com: Array
-    stated: Array
-    step: float
-    axes: Array
+        # The weights' sum is held at one by a row that outweighs the rest a million times.
+        heavy = 1e3 * self.size
+        rows = np.vstack([(self.points - point).T, np.full(len(self.points), heavy)])
+        weights, _ = nnls(rows, np.array([0.0, 0.0, 0.0, heavy]))
+        return np.asarray(weights @ self.points / weights.sum())
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,71 +85,60 @@ class DescribedLink:
 
     Attributes:
         name: of the link.
+        pose: of the link in the root's frame with all joints at zero; None where the tree is broken.
+        body: link that heads the rigid body which it is a part of.
         mass: [kg]; None where it states none that can be read.
         com: centre of mass in the link's frame ``(3,)`` [m].
         stated: ixx, ixy, ixz, iyy, iyz, izz as written, along the inertial's own axes ``(6,)`` [kg·m²].
         step: half a unit of the last digit that the moments were written with [kg·m²].
         axes: the inertial's axes in the link's frame, ``(3, 3)``.
-        pose: of the link in the root's frame with all joints at zero; None where the tree is broken.
-        body: link that heads the rigid body which it is a part of.
-        moves: whether a joint, or a free base, moves it.
     """
 
     name: str
-    mass: float | None
-    com: Array
-    stated: Array
-    step: float
-    axes: Array
     pose: pin.SE3 | None
     body: str
-    moves: bool
+    mass: float | None = None
+    com: Array = field(default_factory=lambda: np.zeros(3))
+    stated: Array = field(default_factory=lambda: np.zeros(6))
+    step: float = 0.0
+    axes: Array = field(default_factory=lambda: np.eye(3))
 
     @property
-    def weighs(self) -> bool:
-        """Whether it states a mass above zero."""
-        return self.mass is not None and self.mass > 0.0
+    def weight(self) -> float:
+        """Its mass, 0 where it states none above zero [kg]."""
+        return max(self.mass or 0.0, 0.0)
 
     @property
     def inertia(self) -> Array:
         """About the centre of mass, along the link's axes ``(3, 3)`` [kg·m²]."""
-        return self.axes @ tensor(self.stated) @ self.axes.T
+        return self.axes @ symmetric_matrix(self.stated) @ self.axes.T
 
 
 @dataclass(frozen=True, eq=False)
 class DescribedJoint:
-    """A joint that moves, with the limits that it states; None where it states none.
+    """A joint that moves, with the limits that it states.
 
     Attributes:
         name: of the joint.
         kind: ``revolute``, ``continuous`` or ``prismatic``.
-        parent: link that carries it.
         child: link that it carries.
         axis: in the child's frame, of length one ``(3,)``.
-        lower: position limit [rad or m].
-        upper: position limit [rad or m].
-        effort: [N·m or N].
-        velocity: [rad/s or m/s].
+        limits: ``lower``, ``upper`` [rad or m], ``effort`` [N·m or N] and ``velocity`` [rad/s or m/s] where stated.
     """
 
     name: str
     kind: str
-    parent: str
     child: str
     axis: Array
-    lower: float | None
-    upper: float | None
-    effort: float | None
-    velocity: float | None
+    limits: dict[str, float]
 
 
 class DescribedRobot:
     """What a URDF states of its links and joints.
 
     Args:
-        root: the ``robot`` element.
+        root: the ``robot`` element, in which meshes that are found get their whole path.
         path: its file.
-        floating: whether the base is free.
         thorough: whether meshes of looks are read for every link that needs them; else only where the collision
             geometry alone would make a link impossible.
 
@@ -177,128 +149,103 @@ class DescribedRobot:
         missing: meshes that are not there, by link.
     """
 
-    def __init__(
-        self, root: ElementTree.Element, path: Path, *, floating: bool = False, thorough: bool = True
-    ) -> None:
+    def __init__(self, root: Element, path: Path, *, thorough: bool = True) -> None:
         self.path, self.thorough = path, thorough
         self._elements = {e.get("name", ""): e for e in root.findall("link")}
         self.faults: list[Finding] = []
-        self.missing: dict[str, list[str]] = {}
-        self._solids: dict[tuple[str, str], list[Array]] = {}
+        self.missing = {
+            name: lost for name, e in self._elements.items() if (lost := absolute_meshes(e, path))
+        }
         self._hulls: dict[tuple[str, ...], Solid | None] = {}
+        self._solids: dict[tuple[str, str], list[Array]] = {}
         self._meshes: dict[Path, Array | None] = {}
-        self._has_read = False
+        self._tried: set[str] = set()
         # Whether meshes with y up are meant to be turned.
         self._turns = False
-        carriers = {link_at(joint, "child"): joint for joint in root.findall("joint")}
-        self._parents = {child: link_at(joint, "parent") for child, joint in carriers.items()}
+        self._carriers = {link_at(joint, "child"): joint for joint in root.findall("joint")}
         self.joints = [self._joint(j) for j in root.findall("joint") if j.get("type") in MOVING]
-        self.links = {name: self._link(name, e, carriers, floating) for name, e in self._elements.items()}
-        for name in self.links:
-            self._note_missing(name)
+        self.links = {name: self._link(name, e) for name, e in self._elements.items()}
+
+    def _say(self, kind: str, text: str, place: str, severity: Any, remedy: str | None) -> None:
+        if text not in {fault.text for fault in self.faults}:
+            self.faults.append(Finding(kind, text, {}, (place,), severity, remedy=remedy or ""))
 
     def _numbers(
-        self, element: ElementTree.Element, key: str, n: int, where: str, default: str | None
+        self, element: Element | None, key: str, n: int, where: str, default: str | None
     ) -> Array | None:
         try:
-            return np.array(read_numbers(element, key, n, self.path, where, default=default))
+            holder = Element("none") if element is None else element
+            return np.array(read_numbers(holder, key, n, self.path, where, default=default))
         except RobotError as error:
-            place = where.split("/")[0].split(" ", 1)[1].strip("'")
             said = f"{str(error.field).partition('/')[2]} {error.what}"
-            if said not in {fault.text for fault in self.faults}:
-                self.faults.append(
-                    Finding("bad_number", said, {}, (place,), "spoils", remedy=error.remedy or "")
-                )
+            self._say("bad_number", said, where.split("'")[1], "spoils", error.remedy)
             return None
 
-    def _joint(self, joint: ElementTree.Element) -> DescribedJoint:
-        name, limit = joint.get("name", ""), joint.find("limit")
-        stated: dict[str, float | None] = {}
-        for key in ("lower", "upper", "effort", "velocity"):
-            found = None
-            if limit is not None and key in limit.attrib:
-                found = self._numbers(limit, key, 1, f"joint {name!r}/limit", None)
-            stated[key] = None if found is None else float(found[0])
-        ends = link_at(joint, "parent"), link_at(joint, "child")
-        stated_axis = joint.find("axis")
-        axis = np.array([1.0, 0.0, 0.0])
-        if stated_axis is not None:
-            found = self._numbers(stated_axis, "xyz", 3, f"joint {name!r}/axis", None)
-            axis = axis if found is None or not found.any() else found / np.linalg.norm(found)
-        return DescribedJoint(name, str(joint.get("type")), *ends, axis, *stated.values())
+    def _joint(self, joint: Element) -> DescribedJoint:
+        limit, where = joint.find("limit"), f"joint {joint.get('name', '')!r}"
+        stated: dict[str, float] = {
+            key: float(found[0])
+            for key in ("lower", "upper", "effort", "velocity")
+            if limit is not None and key in limit.attrib
+            if (found := self._numbers(limit, key, 1, f"{where}/limit", None)) is not None
+        }
+        axis = joint.find("axis")
+        found = np.zeros(3) if axis is None else self._numbers(axis, "xyz", 3, f"{where}/axis", None)
+        if found is None or not found.any():
+            found = np.array([1.0, 0.0, 0.0])
+        return DescribedJoint(
+            joint.get("name", ""),
+            str(joint.get("type")),
+            link_at(joint, "child"),
+            found / np.linalg.norm(found),
+            stated,
+        )
 
-    def _link(
-        self, name: str, link: ElementTree.Element, carriers: dict[str, ElementTree.Element], floating: bool
-    ) -> DescribedLink:
-        head, pose, moves, seen = name, pin.SE3.Identity(), floating, {name}
-        body: str | None = None
-        broken = False
-        while head in carriers:
-            joint = carriers[head]
-            fixed = joint.get("type") == "fixed"
-            if not fixed:
-                body, moves = body or head, True
+    def _link(self, name: str, link: Element) -> DescribedLink:
+        above, body = self.ancestors(name), ""
+        pose: pin.SE3 | None = None if above[-1] in self._carriers else pin.SE3.Identity()
+        for head in above:
+            joint = self._carriers.get(head, Element("joint"))
             step = self._pose(joint.find("origin"), f"joint {joint.get('name')!r}/origin")
-            broken, pose = broken or step is None, (step or pin.SE3.Identity()) * pose
-            head = link_at(joint, "parent")
-            if head in seen:
-                broken = True
-                break
-            seen.add(head)
-        stated = self._inertial(name, link)
-        return DescribedLink(name, *stated, None if broken else pose, body or head, moves)
+            pose = None if step is None or pose is None else step * pose
+            body = body or (head if joint.get("type") != "fixed" else "")
+        return DescribedLink(name, pose, body or above[-1], **self._inertial(name, link))
 
-    def _pose(self, origin: ElementTree.Element | None, where: str) -> pin.SE3 | None:
-        if origin is None:
-            return pin.SE3.Identity()
+    def _pose(self, origin: Element | None, where: str) -> pin.SE3 | None:
         xyz, rpy = (self._numbers(origin, key, 3, where, "0 0 0") for key in ("xyz", "rpy"))
         return None if xyz is None or rpy is None else pin.SE3(pin.rpy.rpyToMatrix(*rpy), xyz)
 
-    def _inertial(self, name: str, link: ElementTree.Element) -> _Inertial:
-        nothing = _Inertial(None, np.zeros(3), np.zeros(6), 0.0, np.eye(3))
-        inertial, where = link.find("inertial"), f"link {name!r}/inertial"
-        weight = None if inertial is None else inertial.find("mass")
-        if inertial is None or weight is None:
-            return nothing
+    def _inertial(self, name: str, link: Element) -> dict[str, Any]:
+        """What a link states of its mass, as fields of :class:`DescribedLink`; nothing where it cannot be read."""
+        where, written = f"link {name!r}/inertial", link.find("inertial/inertia")
+        weight = link.find("inertial/mass")
+        if weight is None:
+            return {}
         mass = self._numbers(weight, "value", 1, f"{where}/mass", None)
-        pose = self._pose(inertial.find("origin"), f"{where}/origin")
-        written = inertial.find("inertia")
+        pose = self._pose(link.find("inertial/origin"), f"{where}/origin")
+        keys = () if written is None else MOMENTS
         six = [
-            None if written is None else self._numbers(written, key, 1, f"{where}/inertia", None)
-            for key in MOMENTS
+            float(value[0])
+            for key in keys
+            if (value := self._numbers(written, key, 1, f"{where}/inertia", None)) is not None
         ]
-        if mass is None or pose is None or written is None or any(value is None for value in six):
-            return nothing
-        values = np.array([float(value[0]) for value in six if value is not None])
-        step = (
-            max(
-                _half_digit(written.get(key, "")) for key, value in zip(MOMENTS, values, strict=True) if value
-            )
-            if values.any()
-            else 0.0
-        )
-        return _Inertial(float(mass[0]), pose.translation.copy(), values, step, pose.rotation.copy())
+        if mass is None or pose is None or written is None or len(six) < len(MOMENTS):
+            return {}
+        steps = [_half_digit(written.get(key, "")) for key, value in zip(MOMENTS, six, strict=True) if value]
+        return {
+            "mass": float(mass[0]),
+            "com": pose.translation.copy(),
+            "stated": np.array(six),
+            "step": max(steps, default=0.0),
+            "axes": pose.rotation.copy(),
+        }
 
-    def _note_missing(self, link: str) -> None:
-        for mesh in self._elements[link].iterfind(".//geometry/mesh"):
-            name = mesh.get("filename", "").strip()
-            if find_mesh(name, self.path) is None:
-                self.missing.setdefault(link, []).append(name)
-
-    def ancestors(self, link: str) -> set[str]:
-        """A link and all above it in the tree."""
-        found = set[str]()
-        while link and link not in found:
-            found.add(link)
-            link = self._parents.get(link, "")
+    def ancestors(self, link: str) -> list[str]:
+        """A link and all above it in the tree, to the root or to where the tree is a circle."""
+        found = [link]
+        while (joint := self._carriers.get(found[-1])) is not None and link_at(joint, "parent") not in found:
+            found.append(link_at(joint, "parent"))
         return found
-
-    def hull(self, link: str, *kinds: str) -> Solid | None:
-        """Convex hull of a link's geometry of these kinds, ``collision`` or ``visual``; None where it has none."""
-        key = (link, *kinds)
-        if key not in self._hulls:
-            self._hulls[key] = hull_of([points for kind in kinds for points in self._points(link, kind)])
-        return self._hulls[key]
 
     @cached_property
     def mass(self) -> float:
@@ -307,7 +254,7 @@ class DescribedRobot:
 
     def bodies(self) -> Iterator[DescribedLink]:
         """Links that state a mass which counts."""
-        return (link for link in self.links.values() if link.weighs and not self.is_weightless(link))
+        return (link for link in self.links.values() if link.weight and not self.is_weightless(link))
 
     def is_weightless(self, link: DescribedLink) -> bool:
         """Whether a link's share of the robot's mass is that of a frame."""
@@ -315,8 +262,8 @@ class DescribedRobot:
 
     def own_hull(self, link: str) -> Solid | None:
         """Convex hull of a link's collision geometry, else, of a thorough view, of its looks; None without them."""
-        found = self.hull(link, "collision")
-        return self.hull(link, "visual") if found is None and self.thorough else found
+        found = self._hull(link, "collision")
+        return self._hull(link, "visual") if found is None and self.thorough else found
 
     def hulls(self, link: str) -> Iterable[Solid]:
         """Hulls that the link may be, each with more in it: its collision geometry, with its looks, its whole body's.
@@ -324,111 +271,91 @@ class DescribedRobot:
         The last stands only for a link without geometry of its own, or holds what is mounted on it: what an earlier one
         forgives, a later one does too.
         """
-        own = self.hull(link, "collision")
-        if own is not None:
-            yield own
-        elif not self.thorough:
-            return
-        both = self.hull(link, "collision", "visual")
-        if both is not None:
-            yield both
-        found = self.body_hull(link)
-        if found is not None:
-            yield found
+        for kinds in (("collision",), ("collision", "visual"), ("collision", "visual", "body")):
+            found = self._hull(link, *kinds)
+            if found is not None:
+                yield found
+            elif not self.thorough and len(kinds) == 1:
+                return
 
-    def body_hull(self, link: str) -> Solid | None:
-        """Convex hull of all links of the link's rigid body, in its frame; None where they have no geometry."""
-        key = (self.links[link].body, link, "body")
-        if key not in self._hulls:
-            here, points = self.links[link].pose, []
-            for other in self.links.values():
-                if here is not None and other.pose is not None and other.body == self.links[link].body:
-                    move = here.actInv(other.pose)
-                    for kind in ("collision", "visual"):
-                        points += [
-                            p @ move.rotation.T + move.translation for p in self._points(other.name, kind)
-                        ]
-            self._hulls[key] = hull_of(points)
-        return self._hulls[key]
+    def first_hull(self, link: str) -> Solid | None:
+        """The first of :meth:`hulls`."""
+        return next(iter(self.hulls(link)), None)
+
+    def _hull(self, link: str, *kinds: str) -> Solid | None:
+        """Convex hull of a link's geometry of some kinds, with ``body`` of all links of its rigid body."""
+        if (link, *kinds) not in self._hulls:
+            here, points = self.links[link], list[Array]()
+            members = self.links.values() if "body" in kinds else [here]
+            for other in members:
+                if other is here:
+                    move = pin.SE3.Identity()
+                elif other.body == here.body and here.pose is not None and other.pose is not None:
+                    move = here.pose.actInv(other.pose)
+                else:
+                    continue
+                shown = (kind for kind in kinds if kind != "body")
+                points += [placed(one, move) for kind in shown for one in self._points(other.name, kind)]
+            self._hulls[(link, *kinds)] = hull_of(points)
+        return self._hulls[(link, *kinds)]
 
     def _points(self, link: str, kind: str) -> list[Array]:
+        """Points around each solid of a kind, in the link's frame; without those that cannot be read."""
         if (link, kind) not in self._solids:
-            found = []
+            found = self._solids[link, kind] = []
             for number, element in enumerate(self._elements[link].findall(kind)):
-                points = self._solid(link, element, f"link {link!r}/{kind} {number}")
-                if points is not None:
-                    found.append(points)
-            self._solids[link, kind] = found
+                where = f"link {link!r}/{kind} {number}"
+                pose = self._pose(element.find("origin"), f"{where}/origin")
+                solid = next(element.iterfind("geometry/*"), None)
+                if pose is None or solid is None:
+                    continue
+                try:
+                    corners = self._mesh(solid.get("filename", ""), link, kind)
+                    if solid.tag == "mesh" and corners is None:
+                        continue
+                    shape = solid_shape(solid, corners, self.path, where)
+                    found.append(placed(outline(shape), pose))
+                except (RobotError, ValueError) as error:
+                    said = error.what if isinstance(error, RobotError) else str(error)
+                    # A sheet is no body, and says nothing of one.
+                    if "plane" not in said:
+                        remedy = getattr(error, "remedy", None) or "correct its geometry"
+                        self._say("bad_geometry", f"{where} {said}", link, "spoils", remedy)
         return self._solids[link, kind]
 
-    def _solid(self, link: str, element: ElementTree.Element, where: str) -> Array | None:
-        """Points around a solid in the link's frame; None where there is none or it cannot be read."""
-        pose = self._pose(element.find("origin"), f"{where}/origin")
-        geometry = element.find("geometry")
-        solid = geometry[0] if geometry is not None and len(geometry) else None
-        if pose is None or solid is None:
+    def _mesh(self, name: str, link: str, kind: str) -> Array | None:
+        """Corners of a mesh; with the first of a kind all that links need of it are read. None of what is not there."""
+        file = Path(name)
+        if not name or name in self.missing.get(link, ()):
             return None
-        try:
-            corners = None
-            if solid.tag == "mesh":
-                file = find_mesh(solid.get("filename", "").strip(), self.path)
-                corners = None if file is None else self._mesh(file, link)
-                if corners is None:
-                    return None
-            points = outline(solid_shape(solid, corners, self.path, where))
-        except (RobotError, ValueError) as error:
-            said = error.what if isinstance(error, RobotError) else str(error)
-            # A sheet is no body, and says nothing of one.
-            if "plane" not in said:
-                remedy = getattr(error, "remedy", None) or "correct its geometry"
-                self.faults.append(
-                    Finding("bad_geometry", f"{where} {said}", {}, (link,), "spoils", remedy=remedy)
-                )
-            return None
-        return np.asarray(points @ pose.rotation.T + pose.translation)
-
-    def _read_most(self) -> None:
-        """Read in one go what is needed of every robot: meshes of the first kind of geometry that each link has."""
-        shown: dict[str, list[ElementTree.Element]] = {"collision": [], "visual": []}
-        for name, element in self._elements.items():
-            kind = "visual" if self.thorough and element.find("collision") is None else "collision"
-            if self.links[name].weighs and name not in self.missing:
-                link = deepcopy(element)
-                for mesh in link.iterfind(f"{kind}/geometry/mesh"):
-                    mesh.set("filename", str(find_mesh(mesh.get("filename", "").strip(), self.path)))
-                shown[kind].append(link)
-        for kind, links in shown.items():
-            meshes = (mesh for link in links for mesh in link.iterfind(f"{kind}/geometry/mesh"))
+        if file not in self._meshes:
+            first = [one for one in self._elements if self._is_shown(one, kind) and kind not in self._tried]
+            links = [self._elements[one] for one in {link: None, **dict.fromkeys(first)}]
+            meshes = (mesh for e in links for mesh in e.iterfind(f"{kind}/geometry/mesh"))
+            self._tried.add(kind)
             try:
                 points = read_meshes(Path(mesh.get("filename", "")) for mesh in meshes)
                 meant = turn_upright(links, kind, points)
+                self._turns = self._turns or meant is not points
+                self._meshes.update(meant)
             except (RobotError, ValueError):
                 # One by one, so that what is damaged is named.
-                continue
-            self._turns = self._turns or meant is not points
-            self._meshes.update(meant)
-
-    def _mesh(self, file: Path, link: str) -> Array | None:
-        if not self._has_read:
-            self._has_read = True
-            self._read_most()
-        if file not in self._meshes:
-            try:
-                points = read_meshes([file])[file]
-                self._meshes[file] = turn_file_upright(file, points) if self._turns else points
-            except RobotError as error:
-                self._meshes[file] = None
-                said = f"{file.name} {error.what}"
-                self.faults.append(
-                    Finding("bad_mesh", said, {}, (link,), "limits", remedy=error.remedy or "")
-                )
+                self._meshes[file] = self._read_one(file, link)
         return self._meshes[file]
 
+    def _is_shown(self, link: str, kind: str) -> bool:
+        """Whether a link's geometry of a kind is the first that it has, and is all there."""
+        bare = self.thorough and self._elements[link].find("collision") is None
+        shown = "visual" if bare else "collision"
+        return kind == shown and link not in self.missing and self.links[link].weight > 0.0
 
-def tensor(six: Array) -> Array:
-    """Symmetric matrix of ixx, ixy, ixz, iyy, iyz, izz."""
-    xx, xy, xz, yy, yz, zz = six
-    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    def _read_one(self, file: Path, link: str) -> Array | None:
+        try:
+            points = read_meshes([file])[file]
+        except RobotError as error:
+            self._say("bad_mesh", f"{file.name} {error.what}", link, "limits", error.remedy)
+            return None
+        return turn_file_upright(file, points) if self._turns else points
 
 
 def hull_of(parts: list[Array]) -> Solid | None:
@@ -443,25 +370,6 @@ def hull_of(parts: list[Array]) -> Solid | None:
     except (QhullError, ValueError):
         return None
     return Solid(points[hull.vertices], np.unique(hull.equations.round(9), axis=0), float(hull.volume))
-
-
-def outline(shape: Shape) -> Array:
-    """Points whose hull contains a solid and is at most a thirtieth wider, in the solid's frame ``(n, 3)`` [m]."""
-    if shape.vertices is not None:
-        return shape.vertices
-    if shape.kind == "box":
-        return np.asarray(0.5 * CORNERS * np.array(shape.size))
-    # A polygon around the circle.
-    radius = shape.size[0] / np.cos(np.pi / len(_ROUND))
-    ring = radius * np.column_stack([np.cos(_ROUND), np.sin(_ROUND)])
-    levels = [(-0.5 * shape.size[-1], 1.0), (0.5 * shape.size[-1], 1.0)]
-    if shape.kind in {"sphere", "capsule"}:
-        half = 0.0 if shape.kind == "sphere" else 0.5 * shape.size[1]
-        angles = np.linspace(0.0, 0.5 * np.pi, 5)
-        levels = [(side * (half + radius * np.sin(a)), np.cos(a)) for side in (-1, 1) for a in angles]
-    return np.concatenate(
-        [np.column_stack([share * ring, np.full(len(ring), height)]) for height, share in levels]
-    )
 
 
 def _half_digit(text: str) -> float:

@@ -29,7 +29,7 @@ from excite.robot.quantities import (
     Velocity,
 )
 from excite.robot.refusal import robot_error, unknown_name
-from excite.robot.urdf.numbers import format_row
+from excite.robot.urdf.numbers import MOMENTS, add_element
 
 # Singular values of the passive joints' part of K below this share of the largest are rounding: equations that say
 # the same, as a plane's do. A mechanism that is so near a singular position amplifies any error a million times.
@@ -49,22 +49,15 @@ def join_overlapping(sets: Iterable[frozenset[Member]]) -> list[frozenset[Member
 
 
 class Closure(ABC):
-    """Equations ``gap(q) = 0``.
+    """Equations ``gap(q) = 0``, of which some may say the same.
 
     Attributes:
         name: its name.
         field: where a robot's description says it.
-        meets: model joints whose links touch in it; empty where none do.
     """
 
     name: str
     field: str
-    meets: tuple[int, ...] = ()
-
-    @property
-    @abstractmethod
-    def size(self) -> int:
-        """Number of equations, of which some may say the same."""
 
     @abstractmethod
     def gap(self, q: Array, data: pin.Data) -> Array:
@@ -75,10 +68,10 @@ class Closure(ABC):
         """Derivative of :meth:`gap` by velocities, ``(size, nv)``; joint Jacobians have to be in ``data``."""
 
     @abstractmethod
-    def drift(self, q: Array, v: Array, data: pin.Data) -> Array:
+    def drift(self, model: pin.Model, q: Array, v: Array, data: pin.Data) -> Array:
         """Second derivative of :meth:`gap` by time without acceleration, ``(size,)``.
 
-        Velocities, and accelerations for accelerations of zero, have to be in ``data``.
+        Joint Jacobians, velocities, and accelerations for accelerations of zero, have to be in ``data``.
         """
 
 
@@ -99,16 +92,6 @@ class Loop(Closure):
     rigid: bool = False
     field = "loops"
 
-    @property
-    def meets(self) -> tuple[int, ...]:  # type: ignore[override]
-        """Those of its frames."""
-        return self.joints
-
-    @property
-    def size(self) -> int:
-        """Three, or six; in a plane some say the same."""
-        return 6 if self.rigid else 3
-
     def gap(self, q: Array, data: pin.Data) -> Array:
         """Between the frames in the world."""
         first, second = (data.oMi[j] * m for j, m in zip(self.joints, self.placements, strict=True))
@@ -118,62 +101,51 @@ class Loop(Closure):
         return np.concatenate([gap, first.rotation @ pin.log3(first.rotation.T @ second.rotation)])
 
     def jacobian(self, model: pin.Model, q: Array, data: pin.Data) -> Array:
-        """Of the gap while it is closed."""
-        ends = zip(self.joints, self.placements, strict=True)
-        first, second = (end_jacobian(model, data, *end) for end in ends)
-        return np.asarray(second - first)[: self.size]
+        """Of the gap while it is closed: velocities of the frames, world axes, of unit velocities of the joints."""
+        ends = []
+        for joint, place in zip(self.joints, self.placements, strict=True):
+            # Of the world pinocchio returns none, and of one velocity no matrix.
+            own = pin.getJointJacobian(model, data, joint, pin.LOCAL) if joint else np.zeros((6, model.nv))
+            ends.append(self._turned(data, joint, place) @ place.actionInverse @ own.reshape(6, model.nv))
+        return np.asarray(ends[1] - ends[0])[: 6 if self.rigid else 3]
 
-    def drift(self, q: Array, v: Array, data: pin.Data) -> Array:
-        """Of the gap while it is closed."""
-        ends = zip(self.joints, self.placements, strict=True)
-        first, second = (end_acceleration(data, *end) for end in ends)
-        return np.asarray(second - first)[: self.size]
+    def drift(self, model: pin.Model, q: Array, v: Array, data: pin.Data) -> Array:
+        """Of the gap while it is closed: accelerations of the frames, world axes."""
+        ends = []
+        for joint, place in zip(self.joints, self.placements, strict=True):
+            velocity, acceleration = place.actInv(data.v[joint]), place.actInv(data.a[joint]).vector
+            acceleration[:3] += np.cross(velocity.angular, velocity.linear)
+            ends.append(self._turned(data, joint, place) @ acceleration)
+        return np.asarray(ends[1] - ends[0])[: 6 if self.rigid else 3]
+
+    def _turned(self, data: pin.Data, joint: int, place: pin.SE3) -> Array:
+        """From a frame's own axes to the world's, for its linear and its angular part, ``(6, 6)``."""
+        return np.kron(np.eye(2), data.oMi[joint].rotation @ place.rotation)
 
 
 @dataclass(frozen=True, eq=False)
-class Rod(Closure):
-    """A rod without mass between two points of a tree: their distance is its length.
+class Rod(Loop):
+    """A rod without mass between two points of a tree, the origins of its frames: their distance is its length.
 
     Attributes:
-        name: its name.
-        joints: model joints that carry the points, 0 for the world.
-        placements: frames in those joints' frames whose origins the points are.
         length: [m]
     """
 
-    name: str
-    joints: tuple[int, int]
-    placements: tuple[pin.SE3, pin.SE3]
-    length: float
-    field = "loops"
-
-    @property
-    def size(self) -> int:
-        """One."""
-        return 1
+    length: float = 0.0
 
     def gap(self, q: Array, data: pin.Data) -> Array:
         """How much further apart the points are than the rod is long, while that is little."""
-        across = self._across(data)
+        across = super().gap(q, data)
         return np.array([(across @ across - self.length**2) / (2.0 * self.length)])
 
     def jacobian(self, model: pin.Model, q: Array, data: pin.Data) -> Array:
         """Along the rod."""
-        ends = [end_jacobian(model, data, *end)[:3] for end in zip(self.joints, self.placements, strict=True)]
-        return np.asarray(self._across(data) @ (ends[1] - ends[0]) / self.length)[None]
+        return (super().gap(q, data) @ super().jacobian(model, q, data) / self.length)[None]
 
-    def drift(self, q: Array, v: Array, data: pin.Data) -> Array:
+    def drift(self, model: pin.Model, q: Array, v: Array, data: pin.Data) -> Array:
         """Of the points along the rod, and of the rod as it turns."""
-        ends = list(zip(self.joints, self.placements, strict=True))
-        speed = np.subtract(*(end_velocity(data, *end) for end in ends[::-1]))
-        rate = np.subtract(*(end_acceleration(data, *end)[:3] for end in ends[::-1]))
-        return np.array([(speed @ speed + self._across(data) @ rate) / self.length])
-
-    def _across(self, data: pin.Data) -> Array:
-        first, second = (
-            data.oMi[j].act(m.translation) for j, m in zip(self.joints, self.placements, strict=True)
-        )
-        return np.asarray(second - first)
+        speed, rate = super().jacobian(model, q, data) @ v, super().drift(model, q, v, data)
+        return np.array([(speed @ speed + super().gap(q, data) @ rate) / self.length])
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,69 +166,33 @@ class Coupling(Closure):
     field = "couplings"
 
     @property
-    def size(self) -> int:
-        """One."""
-        return 1
-
-    @property
     def constant(self) -> bool:
         """Whether all its polynomials are factors."""
         return not any(any(factors[1:]) for factors in self.factors)
 
     def gap(self, q: Array, data: pin.Data) -> Array:
         """The sum less its offset."""
-        return np.array([self._sum(q, 0) - self.offset])
+        return np.array([self._derivatives(q, 0).sum() - self.offset])
 
     def jacobian(self, model: pin.Model, q: Array, data: pin.Data) -> Array:
         """The polynomials' first derivatives."""
         row = np.zeros((1, model.nv))
-        for (position, column), factors in zip(self.columns, self.factors, strict=True):
-            row[0, column] = _polynomial_derivative(factors, q[position], 1)
+        row[0, [column for _, column in self.columns]] = self._derivatives(q, 1)
         return row
 
-    def drift(self, q: Array, v: Array, data: pin.Data) -> Array:
+    def drift(self, model: pin.Model, q: Array, v: Array, data: pin.Data) -> Array:
         """The polynomials' second derivatives times squared velocities."""
-        speeds = [v[column] ** 2 for _, column in self.columns]
-        return np.array([self._sum(q, 2, speeds)])
+        speeds = v[[column for _, column in self.columns]]
+        return np.array([self._derivatives(q, 2) @ speeds**2])
 
-    def _sum(self, q: Array, order: int, weights: list[float] | None = None) -> float:
-        weights = weights or [1.0] * len(self.columns)
-        return float(
-            sum(
-                weight * _polynomial_derivative(factors, q[position], order)
-                for (position, _), factors, weight in zip(self.columns, self.factors, weights, strict=True)
-            )
+    def _derivatives(self, q: Array, order: int) -> Array:
+        """A derivative of each joint's polynomial."""
+        return np.array(
+            [
+                polynomial.polyval(q[position], polynomial.polyder(np.array([0.0, *factors]), order))
+                for (position, _), factors in zip(self.columns, self.factors, strict=True)
+            ]
         )
-
-
-def _polynomial_derivative(factors: tuple[float, ...], x: float, order: int) -> float:
-    """A derivative at ``x`` of the polynomial without constant term."""
-    return float(polynomial.polyval(x, polynomial.polyder(np.array([0.0, *factors]), order)))
-
-
-def end_jacobian(model: pin.Model, data: pin.Data, joint: int, placement: pin.SE3) -> Array:
-    """Velocity of a frame's origin and its angular velocity per joint velocity, world axes, ``(6, nv)``."""
-    if not joint:
-        return np.zeros((6, model.nv))
-    # Of one velocity, pinocchio returns no matrix.
-    jacobian = pin.getJointJacobian(model, data, joint, pin.ReferenceFrame.LOCAL).reshape(6, model.nv)
-    local = placement.actionInverse @ jacobian
-    turned = data.oMi[joint].rotation @ placement.rotation
-    return np.vstack([turned @ local[:3], turned @ local[3:]])
-
-
-def end_velocity(data: pin.Data, joint: int, placement: pin.SE3) -> Array:
-    """Velocity of a frame's origin, world axes, ``(3,)``."""
-    turned = data.oMi[joint].rotation @ placement.rotation
-    return np.asarray(turned @ placement.actInv(data.v[joint]).linear)
-
-
-def end_acceleration(data: pin.Data, joint: int, placement: pin.SE3) -> Array:
-    """Acceleration of a frame's origin and its angular acceleration, world axes, ``(6,)``."""
-    velocity, acceleration = placement.actInv(data.v[joint]), placement.actInv(data.a[joint])
-    linear = acceleration.linear + pin.skew(velocity.angular) @ velocity.linear
-    turned = data.oMi[joint].rotation @ placement.rotation
-    return np.concatenate([turned @ linear, turned @ acceleration.angular])
 
 
 # What ``robot.yaml`` says of a mechanism: where loops close, which joints are coupled, which no motor drives.
@@ -397,25 +333,17 @@ def add_motors(root: ElementTree.Element, blocks: tuple[TransmissionBlock, ...],
 
 
 def _add_motor(root: ElementTree.Element, motor: MotorBlock) -> None:
-    link = ElementTree.SubElement(root, "link", name=crank_link(motor))
-    inertial = ElementTree.SubElement(link, "inertial")
-    ElementTree.SubElement(inertial, "mass", value=repr(_MASS))
-    moments = dict.fromkeys(("ixx", "iyy", "izz"), repr(_INERTIA))
-    ElementTree.SubElement(inertial, "inertia", {**moments, **dict.fromkeys(("ixy", "ixz", "iyz"), "0")})
-    joint = ElementTree.SubElement(root, "joint", name=motor.name, type="revolute")
-    ElementTree.SubElement(joint, "parent", link=motor.link)
-    ElementTree.SubElement(joint, "child", link=crank_link(motor))
-    ElementTree.SubElement(joint, "origin", xyz=format_row(motor.xyz), rpy="0 0 0")
-    ElementTree.SubElement(joint, "axis", xyz=format_row(motor.axis))
+    inertial = add_element(add_element(root, "link", name=crank_link(motor)), "inertial")
+    add_element(inertial, "mass", value=_MASS)
+    moments: tuple[str | float, ...] = (_INERTIA, "0", "0", _INERTIA, "0", _INERTIA)
+    add_element(inertial, "inertia", **dict(zip(MOMENTS, moments, strict=True)))
+    joint = add_element(root, "joint", name=motor.name, type="revolute")
+    add_element(joint, "parent", link=motor.link)
+    add_element(joint, "child", link=crank_link(motor))
+    add_element(joint, "origin", xyz=motor.xyz, rpy="0 0 0")
+    add_element(joint, "axis", xyz=motor.axis)
     lower, upper = motor.position
-    ElementTree.SubElement(
-        joint,
-        "limit",
-        lower=repr(lower),
-        upper=repr(upper),
-        velocity=repr(motor.velocity),
-        effort=repr(motor.torque),
-    )
+    add_element(joint, "limit", lower=lower, upper=upper, velocity=motor.velocity, effort=motor.torque)
 
 
 def crank_link(motor: MotorBlock) -> str:
@@ -430,21 +358,15 @@ def closures_of(
     loops: list[LoopBlock] = []
     couplings: list[CouplingBlock] = []
     for block in blocks:
-        passive = block.joints
-        for motor in block.motors:
-            name = f"{block.name}.{motor.name}"
+        for number, motor in enumerate(block.motors):
+            # All joints follow from all motors: it is said once.
+            passive = () if number else block.joints
+            name, source = f"{block.name}.{motor.name}", block.source
             if motor.rod is not None and motor.crank is not None:
-                end = LoopEnd(link=crank_link(motor), xyz=motor.crank)
-                loops.append(
-                    LoopBlock(
-                        name=name, kind="rod", ends=(end, motor.rod), passive=passive, source=block.source
-                    )
-                )
+                ends = (LoopEnd(link=crank_link(motor), xyz=motor.crank), motor.rod)
+                loops.append(LoopBlock(name=name, kind="rod", ends=ends, passive=passive, source=source))
             else:
                 ratios = {joint: -ratio for joint, ratio in motor.ratios.items()}
                 joints: dict[str, float | tuple[float, ...]] = {motor.name: 1.0, **ratios}
-                couplings.append(
-                    CouplingBlock(name=name, joints=joints, passive=passive, source=block.source)
-                )
-            passive = ()
+                couplings.append(CouplingBlock(name=name, joints=joints, passive=passive, source=source))
     return tuple(loops), tuple(couplings)

@@ -7,7 +7,7 @@ cuts do no work, ``Gᵀ Kᵀ = 0``: the motors' torques are ``Gᵀ`` times the t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -17,24 +17,15 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array, Moved
 from excite.errors import MotionError
-from excite.robot.mechanisms.closures import SINGULAR, Closure, Coupling
+from excite.robot.mechanisms.closures import SINGULAR, Closure, Coupling, Loop, Rod
 
 # Closing a tree of joints: positions of those that no motor drives, by Newton's method on loops and
 # couplings.
 
-# Gaps are closed to this [m or rad]: far below what geometry is known to, far above rounding.
-_CLOSED = 1e-10
-# Newton's method takes 3 to 6 steps where a mechanism is within reach, and never ends where it is not.
-_STEPS = 15
-# A step of Newton's method turns no joint further than this [rad], so that it stays on the branch it is on.
-_LONGEST_STEP = 0.3
-# Configurations further apart than this [rad or m] are joined by others in between, for the same reason.
-_APART = 0.2
-
 
 @dataclass(frozen=True, eq=False)
-class ClosedTree:
-    """A tree, the closures that it has to meet, and the velocities that no motor drives.
+class Mechanism:
+    """A tree that is closed, and how velocities, accelerations and forces go through it to its motors.
 
     Attributes:
         model: the tree; every joint of a closure has one coordinate.
@@ -61,7 +52,8 @@ class ClosedTree:
     @property
     def meeting(self) -> set[frozenset[int]]:
         """Pairs of model joints whose links meet where a loop closes."""
-        return {frozenset(closure.meets) for closure in self.closures if closure.meets}
+        loops = [closure for closure in self.closures if isinstance(closure, Loop)]
+        return {frozenset(loop.joints) for loop in loops if not isinstance(loop, Rod)}
 
     def closed(self, q: Array) -> Array:
         """Configurations whose closures hold, the passive joints moved alone.
@@ -77,10 +69,9 @@ class ClosedTree:
         """
         if self.ratios is not None:
             return self.ratios.closed(q)
-        data, out = self.model.createData(), np.array(q, dtype=float)
-        columns, before = self._coordinates, self.rest
+        data, out, before = self.model.createData(), np.array(q, dtype=float), self.rest
         for i in range(len(out)):
-            before = out[i] = self._reached(data, before, out[i], columns, i)
+            before = out[i] = self._reached(data, before, out[i], i)
         return out
 
     def gaps(self, q: Array) -> Array:
@@ -97,19 +88,19 @@ class ClosedTree:
         """Name of the closure that is widest open at ``q`` ``(nq,)``."""
         data = self.model.createData()
         pin.forwardKinematics(self.model, data, q)
-        return max(self.closures, key=lambda closure: float(np.abs(closure.gap(q, data)).max())).name
+        return self._widest(q, data).name
 
-    @property
-    def _coordinates(self) -> list[int]:
-        model, passive = self.model, set(self.passive.tolist())
-        return [int(model.idx_qs[j]) for j in range(1, model.njoints) if model.idx_vs[j] in passive]
+    def _widest(self, q: Array, data: pin.Data) -> Closure:
+        return max(self.closures, key=lambda closure: float(np.abs(closure.gap(q, data)).max()))
 
-    def _reached(self, data: pin.Data, start: Array, q: Array, columns: list[int], sample: int) -> Array:
+    def _reached(self, data: pin.Data, start: Array, q: Array, sample: int) -> Array:
         """``q`` closed, on the way of the driven joints from the closed configuration ``start``."""
+        columns = self.model.nq - self.model.nv + self.passive
         way = pin.difference(self.model, start, q)
         way[self.passive] = 0.0
-        count = max(1, int(np.ceil(np.abs(way[6:] if self._free else way).max(initial=0.0) / _APART)))
-        before = start
+        far = np.abs(way[6:] if self._free else way).max(initial=0.0)
+        # Configurations further apart than this [rad or m] are joined by others in between, for the same reason.
+        count, before = max(1, int(np.ceil(far / 0.2))), start
         for k in range(1, count + 1):
             here = pin.integrate(self.model, start, way * (k / count)) if k < count else q.copy()
             here[columns] = before[columns]
@@ -122,30 +113,165 @@ class ClosedTree:
 
     def _closed(self, data: pin.Data, q: Array, sample: int) -> Array:
         step = np.zeros(self.model.nv)
-        for _ in range(_STEPS):
+        # Newton's method takes 3 to 6 steps where a mechanism is within reach, and never ends where it is not.
+        for _ in range(15):
             pin.computeJointJacobians(self.model, data, q)
             gap = self._gap(q, data)
-            if np.abs(gap).max(initial=0.0) < _CLOSED:
+            # Gaps are closed to this [m or rad]: far below what geometry is known to, far above rounding.
+            if np.abs(gap).max(initial=0.0) < 1e-10:
                 return q
             move = -np.linalg.pinv(self._jacobian(q, data)[:, self.passive], rcond=SINGULAR) @ gap
-            step[self.passive] = move * min(1.0, _LONGEST_STEP / max(float(np.abs(move).max()), 1e-300))
+            # A step of Newton's method turns no joint further than this [rad], so that it stays on the branch it is on.
+            step[self.passive] = move * min(1.0, 0.3 / max(float(np.abs(move).max()), 1e-300))
             q = pin.integrate(self.model, q, step)
-        sizes = [float(np.abs(closure.gap(q, data)).max()) for closure in self.closures]
-        worst = int(np.argmax(sizes))
+        worst = self._widest(q, data)
         raise MotionError(
-            f"cannot be closed at sample {sample}: {1e3 * sizes[worst]:.3g} mm or mrad stay open",
-            field=f"{self.closures[worst].field}.{self.closures[worst].name}",
+            f"cannot be closed at sample {sample}: {1e3 * float(np.abs(worst.gap(q, data)).max()):.3g} mm or mrad"
+            " stay open",
+            field=f"{worst.field}.{worst.name}",
             remedy="check it in robot.yaml, and that positions are within reach",
         )
 
     def _gap(self, q: Array, data: pin.Data) -> Array:
         return np.concatenate([closure.gap(q, data) for closure in self.closures])
 
-    def _drift(self, q: Array, v: Array, data: pin.Data) -> Array:
-        return np.concatenate([closure.drift(q, v, data) for closure in self.closures])
-
     def _jacobian(self, q: Array, data: pin.Data) -> Array:
         return np.vstack([closure.jacobian(self.model, q, data) for closure in self.closures])
+
+    def completed(self, q: Array, v: Array, a: Array) -> Moved:
+        """Configurations, velocities and accelerations of which the passive ones follow from the others.
+
+        Args:
+            q: ``(n, nq)``.
+            v: ``(n, nv)``.
+            a: ``(n, nv)``.
+
+        Raises:
+            MotionError: a loop cannot be closed, or its joints do not follow from the motors.
+        """
+        return self.following(self.closed(q), v, a)
+
+    def following(self, q: Array, v: Array, a: Array) -> Moved:
+        """The same at configurations ``(n, nq)`` that are closed."""
+        v, a = np.array(v, dtype=float), np.array(a, dtype=float)
+        passive, driven, still = self.passive, self.driven, np.zeros(self.model.nv)
+        if self.ratios is not None:
+            for rates in (v, a):
+                rates[:, passive] = rates[:, driven] @ self.ratios.velocities.T
+            return Moved(q, v, a)
+        for i, (data, inverse, own) in enumerate(self._solved(q)):
+            v[i, passive] = own @ v[i, driven]
+            pin.forwardKinematics(self.model, data, q[i], v[i], still)
+            drifts = [closure.drift(self.model, q[i], v[i], data) for closure in self.closures]
+            a[i, passive] = own @ a[i, driven] - inverse @ np.concatenate(drifts)
+        return Moved(q, v, a)
+
+    def motion_maps(self, q: Array) -> Array:
+        """``G``: velocities per velocity of what is driven, ``(n, nv, n_driven)``.
+
+        Args:
+            q: ``(n, nq)`` configurations.
+
+        Raises:
+            MotionError: the passive joints do not follow from the others: too few loops, or a singular position.
+        """
+        driven = self.driven
+        maps = np.zeros((len(q), self.model.nv, len(driven)))
+        maps[:, driven, np.arange(len(driven))] = 1.0
+        if self.ratios is not None:
+            maps[:, self.passive] = self.ratios.velocities
+        else:
+            for i, (_, _, own) in enumerate(self._solved(q)):
+                maps[i, self.passive] = own
+        return maps
+
+    def _solved(self, q: Array) -> Iterator[tuple[pin.Data, Array, Array]]:
+        """By configuration: data with Jacobians of the joints, the inverse of the passive ones' part of the closures'.
+
+        It is ``(n_passive, n_equations)``; with it come these joints' velocities per velocity of what is driven.
+        """
+        data, driven = self.model.createData(), self.driven
+        for i in range(len(q)):
+            pin.computeJointJacobians(self.model, data, q[i])
+            jacobian = self._jacobian(q[i], data)
+            inverse = self._inverse(jacobian, i)
+            yield data, inverse, -inverse @ jacobian[:, driven]
+
+    def on_motors(self, q: Array, forces: Array) -> Array:
+        """The tree's generalised forces as the motors (and a free base) have to exert them.
+
+        Args:
+            q: ``(n, nq)`` closed configurations.
+            forces: ``(n, nv)`` or ``(n, nv, k)``, such as a regressor.
+
+        Returns:
+            The same shape; zero for passive joints.
+
+        Raises:
+            MotionError: as :meth:`motion_maps`.
+        """
+        out = np.zeros_like(forces)
+        out[:, self.driven] = np.einsum("nij,ni...->nj...", self.motion_maps(q), forces)
+        return out
+
+    def drawn(self, rng: np.random.Generator, lower: Array, upper: Array, n: int) -> Array:
+        """Closed configurations ``(n, nq)`` whose driven joints are drawn between bounds ``(n_joints,)``.
+
+        A draw out of reach is pulled towards rest until it is within. A free base stays at rest.
+        """
+        data = self.model.createData()
+        first = self.model.nq - len(lower)
+        out = np.empty((n, self.model.nq))
+        for i in range(n):
+            way, share = np.zeros(self.model.nq), 1.0
+            way[first:] = rng.uniform(lower, upper) - self.rest[first:]
+            while True:
+                try:
+                    out[i] = self._reached(data, self.rest, self.rest + share * way, i)
+                    self.motion_maps(out[i : i + 1])
+                    break
+                except MotionError:
+                    # A random configuration out of reach is tried again at this share of its way from rest.
+                    share *= 0.6
+        return out
+
+    def following_from(self, given: NDArray[np.int64]) -> Mechanism:
+        """The same with other joints moved to close it: none of ``given`` (indices into ``v``) if that can be.
+
+        Passive joints among ``given`` are exchanged for driven ones that the same closures move.
+        """
+        wanted = np.intersect1d(self.passive, given)
+        if not len(wanted):
+            return self
+        data = self.model.createData()
+        pin.computeJointJacobians(self.model, data, self.rest)
+        jacobian = self._jacobian(self.rest, data)
+        moved = np.flatnonzero(np.abs(jacobian).max(axis=0) > SINGULAR * np.abs(jacobian).max())
+        base = np.arange(6 if self._free else 0)
+        passive = np.setdiff1d(self.passive, given)
+        for column in np.setdiff1d(moved, np.concatenate([given, base, passive])):
+            if len(passive) == len(self.passive):
+                break
+            more = np.sort(np.append(passive, column))
+            if np.linalg.matrix_rank(jacobian[:, more], tol=SINGULAR * np.abs(jacobian).max()) == len(more):
+                passive = more
+        return replace(self, passive=passive) if len(passive) == len(self.passive) else self
+
+    def _inverse(self, jacobian: Array, sample: int) -> Array:
+        """Pseudo-inverse of the passive joints' part, ``(n_passive, n_equations)``, once it determines them all."""
+        own = jacobian[:, self.passive]
+        u, s, vt = np.linalg.svd(own, full_matrices=False)
+        rank = int((s > SINGULAR * max(float(s.max(initial=0.0)), 1e-300)).sum())
+        if rank < len(self.passive):
+            loose = int(np.argmax(np.abs(np.linalg.svd(own)[2][-1])))
+            where = list(self.model.idx_vs).index(int(self.passive[loose]), 1)
+            raise MotionError(
+                f"does not follow from the motors at sample {sample}: {len(self.passive)} passive joints, and the"
+                f" loops determine {rank}",
+                field=f"joint {self.model.names[where]!r}",
+                remedy="state the loop that is missing, or keep away from its singular position",
+            )
+        return np.asarray((vt.T / s) @ u.T)
 
 
 # Couplings of constant ratios, such as a hand's fingers have: all samples at once, without Newton's method.
@@ -212,160 +338,6 @@ class ConstantRatios:
     def gaps(self, q: Array) -> Array:
         """How far the worst closure is open, ``(n,)`` [rad or m]."""
         return np.asarray(np.abs(q @ self.sums.T - self.offset).max(axis=1))
-
-
-# A random configuration out of reach is tried again at this share of its way from rest.
-_PULLED = 0.6
-
-
-@dataclass(frozen=True, eq=False)
-class Mechanism(ClosedTree):
-    """A tree that is closed, and how velocities, accelerations and forces go through it to its motors."""
-
-    def completed(self, q: Array, v: Array, a: Array) -> Moved:
-        """Configurations, velocities and accelerations of which the passive ones follow from the others.
-
-        Args:
-            q: ``(n, nq)``.
-            v: ``(n, nv)``.
-            a: ``(n, nv)``.
-
-        Raises:
-            MotionError: a loop cannot be closed, or its joints do not follow from the motors.
-        """
-        data, still, driven = self.model.createData(), np.zeros(self.model.nv), self.driven
-        q, v, a = (np.array(values, dtype=float) for values in (q, v, a))
-        if self.ratios is not None:
-            v[:, self.passive] = v[:, driven] @ self.ratios.velocities.T
-            a[:, self.passive] = a[:, driven] @ self.ratios.velocities.T
-            return Moved(self.ratios.closed(q), v, a)
-        columns, before = self._coordinates, self.rest
-        for i in range(len(q)):
-            before = q[i] = self._reached(data, before, q[i], columns, i)
-            # Closing has left the joints' Jacobians in the data.
-            jacobian = self._jacobian(q[i], data)
-            inverse = self._inverse(jacobian, i)
-            v[i, self.passive] = -inverse @ (jacobian[:, driven] @ v[i, driven])
-            pin.forwardKinematics(self.model, data, q[i], v[i], still)
-            a[i, self.passive] = -inverse @ (
-                jacobian[:, driven] @ a[i, driven] + self._drift(q[i], v[i], data)
-            )
-        return Moved(q, v, a)
-
-    def velocities(self, q: Array, v: Array) -> Array:
-        """Velocities ``(n, nv)`` of which the passive ones follow from the others, at closed ``q`` ``(n, nq)``."""
-        return np.asarray(np.einsum("nij,nj->ni", self.motion_maps(q), v[:, self.driven]))
-
-    def accelerations(self, q: Array, v: Array, a: Array) -> Array:
-        """Accelerations ``(n, nv)`` of which the passive ones follow from the others, ``v`` from :meth:`velocities`."""
-        data, still = self.model.createData(), np.zeros(self.model.nv)
-        out, driven = np.array(a, dtype=float), self.driven
-        if self.ratios is not None:
-            out[:, self.passive] = out[:, driven] @ self.ratios.velocities.T
-            return out
-        for i in range(len(q)):
-            pin.forwardKinematics(self.model, data, q[i], v[i], still)
-            drift = self._drift(q[i], v[i], data)
-            pin.computeJointJacobians(self.model, data, q[i])
-            jacobian = self._jacobian(q[i], data)
-            out[i, self.passive] = -self._inverse(jacobian, i) @ (jacobian[:, driven] @ a[i, driven] + drift)
-        return out
-
-    def motion_maps(self, q: Array) -> Array:
-        """``G``: velocities per velocity of what is driven, ``(n, nv, n_driven)``.
-
-        Args:
-            q: ``(n, nq)`` configurations.
-
-        Raises:
-            MotionError: the passive joints do not follow from the others: too few loops, or a singular position.
-        """
-        data, driven = self.model.createData(), self.driven
-        maps = np.zeros((len(q), self.model.nv, len(driven)))
-        maps[:, driven, np.arange(len(driven))] = 1.0
-        if self.ratios is not None:
-            maps[:, self.passive] = self.ratios.velocities
-            return maps
-        for i in range(len(q)):
-            pin.computeJointJacobians(self.model, data, q[i])
-            jacobian = self._jacobian(q[i], data)
-            maps[i, self.passive] = -self._inverse(jacobian, i) @ jacobian[:, driven]
-        return maps
-
-    def on_motors(self, q: Array, forces: Array) -> Array:
-        """The tree's generalised forces as the motors (and a free base) have to exert them.
-
-        Args:
-            q: ``(n, nq)`` closed configurations.
-            forces: ``(n, nv)`` or ``(n, nv, k)``, such as a regressor.
-
-        Returns:
-            The same shape; zero for passive joints.
-
-        Raises:
-            MotionError: as :meth:`motion_maps`.
-        """
-        out = np.zeros_like(forces)
-        out[:, self.driven] = np.einsum("nij,ni...->nj...", self.motion_maps(q), forces)
-        return out
-
-    def drawn(self, rng: np.random.Generator, lower: Array, upper: Array, n: int) -> Array:
-        """Closed configurations ``(n, nq)`` whose driven joints are drawn between bounds ``(n_joints,)``.
-
-        A draw out of reach is pulled towards rest until it is within. A free base stays at rest.
-        """
-        data, columns = self.model.createData(), self._coordinates
-        first = self.model.nq - len(lower)
-        out = np.empty((n, self.model.nq))
-        for i in range(n):
-            way, share = np.zeros(self.model.nq), 1.0
-            way[first:] = rng.uniform(lower, upper) - self.rest[first:]
-            while True:
-                try:
-                    out[i] = self._reached(data, self.rest, self.rest + share * way, columns, i)
-                    self.motion_maps(out[i : i + 1])
-                    break
-                except MotionError:
-                    share *= _PULLED
-        return out
-
-    def following_from(self, given: NDArray[np.int64]) -> Mechanism:
-        """The same with other joints moved to close it: none of ``given`` (indices into ``v``) if that can be.
-
-        Passive joints among ``given`` are exchanged for driven ones that the same closures move.
-        """
-        wanted = np.intersect1d(self.passive, given)
-        if not len(wanted):
-            return self
-        data = self.model.createData()
-        pin.computeJointJacobians(self.model, data, self.rest)
-        jacobian = self._jacobian(self.rest, data)
-        moved = np.flatnonzero(np.abs(jacobian).max(axis=0) > SINGULAR * np.abs(jacobian).max())
-        base = np.arange(6 if self._free else 0)
-        passive = np.setdiff1d(self.passive, given)
-        for column in np.setdiff1d(moved, np.concatenate([given, base, passive])):
-            if len(passive) == len(self.passive):
-                break
-            more = np.sort(np.append(passive, column))
-            if np.linalg.matrix_rank(jacobian[:, more], tol=SINGULAR * np.abs(jacobian).max()) == len(more):
-                passive = more
-        return replace(self, passive=passive) if len(passive) == len(self.passive) else self
-
-    def _inverse(self, jacobian: Array, sample: int) -> Array:
-        """Pseudo-inverse of the passive joints' part, ``(n_passive, n_equations)``, once it determines them all."""
-        own = jacobian[:, self.passive]
-        u, s, vt = np.linalg.svd(own, full_matrices=False)
-        rank = int((s > SINGULAR * max(float(s.max(initial=0.0)), 1e-300)).sum())
-        if rank < len(self.passive):
-            loose = int(np.argmax(np.abs(np.linalg.svd(own)[2][-1])))
-            where = list(self.model.idx_vs).index(int(self.passive[loose]), 1)
-            raise MotionError(
-                f"does not follow from the motors at sample {sample}: {len(self.passive)} passive joints, and the"
-                f" loops determine {rank}",
-                field=f"joint {self.model.names[where]!r}",
-                remedy="state the loop that is missing, or keep away from its singular position",
-            )
-        return np.asarray((vt.T / s) @ u.T)
 
 
 # Building a mechanism, closed, from the names of its passive joints.

@@ -6,7 +6,6 @@ include itself; MuJoCo then takes all memory, waits for ever, or ends the proces
 
 from __future__ import annotations
 
-import math
 import os
 import re
 from dataclasses import dataclass, field
@@ -24,8 +23,6 @@ from excite.robot.urdf.numbers import shorten_text
 MAX_EXPANDED = 100_000
 MAX_DEPTH = 100
 MAX_FILES = 200
-# The largest mesh known has 29 MB; MuJoCo itself refuses meshes of more than 16 000 000 corners.
-MAX_ASSET_BYTES = 256 * 1024 * 1024
 
 _MULTIPLIERS = ("replicate", "composite", "flexcomp")
 # Elements without which nothing in a model can move; files and models that are brought in may hold bodies.
@@ -152,7 +149,8 @@ class _Scan:
                 except (OSError, ValueError) as reason:
                     raise unreadable_file(file, reason, RobotError) from reason
                 if named and not (folder and file.is_dir() and tag == "plugin"):
-                    check_file(file, limit=MAX_ASSET_BYTES, error=RobotError)
+                    # The largest mesh known has 29 MB; MuJoCo itself refuses meshes of more than 16 000 000 corners.
+                    check_file(file, limit=256 * 1024 * 1024, error=RobotError)
 
 
 def _model_name(model: ElementTree.Element) -> str:
@@ -181,8 +179,15 @@ _WORDS = {
     "objname", "refname", "reftype", "objtype", "jointinparent", "sidesite", "refsite", "cranksite", "slidersite",
     "flex", "skin", "content_type", "dclass", "gridlayout", "quat_order", "eulerseq",
 }  # fmt: skip
-_SIDES = ("nrow", "ncol", "width", "height")
-_MASSES = ("mass", "settotalmass", "boundmass")
+# Attributes and elements, all where none are named, the largest number there, and what to do about a larger one.
+_LARGEST: tuple[tuple[set[str], set[str], float, str], ...] = (
+    (set(), {"size"}, MAX_RESERVED, "reserve less"),
+    ({"nrow", "ncol", "width", "height"}, {"hfield", "texture"}, MAX_SIDE, "reduce its size"),
+    ({"mass", "settotalmass", "boundmass"}, set(), MAX_MASS, "write kilograms"),
+    ({"damping"}, {"joint"}, MAX_DAMPING, "leave the joint out, where it shall not move"),
+    ({"density"}, set(), MAX_DENSITY, "write kg/m³"),
+    (set(), set(), MAX_NUMBER, "check its unit and exponent"),
+)
 _NOT_FINITE = re.compile(r"(?<![\w.])[+-]?(nan|inf|infinity)(?![\w.])", re.IGNORECASE)
 _UNITS = {"": 1.0, "k": 2.0**10, "m": 2.0**20, "g": 2.0**30, "t": 2.0**40, "p": 2.0**50, "e": 2.0**60}
 
@@ -192,7 +197,8 @@ def check_numbers(element: ElementTree.Element, path: Path) -> None:
     for name, text in element.items():
         if name in _WORDS:
             continue
-        where = f"{element.tag}{_describe_element(element)}@{name}"
+        called = f" {shorten_text(element.get('name', ''))!r}" if element.get("name") else ""
+        where = f"{element.tag}{called}@{name}"
         if name == "memory":
             _check_memory(text, path, where)
         elif _NOT_FINITE.search(text):
@@ -216,34 +222,23 @@ def count_copies(element: ElementTree.Element, path: Path) -> int:
 
 
 def _check_magnitudes(element: ElementTree.Element, name: str, text: str, path: Path, where: str) -> None:
-    most, cause = _largest_number(element, name)
+    most, cause = next(
+        (most, cause)
+        for names, tags, most, cause in _LARGEST
+        if name in (names or {name}) and element.tag in (tags or {element.tag})
+    )
     for part in text.split():
-        value = _parse_number(part)
-        if value is None:
+        try:
+            value = float(part)
+        except ValueError:
             continue
+        said = f"is {shorten_text(text)!r}"
         if not part.isascii():
-            remedy = "write it with the digits 0 to 9"
-            raise robot_error(path, where, f"is {shorten_text(text)!r}", remedy)
+            raise robot_error(path, where, said, "write it with the digits 0 to 9")
         if not abs(value) <= most:
-            raise robot_error(
-                path, where, f"is {shorten_text(text)!r}, more than any model has ({most:g})", cause
-            )
-        if name in ("mass", "density") and value < 0.0 and element.tag != "compiler":
+            raise robot_error(path, where, f"{said}, more than any model has ({most:g})", cause)
+        if name in {"mass", "density"} and value < 0.0 and element.tag != "compiler":
             raise robot_error(path, where, f"is {part}", "give a positive number")
-
-
-def _largest_number(element: ElementTree.Element, name: str) -> tuple[float, str]:
-    if element.tag == "size":
-        return MAX_RESERVED, "reserve less"
-    if name in _SIDES and element.tag in {"hfield", "texture"}:
-        return MAX_SIDE, "reduce its size"
-    if name in _MASSES:
-        return MAX_MASS, "write kilograms"
-    if name == "damping" and element.tag == "joint":
-        return MAX_DAMPING, "leave the joint out, where it shall not move"
-    if name == "density":
-        return MAX_DENSITY, "write kg/m³"
-    return MAX_NUMBER, "check its unit and exponent"
 
 
 def _check_memory(text: str, path: Path, where: str) -> None:
@@ -253,16 +248,3 @@ def _check_memory(text: str, path: Path, where: str) -> None:
     if len(match[1]) > 20 or float(match[1]) * _UNITS[match[2]] > MAX_MEMORY_BYTES:
         what = f"is {shorten_text(text)!r}, more than {MAX_MEMORY_BYTES:g} bytes"
         raise robot_error(path, where, what, "leave it out; MuJoCo sizes it")
-
-
-def _describe_element(element: ElementTree.Element) -> str:
-    name = element.get("name")
-    return f" {shorten_text(name)!r}" if name else ""
-
-
-def _parse_number(text: str) -> float | None:
-    try:
-        value = float(text)
-    except ValueError:
-        return None
-    return math.inf if math.isnan(value) else value

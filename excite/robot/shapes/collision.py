@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import warnings
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,7 +24,7 @@ from excite.robot.refusal import robot_error
 from excite.robot.robot import Robot
 from excite.robot.shapes.link_shapes import link_shapes, links_by_kind, numbers_of, origin_of
 from excite.robot.shapes.mesh_files import read_meshes
-from excite.robot.shapes.shape import CORNERS, Shape, coal_geometry, shape_points
+from excite.robot.shapes.shape import Shape, bottom, coal_geometry, placed, shape_bounds, shape_points
 
 TABLE = "table"
 _TABLE_SIZE = (4.0, 4.0, 1.0)
@@ -64,7 +64,10 @@ def collision_model(robot: Robot) -> pin.GeometryModel:
     """
     if robot.hash not in _MODELS:
         near = {frozenset(pair.links) for pair in robot.description.collision.near_pairs}
-        _MODELS[robot.hash] = _model(robot, near)
+        shapes = collision_shapes(robot)
+        _MODELS[robot.hash] = _geometry_model(
+            shapes, shape_pairs(robot, shapes, _ignored_pairs(robot, shapes) | near)
+        )
     return _MODELS[robot.hash]
 
 
@@ -75,17 +78,15 @@ def watched_model(robot: Robot) -> tuple[pin.GeometryModel, Array]:
         model = collision_model(robot)
         return model, np.full(len(model.collisionPairs), block.margin)
     if robot.hash not in _WATCHED:
-        model, own = _model(robot), {frozenset(pair.links): pair.distance for pair in block.near_pairs}
-        links = [shape.link for shape in collision_shapes(robot)]
-        pairs = (frozenset((links[pair.first], links[pair.second])) for pair in model.collisionPairs)
-        _WATCHED[robot.hash] = model, np.array([own.get(pair, block.margin) for pair in pairs])
+        shapes, own = (
+            collision_shapes(robot),
+            {frozenset(pair.links): pair.distance for pair in block.near_pairs},
+        )
+        pairs = shape_pairs(robot, shapes, _ignored_pairs(robot, shapes))
+        links = [frozenset((shapes[first].link, shapes[second].link)) for first, second in pairs]
+        distances = np.array([own.get(pair, block.margin) for pair in links])
+        _WATCHED[robot.hash] = _geometry_model(shapes, pairs), distances
     return _WATCHED[robot.hash]
-
-
-def _model(robot: Robot, without: Collection[frozenset[str]] = ()) -> pin.GeometryModel:
-    """Geometry with every pair that matters, but for some pairs of links."""
-    shapes = collision_shapes(robot)
-    return _geometry_model(shapes, shape_pairs(robot, shapes, _ignored_pairs(robot, shapes).union(without)))
 
 
 def _geometry_model(shapes: Sequence[Shape], pairs: Sequence[tuple[int, int]]) -> pin.GeometryModel:
@@ -147,55 +148,43 @@ def shape_pairs(
     Joints whose links meet where a loop closes are adjacent, too.
     """
     parents = list(robot.model.parents)
-    meeting = set() if robot.mechanism is None else robot.mechanism.meeting
-    pairs = []
-    for first, one in enumerate(shapes):
-        for second in range(first + 1, len(shapes)):
-            other = shapes[second]
-            if one.joint == other.joint:
-                continue
-            if parents[one.joint] == other.joint or parents[other.joint] == one.joint:
-                continue
-            if frozenset((one.joint, other.joint)) in meeting:
-                continue
-            if frozenset((one.link, other.link)) not in ignored:
-                pairs.append((first, second))
-    return pairs
+    close = set() if robot.mechanism is None else robot.mechanism.meeting
+    close |= {frozenset((joint, parent)) for joint, parent in enumerate(parents)}
+    return [
+        (first, second)
+        for first, second in itertools.combinations(range(len(shapes)), 2)
+        if (joints := frozenset((shapes[first].joint, shapes[second].joint))) not in close
+        and len(joints) == 2
+        if frozenset((shapes[first].link, shapes[second].link)) not in ignored
+    ]
 
 
 def mesh_points(links: list[Element], kind: str, partial: frozenset[str] = frozenset()) -> dict[Path, Array]:
     """Corners of the meshes of links; those of links in ``partial`` as far as they can be read."""
-    needed, others = list[Path](), list[Path]()
+    files: dict[bool, list[Path]] = {False: [], True: []}
     for link in links:
-        files = [Path(mesh.get("filename", "")) for mesh in link.iterfind(f"{kind}/geometry/mesh")]
-        (others if link.get("name", "") in partial else needed).extend(files)
-    points = read_meshes(needed)
-    for file in set(others) - set(needed):
+        meshes = link.iterfind(f"{kind}/geometry/mesh")
+        files[link.get("name", "") in partial] += [Path(mesh.get("filename", "")) for mesh in meshes]
+    points = read_meshes(files[False])
+    for file in set(files[True]) - set(points):
         with suppress(RobotError):
             points |= read_meshes([file])
     return dict(turn_upright(links, kind, points))
 
 
 def _ignored_pairs(robot: Robot, shapes: tuple[Shape, ...]) -> frozenset[frozenset[str]]:
-    links = {shape.link for shape in shapes}
-    block = robot.description.collision
+    links, block = {shape.link for shape in shapes}, robot.description.collision
     near = tuple(pair.links for pair in block.near_pairs)
     for field, named in (("ignored_pairs", block.ignored_pairs), ("near_pairs", near)):
         for link in (link for pair in named for link in pair if link not in links):
-            raise robot_error(
-                robot.source,
-                f"collision.{field}",
-                f"no shape on link {link!r}",
-                "links with shapes are " + ", ".join(sorted(links)),
-            )
+            what, remedy = f"no shape on link {link!r}", "links with shapes are " + ", ".join(sorted(links))
+            raise robot_error(robot.source, f"collision.{field}", what, remedy)
     pairs = {frozenset(pair) for pair in block.ignored_pairs}
     if ground_is_assumed(robot.description):
         own = [shape for shape in shapes if shape.link != TABLE]
         height = ground_height(robot.model, own, robot.rest)
-        margin = robot.description.collision.margin
-        pairs |= {
-            frozenset((link, TABLE)) for link in links_below(robot.model, own, robot.rest, height, margin)
-        }
+        below = links_below(robot.model, own, robot.rest, height, block.margin)
+        pairs |= {frozenset((link, TABLE)) for link in below}
     return frozenset(pairs)
 
 
@@ -205,46 +194,33 @@ def _check_below(robot: Robot, height: float) -> None:
     pin.forwardKinematics(robot.model, data, robot.rest)
     highest = max(float(place.translation[2]) for place in list(data.oMi)[1:])
     if robot.description.base == "fixed" and height > max(highest, 0.0):
-        raise robot_error(
-            robot.source,
-            "collision.table_height",
-            f"is {height:g} m, above all joints at rest (the highest at {highest:.3g} m)",
-            "give its height in the base's frame, or null where nothing is there",
-        )
+        what = f"is {height:g} m, above all joints at rest (the highest at {highest:.3g} m)"
+        remedy = "give its height in the base's frame, or null where nothing is there"
+        raise robot_error(robot.source, "collision.table_height", what, remedy)
 
 
 def _build_shapes(robot: Robot) -> tuple[Shape, ...]:
     block = robot.description.collision
     shapes: list[Shape] = []
-    if block.geometry != "authored":
-        links = fromstring(robot.urdf).findall("link")
-        for kind, shown in links_by_kind(links, block.geometry).items():
-            points = mesh_points(shown, kind, frozenset(block.stand_ins))
-            for link in shown:
-                shapes += link_shapes(
-                    robot, link, kind, points, partial=link.get("name", "") in block.stand_ins
-                )
+    links = [] if block.geometry == "authored" else fromstring(robot.urdf).findall("link")
+    for kind, shown in links_by_kind(links, block.geometry).items():
+        points = mesh_points(shown, kind, frozenset(block.stand_ins))
+        for link in shown:
+            partial = link.get("name", "") in block.stand_ins
+            shapes += link_shapes(robot, link, kind, points, partial=partial)
     for authored in block.shapes:
         joint, placement = link_placement(robot.model, authored.link, robot.source, "collision.shapes")
         number = sum(shape.link == authored.link for shape in shapes)
         lengths = {"sphere": 1, "capsule": 2, "box": 3}[authored.kind]
         if len(authored.size) != lengths:
-            raise robot_error(
-                robot.source,
-                "collision.shapes",
-                f"a {authored.kind} on {authored.link} has {len(authored.size)} sizes",
-                f"give {lengths}",
-            )
-        pose = pin.SE3(pin.rpy.rpyToMatrix(*authored.rpy), np.array(authored.xyz))
+            what = f"a {authored.kind} on {authored.link} has {len(authored.size)} sizes"
+            raise robot_error(robot.source, "collision.shapes", what, f"give {lengths}")
+        pose = placement * pin.SE3(pin.rpy.rpyToMatrix(*authored.rpy), np.array(authored.xyz))
         name = f"{authored.link}_{number}"
-        shapes.append(Shape(name, authored.link, joint, placement * pose, authored.kind, authored.size))
+        shapes.append(Shape(name, authored.link, joint, pose, authored.kind, authored.size))
     if not shapes:
-        raise robot_error(
-            robot.source,
-            "collision.geometry",
-            f"no geometry of kind {block.geometry!r}",
-            "author shapes or name the other kind",
-        )
+        what, remedy = f"no geometry of kind {block.geometry!r}", "author shapes or name the other kind"
+        raise robot_error(robot.source, "collision.geometry", what, remedy)
     height = block.table_height
     if ground_is_assumed(robot.description):
         height = ground_height(robot.model, shapes, robot.rest)
@@ -258,13 +234,8 @@ def _build_shapes(robot: Robot) -> tuple[Shape, ...]:
 # Which way up Collada meshes are meant: their file says an axis, which some readers of URDF heed and others
 # do not.
 
-# The axis stands in a file's head, before any geometry.
-_HEAD_BYTES = 16_384
 # From the file's axes to those of a frame whose z is up (Collada 1.4.1, element up_axis).
 _UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-# A link speaks where the readings differ by this share of its size. In example-robot-data 15 links of 16 of the iCub
-# speak for meshes turned upright; of TIAGo, two flying arms and two other iCubs 46 of 47 for meshes as they are.
-_DIFFERENCE = 0.02
 # Fewer votes than these could be chance: without them meshes are read as RViz and pinocchio read them.
 _VOTES, _MAJORITY = 3, 0.75
 
@@ -283,9 +254,7 @@ def turn_upright(
         points: corners as they stand in the files ``(n, 3)``, by file.
     """
     turned = {path: turn_file_upright(path, corners) for path, corners in points.items() if _y_up(path)}
-    if not turned:
-        return points
-    votes = [_axis_vote(link, kind, points, turned) for link in links]
+    votes = [_axis_vote(link, kind, points, turned) for link in links] if turned else []
     as_is, otherwise = votes.count(-1), votes.count(1)
     if otherwise < _VOTES or otherwise < _MAJORITY * (as_is + otherwise):
         return points
@@ -301,40 +270,37 @@ def _y_up(path: Path) -> bool:
     if path.suffix.lower() != ".dae":
         return False
     with path.open("rb") as stream:
-        return b"Y_UP" in stream.read(_HEAD_BYTES)
+        # The axis stands in a file's head, before any geometry.
+        return b"Y_UP" in stream.read(16_384)
 
 
 def _axis_vote(
     link: ElementTree.Element, kind: str, points: Mapping[Path, Array], turned: Mapping[Path, Array]
 ) -> int:
     """1 of a link whose centre of mass speaks for turned meshes, -1 for meshes as they are, 0 if it says nothing."""
-    inertial = link.find("inertial")
+    inertial, off = link.find("inertial"), list[float]()
     meshes = [
-        (element, mesh)
+        (
+            origin_of(element.find("origin")),
+            numbers_of(mesh.get("scale", "1 1 1")),
+            Path(mesh.get("filename", "")),
+        )
         for element in link.findall(kind)
         for mesh in element.iterfind("geometry/mesh")
         if Path(mesh.get("filename", "")) in points
     ]
-    if inertial is None or not any(Path(mesh.get("filename", "")) in turned for _, mesh in meshes):
+    if inertial is None or not any(file in turned for *_, file in meshes):
         return 0
     centre = origin_of(inertial.find("origin")).translation
-    off: list[float] = []
     for reading in (points, {**points, **turned}):
-        corners = np.vstack([_place_points(element, mesh, reading) for element, mesh in meshes])
+        corners = np.vstack([placed(reading[file] * scale, pose) for pose, scale, file in meshes])
         low, high = corners.min(axis=0), corners.max(axis=0)
         size = max(float(np.linalg.norm(high - low)), 1e-9)
         off.append(float(np.linalg.norm(centre - 0.5 * (low + high))) / size)
-    if abs(off[0] - off[1]) < _DIFFERENCE:
-        return 0
-    return 1 if off[1] < off[0] else -1
-
-
-def _place_points(
-    element: ElementTree.Element, mesh: ElementTree.Element, points: Mapping[Path, Array]
-) -> Array:
-    corners = points[Path(mesh.get("filename", ""))] * numbers_of(mesh.get("scale", "1 1 1"))
-    pose = origin_of(element.find("origin"))
-    return np.asarray(corners @ pose.rotation.T + pose.translation)
+    # A link speaks where the readings differ by this share of its size. In example-robot-data 15 links of 16 of the
+    # iCub speak for meshes turned upright; of TIAGo, two flying arms and two other iCubs 46 of 47 for meshes as they
+    # are.
+    return 0 if abs(off[0] - off[1]) < 0.02 else 1 if off[1] < off[0] else -1
 
 
 # The ground below a fixed base: never absent, so that no motion reaches through it unseen.
@@ -430,37 +396,10 @@ def lowest_points(shapes: Sequence[Shape], data: pin.Data) -> dict[int, float]:
     return found
 
 
-def bottom(shape: Shape, joint: pin.SE3) -> Array:
-    """Points of a shape's surface, its lowest among them, ``(n, 3)`` [m], the shape's joint being at ``joint``."""
-    pose = joint * shape.placement
-    if shape.vertices is not None:
-        return np.asarray(shape.vertices @ pose.rotation.T + pose.translation)
-    down = np.array([0.0, 0.0, -1.0])
-    if shape.kind == "sphere":
-        return np.asarray(pose.translation + shape.size[0] * down)[None]
-    if shape.kind == "box":
-        return np.asarray(0.5 * CORNERS * np.array(shape.size) @ pose.rotation.T + pose.translation)
-    radius, length = shape.size
-    ends = [pose.act(np.array([0.0, 0.0, side * 0.5 * length])) for side in (-1.0, 1.0)]
-    if shape.kind == "capsule":
-        return np.array([end + radius * down for end in ends])
-    axis = pose.rotation[:, 2]
-    slope = down - (down @ axis) * axis
-    if np.linalg.norm(slope) > 0.05:
-        return np.array([end + radius * slope / np.linalg.norm(slope) for end in ends])
-    angles = np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)
-    ring = radius * (
-        np.outer(np.cos(angles), pose.rotation[:, 0]) + np.outer(np.sin(angles), pose.rotation[:, 1])
-    )
-    return np.vstack([end + ring for end in ends])
-
-
 # Which pairs of links a collision check may leave out, computed from the geometry.
 
 FAR = 0.02
 """Clearance beyond the margin that a pair must always keep to count as unable to meet [m]."""
-NEAR_JOINTS = 3
-"""Joints between two links up to which their relative posture is searched in full."""
 
 
 @dataclass(frozen=True)
@@ -505,28 +444,26 @@ def review_pairs(
         search: the robot's, if it is there already.
         rest: joints ``(n_joints,)`` of the rest posture; the robot's own where None.
     """
-    search = search or PairSearch(robot)
-    margin = robot.description.collision.margin
+    search, margin = search or PairSearch(robot), robot.description.collision.margin
     near = search.distances(robot.rest if rest is None else search.posture(rest))
-    random = np.array([search.distances(q) for q in search.drawn(rng, n_random)]).reshape(
-        n_random, len(search.pairs)
-    )
-    at_rest: list[tuple[str, str]] = []
-    always: list[tuple[str, str]] = []
-    never: list[tuple[str, str]] = []
-    rest_collisions: list[tuple[str, str]] = []
+    drawn = [search.distances(q) for q in robot.draw_configurations(rng, n_random)]
+    random = np.array(drawn).reshape(n_random, len(search.pairs))
+    found: dict[str, list[tuple[str, str]]] = {
+        kind: [] for kind in ("at_rest", "always", "never", "rest_collisions")
+    }
     for column, pair in enumerate(search.pairs):
         between = search.joints_between(pair)
-        neighbours = len(between) <= NEAR_JOINTS
+        # Joints between two links up to which their relative posture is searched in full.
+        neighbours = len(between) <= 3
         if np.mean(random[:, column] < margin) >= 0.99:
-            always.append(pair)
+            found["always"].append(pair)
         elif near[column] < margin:
-            (at_rest if neighbours else rest_collisions).append(pair)
-        elif neighbours and TABLE not in pair and random[:, column].min() > margin + FAR:
-            # On the grid a mechanism is open.
-            if robot.mechanism is None and search.grid_minimum(column, between) > margin + FAR:
-                never.append(pair)
-    return PairReview(tuple(at_rest), tuple(always), tuple(never), tuple(rest_collisions))
+            found["at_rest" if neighbours else "rest_collisions"].append(pair)
+        # On the grid a mechanism is open.
+        elif neighbours and TABLE not in pair and robot.mechanism is None:
+            if random[:, column].min() > margin + FAR and search.grid_minimum(column, between) > margin + FAR:
+                found["never"].append(pair)
+    return PairReview(**{kind: tuple(pairs) for kind, pairs in found.items()})
 
 
 class PairSearch:
@@ -553,13 +490,6 @@ class PairSearch:
         q = self.robot.rest.copy()
         q[self.robot.n_base_q :] = joints
         return q
-
-    def drawn(self, rng: np.random.Generator, n: int) -> Array:
-        """Random configurations within the limits, ``(n, nq)``; a mechanism is closed."""
-        lower, upper = self.robot.limits.position_lower, self.robot.limits.position_upper
-        if self.robot.mechanism is not None:
-            return self.robot.mechanism.drawn(rng, lower, upper, n)
-        return np.array([self.posture(rng.uniform(lower, upper)) for _ in range(n)])
 
     def distances(self, q: Array) -> Array:
         """Smallest distance of each pair of links [m], ``(n_pairs,)``."""
@@ -591,3 +521,44 @@ class PairSearch:
                 result = pin.computeDistance(self.geometry, self.geometry_data, int(index))
                 smallest = min(smallest, result.min_distance)
         return smallest
+
+
+# Boxes in which the centre of mass of each segment must lie.
+
+BARE = 0.05
+"""Half side of the box about the nominal CoM of a segment that has no geometry [m]."""
+
+
+def com_boxes(robot: Robot) -> Array:
+    """Box of each segment that contains its CoM for certain, for constraints on first moments.
+
+    It is the bounding box, along the axes of the segment's joint frame, of the collision geometry that the
+    joint carries, grown a little and extended to contain the nominal CoM. ``segments.com_box`` in
+    ``robot.yaml`` overrides it; a segment without geometry gets a box of 0.1 m around its nominal CoM.
+
+    Returns:
+        Lower and upper corners in the joint frames, ``(n_segments, 2, 3)`` [m].
+
+    Raises:
+        RobotError: the collision geometry cannot be built.
+    """
+    boxes = np.empty((len(robot.segments), 2, 3))
+    shapes = [shape for shape in collision_shapes(robot) if shape.link != TABLE]
+    for index, segment in enumerate(robot.segments):
+        stated = robot.description.segments.com_box.get(segment.link)
+        if stated is not None:
+            boxes[index] = stated
+            continue
+        mass, *moment = robot.nominal_parameters[10 * index : 10 * index + 4]
+        centre = np.array(moment) / mass if mass > 0.0 else np.zeros(3)
+        bounds = [shape_bounds(shape) for shape in shapes if shape.joint == segment.joint]
+        if bounds:
+            lower = np.min([low for low, _ in bounds], axis=0)
+            upper = np.max([high for _, high in bounds], axis=0)
+            # Growth of the geometry's bounding box on every side, as a share of its length.
+            # Least growth on every side [m].
+            growth = np.maximum(0.05 * (upper - lower), 0.005)
+            boxes[index] = np.minimum(lower - growth, centre), np.maximum(upper + growth, centre)
+        else:
+            boxes[index] = centre - BARE, centre + BARE
+    return boxes

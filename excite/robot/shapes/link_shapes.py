@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from functools import cache
 from hashlib import blake2b
 from pathlib import Path
-from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 
 import numpy as np
@@ -22,14 +21,18 @@ from excite.robot.links import link_placement
 from excite.robot.quantities import MAX_TRAVEL
 from excite.robot.refusal import robot_error
 from excite.robot.robot import Robot
-from excite.robot.shapes.shape import Shape
+from excite.robot.shapes.shape import Kind, Shape
+from excite.robot.urdf.inertia import LENGTHS
 from excite.threads import blas_kernels
-
-if TYPE_CHECKING:
-    from scipy.spatial import ConvexHull
 
 # A hull of 96 corners may have to grow by a hundredth; of a smooth body the growth falls with the corners' square.
 _CORNERS, _SLACK = 96, 0.01
+_PRIMITIVES: dict[str, Kind] = {
+    "box": "box",
+    "sphere": "sphere",
+    "cylinder": "cylinder",
+    "capsule": "capsule",
+}
 
 
 def links_by_kind(
@@ -73,20 +76,19 @@ def link_shapes(
     Raises:
         RobotError: an element is no solid.
     """
-    name = link.get("name", "")
-    shapes = []
+    name, corners, shapes = link.get("name", ""), robot.description.collision.hull_corners, []
     for number, element in enumerate(link.findall(kind)):
         where = f"link {name!r}, {kind} {number}"
         joint, placement = link_placement(robot.model, name, robot.source, where)
-        pose = placement * origin_of(element.find("origin"))
-        geometry = element.find("geometry")
-        solid = geometry[0] if geometry is not None and len(geometry) else None
+        pose, solid = (
+            placement * origin_of(element.find("origin")),
+            next(element.iterfind("geometry/*"), None),
+        )
         if solid is None:
             raise robot_error(robot.source, where, "has no geometry", "remove or fill the element")
         points = meshes.get(Path(solid.get("filename", ""))) if solid.tag == "mesh" else None
         if partial and points is None and solid.tag == "mesh":
             continue
-        corners = robot.description.collision.hull_corners
         try:
             shape = solid_shape(solid, points, robot.source, where, corners)
         except RobotError:
@@ -116,25 +118,18 @@ def solid_shape(
     if solid.tag == "mesh" and points is not None:
         points = points * numbers_of(solid.get("scale", "1 1 1"))
         if np.abs(points).max() > MAX_TRAVEL:
-            raise robot_error(
-                source,
-                where,
-                f"its mesh reaches {np.abs(points).max():.3g} m from its origin",
-                'looks like millimetres: write scale="0.001 0.001 0.001"',
-            )
+            what = f"its mesh reaches {np.abs(points).max():.3g} m from its origin"
+            remedy = 'looks like millimetres: write scale="0.001 0.001 0.001"'
+            raise robot_error(source, where, what, remedy)
         try:
             hull = kept_hull(points, corners, _SLACK * (_CORNERS / corners) ** 2)
         except ValueError as error:
             raise robot_error(source, where, str(error), "author a shape instead") from error
         return Shape(*nowhere, "convex", (), hull.vertices, hull.faces)
-    if solid.tag == "box":
-        return Shape(*nowhere, "box", tuple(numbers_of(solid.get("size", "")).tolist()))
-    if solid.tag == "sphere":
-        return Shape(*nowhere, "sphere", (float(solid.get("radius", "nan")),))
-    if solid.tag in {"cylinder", "capsule"}:
-        size = (float(solid.get("radius", "nan")), float(solid.get("length", "nan")))
-        return Shape(*nowhere, "capsule" if solid.tag == "capsule" else "cylinder", size)
-    raise robot_error(source, where, f"unknown geometry {solid.tag!r}", "use a mesh, box or sphere")
+    if solid.tag not in _PRIMITIVES:
+        raise robot_error(source, where, f"unknown geometry {solid.tag!r}", "use a mesh, box or sphere")
+    lengths = (solid.get(attribute, "nan") for attribute, _, _ in LENGTHS[solid.tag])
+    return Shape(*nowhere, _PRIMITIVES[solid.tag], tuple(numbers_of(" ".join(lengths)).tolist()))
 
 
 def origin_of(origin: ElementTree.Element | None) -> pin.SE3:
@@ -171,10 +166,13 @@ def kept_hull(points: Array, max_vertices: int, slack: float) -> Hull:
     """
     settings = f"{_rounding_key()} {max_vertices} {slack!r} {points.shape}".encode()
     file = cached_file("hulls", settings, points.tobytes())
-    hull = _parse_hull(read_cached(file))
-    if hull is None:
-        hull = convex_hull(points, max_vertices, slack)
-        write_cached(file, _render_hull(hull))
+    content, kept = read_cached(file), io.BytesIO()
+    if content is not None:
+        with np.load(io.BytesIO(content), allow_pickle=False) as parts:
+            return Hull(parts["vertices"], parts["faces"], float(parts["inflation"]))
+    hull = convex_hull(points, max_vertices, slack)
+    np.savez(kept, vertices=hull.vertices, faces=hull.faces, inflation=hull.inflation)
+    write_cached(file, kept.getvalue())
     return hull
 
 
@@ -185,20 +183,6 @@ def _rounding_key() -> str:
     import scipy
 
     return f"{code} {np.__version__} {scipy.__version__} {blas_kernels()}"
-
-
-def _parse_hull(content: bytes | None) -> Hull | None:
-    """A hull as :func:`_render_hull` wrote it."""
-    if content is None:
-        return None
-    with np.load(io.BytesIO(content), allow_pickle=False) as parts:
-        return Hull(parts["vertices"], parts["faces"], float(parts["inflation"]))
-
-
-def _render_hull(hull: Hull) -> bytes:
-    parts = io.BytesIO()
-    np.savez(parts, vertices=hull.vertices, faces=hull.faces, inflation=hull.inflation)
-    return parts.getvalue()
 
 
 # Meshes as convex hulls of few vertices that contain the mesh.
@@ -239,10 +223,10 @@ def convex_hull(points: Array, max_vertices: int = 96, slack: float = 0.01) -> H
     Raises:
         ValueError: the points lie in a plane.
     """
-    from scipy.spatial import QhullError
+    from scipy.spatial import ConvexHull, QhullError
 
     try:
-        exact = _exact_hull(points)
+        exact = ConvexHull(points)
     except QhullError as error:
         raise ValueError("the points lie in a plane and have no convex hull") from error
     corners = points[exact.vertices]
@@ -256,15 +240,14 @@ def convex_hull(points: Array, max_vertices: int = 96, slack: float = 0.01) -> H
     inside = corners[chosen].mean(axis=0)
     corners, centre = corners - inside, centre + inside @ axes
     while True:
-        planes = _hull_planes(corners[chosen])
+        planes = np.asarray(ConvexHull(corners[chosen]).equations)
         reach = (corners @ planes[:, :3].T) / -planes[:, 3]
         factor = float(reach.max())
-        if factor <= 1.0 + slack or len(chosen) >= max_vertices:
-            return _build_polyhedron(corners[chosen], _stretch_factors(corners, planes, factor), axes, centre)
         worst = np.argsort(-reach.max(axis=0), kind="stable")[:6]
         new = np.setdiff1d(reach.argmax(axis=0)[worst], chosen)
-        if len(new) == 0:
-            return _build_polyhedron(corners[chosen], _stretch_factors(corners, planes, factor), axes, centre)
+        if factor <= 1.0 + slack or len(chosen) >= max_vertices or not len(new):
+            stretch = _stretch_factors(corners, planes, factor)
+            return _build_polyhedron(corners[chosen], stretch, axes, centre)
         chosen = np.union1d(chosen, new[: max_vertices - len(chosen)])
 
 
@@ -296,19 +279,10 @@ def _extreme_corners(corners: Array) -> Faces:
     return np.union1d(index, [heights.argmin(), heights.argmax()])
 
 
-def _exact_hull(points: Array) -> ConvexHull:
-    # Loaded where a hull is made: most commands that read a robot make none.
+def _build_polyhedron(corners: Array, stretch: Array, axes: Array, centre: Array) -> Hull:
     from scipy.spatial import ConvexHull
 
-    return ConvexHull(points)
-
-
-def _hull_planes(corners: Array) -> Array:
-    return np.asarray(_exact_hull(corners).equations)
-
-
-def _build_polyhedron(corners: Array, stretch: Array, axes: Array, centre: Array) -> Hull:
-    hull = _exact_hull(corners * stretch @ axes + centre)
+    hull = ConvexHull(corners * stretch @ axes + centre)
     used = np.sort(hull.vertices)
     faces = np.searchsorted(used, hull.simplices).astype(np.int64)
     vertices = hull.points[used]

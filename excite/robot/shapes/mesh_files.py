@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.errors import RobotError
@@ -15,8 +16,6 @@ from excite.robot.refusal import robot_error
 
 # The largest mesh known, the trunk of a quadruped in Collada, has 29 MB.
 MAX_MESH_BYTES = 256 * 1024 * 1024
-# A part of 1 km in micrometres.
-MAX_COORDINATE = 1e9
 # That trunk takes 6 s. Of 300 damaged Collada files four kept the loader busy without end, so that the search for the
 # one among many shall not take a minute.
 BATCH_SECONDS = 20.0
@@ -62,39 +61,33 @@ def load_points(paths: tuple[Path, ...]) -> list[Array]:
     return loaded
 
 
-def _load_meshes(paths: list[Path]) -> dict[Path, Array]:
+def _load_meshes(paths: list[Path], seconds: float | None = None) -> dict[Path, Array]:
     """All in one process, since starting it takes longer than most meshes."""
     if not paths:
         return {}
+    megabytes = sum(path.stat().st_size for path in paths) / 1e6
     try:
-        return _in_child(paths, BATCH_SECONDS)
+        points = in_child(
+            "excite.robot.shapes.mesh_files:load_points",
+            tuple(paths),
+            source=paths[0],
+            error=RobotError,
+            seconds=(BATCH_SECONDS if seconds is None else seconds) + SECONDS_A_MEGABYTE * megabytes,
+            memory_gb=LOADING_MEMORY_GB,
+        )
+        return dict(zip(paths, points, strict=True))
     except RobotError:
         if len(paths) == 1:
             raise
     # A child that hangs or crashes does not say at which of them.
-    found: dict[Path, Array] = {}
-    for path in paths:
-        found |= _in_child([path], MESH_SECONDS)
-    return found
-
-
-def _in_child(paths: list[Path], seconds: float) -> dict[Path, Array]:
-    megabytes = sum(path.stat().st_size for path in paths) / 1e6
-    points = in_child(
-        "excite.robot.shapes.mesh_files:load_points",
-        tuple(paths),
-        source=paths[0],
-        error=RobotError,
-        seconds=seconds + SECONDS_A_MEGABYTE * megabytes,
-        memory_gb=LOADING_MEMORY_GB,
-    )
-    return dict(zip(paths, points, strict=True))
+    return {path: points for path in paths for points in _load_meshes([path], MESH_SECONDS).values()}
 
 
 def _check_points(points: Array, path: Path) -> Array:
     if len(points) == 0 or not np.isfinite(points).all():
         raise robot_error(path, None, "mesh has no corners or one that is not finite", "export it again")
-    if np.abs(points).max() > MAX_COORDINATE:
+    # A part of 1 km in micrometres.
+    if np.abs(points).max() > 1e9:
         raise robot_error(
             path, None, f"mesh has a corner {np.abs(points).max():.3g} from its origin", _DAMAGED
         )
@@ -127,3 +120,13 @@ def _text_points(content: bytes, path: Path) -> Array:
     except ValueError as error:
         reason = " ".join(str(error).split())
         raise robot_error(path, None, f"mesh is no STL file ({reason[:100]})", _DAMAGED) from error
+
+
+def binary_stl(triangles: NDArray[np.floating]) -> bytes:
+    """Binary STL of triangles ``(n, 3, 3)`` [m]."""
+    records = np.zeros(len(triangles), dtype=_BINARY_STL)
+    a, b, c = np.asarray(triangles, dtype="<f4").transpose(1, 0, 2)
+    normals = np.cross(b - a, c - a)
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    records["normal"], records["corners"] = normals / np.where(lengths > 0.0, lengths, 1.0), triangles
+    return bytes(80) + len(records).to_bytes(4, "little") + records.tobytes()

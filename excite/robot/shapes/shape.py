@@ -14,6 +14,9 @@ from excite.arrays import Array
 
 CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
 """Corners of a cube of side two about the origin, ``(8, 3)``."""
+_ENDS = np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]])
+_ANGLES = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
+_RING = np.column_stack([np.cos(_ANGLES), np.sin(_ANGLES), np.zeros(48)])
 Kind = Literal["convex", "box", "capsule", "sphere", "cylinder"]
 
 
@@ -42,6 +45,20 @@ class Shape:
     vertices: Array | None = None
     faces: NDArray[np.int64] | None = None
 
+    @property
+    def radius(self) -> float:
+        """Of a sphere, capsule or cylinder [m]; zero of others."""
+        return 0.0 if self.kind in {"convex", "box"} else self.size[0]
+
+    @property
+    def core(self) -> Array:
+        """Points ``(n, 3)`` [m] whose hull, widened by a ball (or a cylinder's disc) of :attr:`radius`, it is."""
+        if self.vertices is not None:
+            return self.vertices
+        if self.kind == "box":
+            return np.asarray(0.5 * CORNERS * np.array(self.size))
+        return 0.5 * self.size[-1] * _ENDS if len(self.size) == 2 else np.zeros((1, 3))
+
 
 def coal_geometry(shape: Shape) -> coal.CollisionGeometry:
     """The coal geometry of a shape, in the shape's own frame."""
@@ -60,19 +77,50 @@ def coal_geometry(shape: Shape) -> coal.CollisionGeometry:
 
 
 def shape_points(shape: Shape) -> Array:
-    """Corners of a shape, or of the box around it, in the frame of its joint, ``(n, 3)`` [m]."""
-    if shape.vertices is not None:
-        points = shape.vertices
-    else:
-        radius, length = shape.size[0], shape.size[-1]
-        half = {
-            "box": 0.5 * np.array(shape.size),
-            "sphere": np.full(3, radius),
-            "cylinder": np.array([radius, radius, 0.5 * length]),
-            "capsule": np.array([radius, radius, 0.5 * length + radius]),
-        }[shape.kind]
-        points = half * CORNERS
-    return np.asarray(points @ shape.placement.rotation.T + shape.placement.translation)
+    """Corners of a shape, or of the box around a round one, in the frame of its joint, ``(n, 3)`` [m]."""
+    points = shape.core
+    if shape.radius:
+        wide = np.array([1.0, 1.0, shape.kind != "cylinder"])
+        points = (np.abs(points).max(axis=0) + shape.radius * wide) * CORNERS
+    return placed(points, shape.placement)
+
+
+def shape_bounds(shape: Shape) -> tuple[Array, Array]:
+    """Lower and upper corner of a shape's bounding box in the frame of its joint, each ``(3,)`` [m]."""
+    points, axis = placed(shape.core, shape.placement), shape.placement.rotation[:, 2]
+    wide = np.sqrt(np.maximum(0.0, 1.0 - axis**2)) if shape.kind == "cylinder" else np.ones(3)
+    return points.min(axis=0) - shape.radius * wide, points.max(axis=0) + shape.radius * wide
+
+
+def bottom(shape: Shape, joint: pin.SE3) -> Array:
+    """Points of a shape's surface, its lowest among them, ``(n, 3)`` [m], the shape's joint being at ``joint``."""
+    pose, down = joint * shape.placement, np.array([0.0, 0.0, -1.0])
+    points = placed(shape.core, pose)
+    if shape.kind != "cylinder":
+        return np.asarray(points + shape.radius * down)
+    slope = down - (down @ pose.rotation[:, 2]) * pose.rotation[:, 2]
+    if np.linalg.norm(slope) > 0.05:
+        return np.asarray(points + shape.radius * slope / np.linalg.norm(slope))
+    return _widened(points, shape.radius * _RING[::4] @ pose.rotation.T)
+
+
+def outline(shape: Shape) -> Array:
+    """Points whose hull contains a solid and is at most a thirtieth wider, in the solid's frame ``(n, 3)`` [m]."""
+    if not shape.radius:
+        return shape.core
+    # A polygon around the circle; a ball has such rings at nine heights.
+    tilts = [0.0] if shape.kind == "cylinder" else np.linspace(-0.5 * np.pi, 0.5 * np.pi, 9)
+    rings = [np.cos(tilt) * _RING[::3] + [0.0, 0.0, np.sin(tilt)] for tilt in tilts]
+    return _widened(shape.core, shape.radius / np.cos(np.pi / 16) * np.vstack(rings))
+
+
+def placed(points: Array, pose: pin.SE3) -> Array:
+    """Points ``(n, 3)`` of a frame in that which it has a pose in."""
+    return np.asarray(points @ pose.rotation.T + pose.translation)
+
+
+def _widened(points: Array, steps: Array) -> Array:
+    return np.asarray(points[:, None] + steps).reshape(-1, 3)
 
 
 # Whether feet span an area on which a robot could stand.

@@ -42,16 +42,15 @@ _SLENDER = 0.3
 
 def links_lacking_geometry(robot: Robot) -> tuple[str, ...]:
     """Links with ``collision`` or ``visual`` elements of which one cannot be built: its file is missing or damaged."""
-    links = fromstring(robot.urdf).findall("link")
-    kinds, lacking = links_by_kind(links, "either"), list[str]()
+    links, lacking = fromstring(robot.urdf).findall("link"), list[str]()
+    kinds = [(link, kind) for kind, shown in links_by_kind(links, "either").items() for link in shown]
     for link in links:
-        kind = next((kind for kind, shown in kinds.items() if link in shown), None)
+        kind = next((kind for one, kind in kinds if one is link), None)
         try:
-            if kind is not None:
-                link_shapes(robot, link, kind, mesh_points([link], kind))
+            shapes = [] if kind is None else link_shapes(robot, link, kind, mesh_points([link], kind))
         except RobotError:
-            kind = None
-        if kind is None and (link.find("collision") is not None or link.find("visual") is not None):
+            shapes = []
+        if not shapes and _is_drawn(link):
             lacking.append(link.get("name", ""))
     return tuple(lacking)
 
@@ -120,9 +119,8 @@ def box_shapes(robot: Robot, links: Collection[str]) -> list[dict[str, Any]]:
         robot: theirs.
         links: their names.
     """
-    root = fromstring(robot.urdf)
+    root, boxes = fromstring(robot.urdf), list[dict[str, Any]]()
     shaped = {shape.joint for shape in _own_shapes(robot)}
-    boxes = []
     for link in root.findall("link"):
         name = link.get("name", "")
         if name not in links:
@@ -131,20 +129,13 @@ def box_shapes(robot: Robot, links: Collection[str]) -> list[dict[str, Any]]:
         joint, _ = link_placement(robot.model, name, robot.source, "collision")
         if inertial is None and not (_is_drawn(link) and (_holds_joint(root, name) or joint not in shaped)):
             continue
-        box = _box(root, name, inertial)
-        if box is None:
-            continue
-        sides, pose = box
-        boxes.append(
-            {
-                "link": name,
-                "kind": "box",
-                # Rounded up: no smaller than the body.
-                "size": [round(float(np.ceil(1e4 * x - 1e-6)) / 1e4, 4) for x in sides],
-                "xyz": [round(float(x), 5) for x in pose.translation],
-                "rpy": [round(float(x), 5) for x in pin.rpy.matrixToRpy(pose.rotation)],
-            }
-        )
+        sides, pose = _box(root, name, inertial)
+        if sides is not None:
+            # Rounded up: no smaller than the body.
+            size = [round(float(np.ceil(1e4 * x - 1e-6)) / 1e4, 4) for x in sides]
+            place, turn = pose.translation, pin.rpy.matrixToRpy(pose.rotation)
+            xyz, rpy = ([round(float(x), 5) for x in values] for values in (place, turn))
+            boxes.append({"link": name, "kind": "box", "size": size, "xyz": xyz, "rpy": rpy})
     return boxes
 
 
@@ -164,38 +155,37 @@ def _contains(shape: Shape, point: Array) -> bool:
     return bool(coal.collide(coal_geometry(shape), place, ball, at, coal.CollisionRequest(), found))
 
 
-def _box(root: Element, name: str, inertial: Inertial | None) -> tuple[Array, pin.SE3] | None:
-    """Sides of the box in place of a link, and its pose in the link's frame; None where nothing says how large it is.
+def _box(root: Element, name: str, inertial: Inertial | None) -> tuple[Array | None, pin.SE3]:
+    """Sides of the box in place of a link, None where nothing says how large it is; and its pose in the link's frame.
 
     It is that of its inertia, or, where that is longer than the link can be, a stick from its joint to its end, or a
     box about its joint and all its ends; each is grown to the volume of its mass.
     """
     centre, mass = (np.zeros(3), 0.0) if inertial is None else (inertial.centre, inertial.mass)
-    ends = _ends(root, name, centre)
-    volume = mass / DENSITY
+    ends, volume = _ends(root, name, centre), mass / DENSITY
     if inertial is not None and mass > 0.0:
         longest = 2.0 * max(float(np.linalg.norm(centre - end)) for end in (np.zeros(3), *ends))
         moments, axes = np.linalg.eigh(inertial.moments)
-        if np.linalg.det(axes) < 0.0:
-            axes[:, 0] = -axes[:, 0]
-        squares = 6.0 * (moments.sum() - 2.0 * moments) / mass
-        sides = np.sqrt(np.maximum(squares, 0.0))
+        axes[:, 0] *= np.sign(np.linalg.det(axes))
+        sides = np.sqrt(np.maximum(6.0 * (moments.sum() - 2.0 * moments) / mass, 0.0))
         if sides.max() <= max(longest, _THINNEST):
-            sides = np.maximum(sides, _THINNEST)
-            return sides * max(1.0, float(np.cbrt(volume / sides.prod()))), pin.SE3(axes, centre)
+            return _grown(np.maximum(sides, _THINNEST), volume), pin.SE3(axes, centre)
     length = max((float(np.linalg.norm(end)) for end in ends), default=0.0)
     if length < _THINNEST:
         side = max(_THINNEST, float(np.cbrt(volume)))
-        return None if mass <= 0.0 else (np.full(3, side), pin.SE3(np.eye(3), centre))
+        return np.full(3, side) if mass > 0.0 else None, pin.SE3(np.eye(3), centre)
     if len(ends) > 1:
         corners = np.array([np.zeros(3), *ends])
         low, high = corners.min(axis=0), corners.max(axis=0)
         sides = np.maximum(high - low, _SLENDER * length)
-        grown = max(1.0, float(np.cbrt(volume / sides.prod())))
-        return sides * grown, pin.SE3(np.eye(3), 0.5 * (low + high))
+        return _grown(sides, volume), pin.SE3(np.eye(3), 0.5 * (low + high))
     turn = pin.Quaternion.FromTwoVectors(np.array([1.0, 0.0, 0.0]), ends[0] / length).matrix()
     width = max(_SLENDER * length, float(np.sqrt(volume / length)), _THINNEST)
     return np.array([length, width, width]), pin.SE3(turn, 0.5 * ends[0])
+
+
+def _grown(sides: Array, volume: float) -> Array:
+    return sides * max(1.0, float(np.cbrt(volume / sides.prod())))
 
 
 def _ends(root: Element, name: str, centre: Array) -> list[Array]:
@@ -206,10 +196,10 @@ def _ends(root: Element, name: str, centre: Array) -> list[Array]:
     joints = root.findall("joint")
     carried = [joint for joint in joints if link_at(joint, "parent") == name]
     moving = [joint for joint in carried if joint.get("type") in MOVING]
-    own = next((joint for joint in joints if link_at(joint, "child") == name), None)
     ends = [np.asarray(origin_of(joint.find("origin")).translation) for joint in moving or carried]
-    if not ends and own is not None:
+    own = next((joint for joint in joints if link_at(joint, "child") == name), None)
+    way = float(np.linalg.norm(centre))
+    if not ends and own is not None and way > 1e-6:
         before = float(np.linalg.norm(origin_of(own.find("origin")).translation))
-        way = float(np.linalg.norm(centre))
-        ends = [centre * min(2.0, before / way)] if way > 1e-6 else []
+        ends = [centre * min(2.0, before / way)]
     return ends

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ from excite.results import Assumed
 from excite.robot.description import PositionTable
 from excite.robot.quantities import MAX_ANGLE
 from excite.robot.refusal import robot_error
-from excite.robot.urdf.numbers import read_numbers
+from excite.robot.urdf.numbers import read_number
 
 SOFT, CONTROL = "<safety_controller>", "<ros2_control>"
 _FILE = "joint_limits.yaml"
@@ -26,27 +26,12 @@ _TURN = 0.99 * 2.0 * math.pi
 _LARGEST = ("velocity", "effort", "acceleration", "jerk")
 
 
-@dataclass(frozen=True)
-class JointLimits:
-    """What is stated of one joint; None of what is not.
-
-    Attributes:
-        range: of its position [rad or m].
-        velocity: [rad/s or m/s]
-        effort: [N·m or N]
-        acceleration: [rad/s² or m/s²]
-        jerk: [rad/s³ or m/s³]
-    """
-
-    range: tuple[float, float] | None = None
-    velocity: float | None = None
-    effort: float | None = None
-    acceleration: float | None = None
-    jerk: float | None = None
+Limits = dict[str, dict[str, Any]]
+"""By joint what is stated of it: ``position`` a range [rad or m], the rest the largest magnitude [SI]."""
 
 
-def stated_ranges(root: Element, path: Path) -> dict[str, tuple[float, float]]:
-    """Ranges by joint of those that are ``continuous`` and yet state one of less than a turn [rad].
+def stated_ranges(root: Element, path: Path) -> list[str]:
+    """Joints that are ``continuous`` and yet state a range of less than a turn.
 
     The format has no limits for such joints and readers ignore them, but Cassie's and Digit's state where their knees
     end. Equal limits, such as exporters' zeros, and those of a turn or more are none.
@@ -58,15 +43,17 @@ def stated_ranges(root: Element, path: Path) -> dict[str, tuple[float, float]]:
     Raises:
         RobotError: a limit is no finite number.
     """
-    found = {}
+    found = []
     for joint in root.findall("joint"):
-        limit = joint.find("limit")
-        if joint.get("type") != "continuous" or limit is None or not {"lower", "upper"} <= set(limit.attrib):
-            continue
-        where = f"joint {joint.get('name')!r}/limit"
-        lower, upper = (read_numbers(limit, side, 1, path, where)[0] for side in ("lower", "upper"))
-        if 0.0 < upper - lower < _TURN:
-            found[joint.get("name", "")] = (lower, upper)
+        where, limit = f"joint {joint.get('name')!r}/limit", joint.find("limit")
+        if (
+            joint.get("type") == "continuous"
+            and limit is not None
+            and {"lower", "upper"} <= set(limit.attrib)
+        ):
+            lower, upper = (read_number(limit, side, path, where) for side in ("lower", "upper"))
+            if 0.0 < upper - lower < _TURN:
+                found.append(joint.get("name", ""))
     return found
 
 
@@ -87,16 +74,41 @@ def keep_stated_limits(root: Element, path: Path) -> dict[str, dict[str, list[st
     Raises:
         RobotError: a limit is no finite number, or leaves no range.
     """
-    ranged = stated_ranges(root, path)
+    ranged, found = stated_ranges(root, path), {SOFT: Limits(), CONTROL: Limits()}
     for joint in root.findall("joint"):
-        if joint.get("name") in ranged:
+        name, soft = joint.get("name", ""), joint.find("safety_controller")
+        if name in ranged:
             joint.set("type", "revolute")
-    found = {SOFT: dict(_soft_limits(root, path)), CONTROL: dict(_command_limits(root, path))}
+        keys = ("soft_lower_limit", "soft_upper_limit")
+        both = None if soft is None else _range_of(soft, keys, path, f"joint {name!r}/safety_controller")
+        if both is not None:
+            found[SOFT][name] = {"position": both}
+    for joint in root.iterfind("ros2_control/joint"):
+        name = joint.get("name", "")
+        for command in joint.findall("command_interface"):
+            kind = command.get("name", "")
+            texts = {param.get("name", ""): (param.text or "").strip() for param in command.findall("param")}
+            ends = Element("param", {end: text for end, text in texts.items() if text})
+            where = f"ros2_control joint {name!r}/{kind}"
+            if kind in {"position", "velocity", "effort"}:
+                both = _range_of(ends, ("min", "max"), path, where)
+                if both is not None:
+                    most = both if kind == "position" else symmetric(*both)
+                    found[CONTROL].setdefault(name, {})[kind] = most
     tightened = {said: tighten(root, limits, path, said) for said, limits in found.items()}
     return {said: joints for said, joints in tightened.items() if joints}
 
 
-def tighten(root: Element, limits: Mapping[str, JointLimits], path: Path, said: str) -> dict[str, list[str]]:
+def _range_of(element: Element, keys: tuple[str, str], path: Path, where: str) -> tuple[float, float] | None:
+    """The range between two attributes of which one may be absent; None where both are, or nothing is in between."""
+    lower, upper = (
+        read_number(element, key, path, where) if key in element.attrib else end
+        for key, end in zip(keys, (-math.inf, math.inf), strict=True)
+    )
+    return (lower, upper) if lower < upper and math.isfinite(max(lower, -upper)) else None
+
+
+def tighten(root: Element, limits: Limits, path: Path, said: str) -> dict[str, list[str]]:
     """Write limits into ``<limit>`` where they are tighter than what stands there, or nothing does.
 
     Args:
@@ -113,28 +125,27 @@ def tighten(root: Element, limits: Mapping[str, JointLimits], path: Path, said: 
     """
     changed: dict[str, list[str]] = {}
     for joint in root.findall("joint"):
-        name = joint.get("name", "")
-        one = limits.get(name)
-        if one is None or joint.get("type") not in {"revolute", "continuous", "prismatic"}:
+        name, limit = joint.get("name", ""), joint.find("limit")
+        if name not in limits or joint.get("type") not in {"revolute", "continuous", "prismatic"}:
             continue
-        limit = joint.find("limit")
-        if limit is None:
-            limit = SubElement(joint, "limit")
-        if one.range is not None and _narrow(joint, limit, one.range, path, said):
-            changed.setdefault("position", []).append(name)
-        for key in _LARGEST:
-            value = getattr(one, key)
-            (stated,) = read_numbers(limit, key, 1, path, f"joint {name!r}/limit", default="0")
-            if value is not None and value > 0.0 and not 0.0 < stated <= value:
-                limit.set(key, repr(value))
+        limit = SubElement(joint, "limit") if limit is None else limit
+        for key in ("position", *_LARGEST):
+            value = limits[name].get(key)
+            if key == "position":
+                holds = value is not None and _narrow(joint, limit, value, path, said)
+            else:
+                stated = read_number(limit, key, path, f"joint {name!r}/limit", default="0")
+                holds = value is not None and value > 0.0 and not 0.0 < stated <= value
+                if holds:
+                    limit.set(key, repr(value))
+            if holds:
                 changed.setdefault(key, []).append(name)
     return changed
 
 
 def _narrow(joint: Element, limit: Element, stated: tuple[float, float], path: Path, said: str) -> bool:
     """Narrow a joint's range to one that is stated elsewhere; whether that changed it."""
-    where = f"joint {joint.get('name')!r}/limit"
-    lower, upper = stated
+    where, (lower, upper) = f"joint {joint.get('name')!r}/limit", stated
     if joint.get("type") == "continuous" or not {"lower", "upper"} <= set(limit.attrib):
         if joint.get("type") != "prismatic":
             # The end that is not stated is a turn away, or half a turn from zero.
@@ -144,60 +155,16 @@ def _narrow(joint: Element, limit: Element, stated: tuple[float, float], path: P
             return False
         joint.set("type", "prismatic" if joint.get("type") == "prismatic" else "revolute")
     else:
-        low, high = (read_numbers(limit, side, 1, path, where)[0] for side in ("lower", "upper"))
+        low, high = (read_number(limit, side, path, where) for side in ("lower", "upper"))
         # What is the wrong way round there is refused where the tree is checked; equal ends are no range.
         if low >= high or (low >= lower and high <= upper):
             return False
         lower, upper = max(low, lower), min(high, upper)
         if lower >= upper:
             what = f"{low:g} … {high:g} has nothing in common with {stated[0]:g} … {stated[1]:g} of {said}"
-            remedy = f"correct one of them, or remove that of {said}"
-            raise robot_error(path, where, what, remedy)
-    limit.set("lower", repr(lower))
-    limit.set("upper", repr(upper))
+            raise robot_error(path, where, what, f"correct one of them, or remove that of {said}")
+    limit.attrib.update(lower=repr(lower), upper=repr(upper))
     return True
-
-
-def _soft_limits(root: Element, path: Path) -> Iterator[tuple[str, JointLimits]]:
-    for joint in root.findall("joint"):
-        soft, name = joint.find("safety_controller"), joint.get("name", "")
-        if soft is None:
-            continue
-        where = f"joint {name!r}/safety_controller"
-        both = _range(*(_stated_end(soft, f"soft_{side}_limit", path, where) for side in ("lower", "upper")))
-        if both is not None and both[0] < both[1]:
-            yield name, JointLimits(both)
-
-
-def _command_limits(root: Element, path: Path) -> Iterator[tuple[str, JointLimits]]:
-    for joint in root.iterfind("ros2_control/joint"):
-        name, found = joint.get("name", ""), dict[str, Any]()
-        for command in joint.findall("command_interface"):
-            kind = command.get("name", "")
-            ends = {param.get("name"): (param.text or "").strip() for param in command.findall("param")}
-            if kind not in {"position", "velocity", "effort"}:
-                continue
-            where = f"ros2_control joint {name!r}/{kind}"
-            bounds = Element("param", {end: ends[end] for end in ("min", "max") if ends.get(end)})
-            both = _range(*(_stated_end(bounds, end, path, where) for end in ("min", "max")))
-            if both is not None and both[0] < both[1]:
-                found["range" if kind == "position" else kind] = (
-                    both if kind == "position" else symmetric(*both)
-                )
-        if found:
-            yield name, JointLimits(**found)
-
-
-def _stated_end(element: Element, name: str, path: Path, where: str) -> float | None:
-    """A number in an attribute, None where there is none; raises RobotError."""
-    return read_numbers(element, name, 1, path, where)[0] if name in element.attrib else None
-
-
-def _range(lower: float | None, upper: float | None) -> tuple[float, float] | None:
-    """The range between two ends of which one may not be stated; None where neither is."""
-    if lower is None and upper is None:
-        return None
-    return (-math.inf if lower is None else lower, math.inf if upper is None else upper)
 
 
 def symmetric(low: float, high: float) -> float:
@@ -219,79 +186,82 @@ def joint_limits_beside(path: Path) -> list[Path]:
     return [file for file in files if file.is_file()]
 
 
-def read_joint_limits(file: Path, names: Iterable[str]) -> dict[str, JointLimits]:
-    """Limits of a robot's joints in a file of MoveIt's kind, ``joint_limits.yaml``.
+@dataclass(frozen=True)
+class LimitsFile:
+    """What a file of MoveIt's kind, ``joint_limits.yaml``, states of a robot's joints.
+
+    Attributes:
+        limits: by joint.
+        tables: limits that depend on positions.
+    """
+
+    limits: Limits
+    tables: tuple[PositionTable, ...]
+
+
+def read_limits_file(file: Path, names: Sequence[str], *, given: bool = True) -> LimitsFile:
+    """Limits of a robot's joints: ``joint_limits`` as MoveIt has them, ``by_position`` as a ``robot.yaml`` has.
 
     Joints may be called without the ``_joint`` of their names, and angles tagged ``!degrees``, as in UR's.
 
     Args:
         file: the file.
-        names: of the robot's joints; others do not count.
+        names: of the robot's joints; limits of others do not count.
+        given: whether a person named the file, which then has to be of the robot.
 
     Raises:
-        RobotError: it is no such file, or a limit is no number, or is the wrong way round.
+        RobotError: it is no such file, or a limit is no number, or is the wrong way round; a table is none, or is of a
+            joint that the robot does not have; nothing is of the robot's.
     """
-    content = read_yaml(file, error=RobotError, degrees=True, remedy=f"give MoveIt's {_FILE}")
+    remedy = f"give MoveIt's {_FILE}"
+    content = read_yaml(file, error=RobotError, degrees=True, remedy=remedy)
     joints = content.get("joint_limits", {} if "by_position" in content else None)
     if not isinstance(joints, dict):
-        raise robot_error(file, None, "has no mapping joint_limits", f"give MoveIt's {_FILE}")
-    found = {}
-    for name in names:
-        block = joints.get(name, joints.get(name.removesuffix("_joint")))
-        if isinstance(block, dict):
-            found[name] = _of_block(block, file, name)
-    return found
-
-
-def read_position_tables(file: Path, names: Iterable[str]) -> list[PositionTable]:
-    """Limits that depend on positions in such a file: ``by_position``, a list as that of a ``robot.yaml``.
-
-    Args:
-        file: the file.
-        names: of the robot's joints, which may be called without the ``_joint`` of theirs.
-
-    Raises:
-        RobotError: a table is none, or is of a joint that the robot does not have.
-    """
+        raise robot_error(file, None, "has no mapping joint_limits", remedy)
+    stated = {name: joints.get(name, joints.get(name.removesuffix("_joint"))) for name in names}
+    limits = {name: _of_block(block, file, name) for name, block in stated.items() if isinstance(block, dict)}
     remedy = (
         "write it as limits.by_position of a robot.yaml: joint, quantity, at, and limit or lower and upper"
     )
-    blocks = read_yaml(file, error=RobotError, degrees=True, remedy=remedy).get("by_position", [])
+    blocks, tables = content.get("by_position", []), []
     if not isinstance(blocks, list) or not all(isinstance(block, dict) for block in blocks):
-        raise RobotError("is no list of tables", source=file, field="by_position", remedy=remedy)
-    known, found = {short: name for name in names for short in (name, name.removesuffix("_joint"))}, []
+        raise robot_error(file, "by_position", "is no list of tables", remedy)
+    known = {short: name for name in names for short in (name, name.removesuffix("_joint"))}
     for block in blocks:
-        table = check_content(
-            PositionTable, {"source": file.name, **block}, file, remedy=remedy, error=RobotError
-        )
+        said = {"source": file.name, **block}
+        table = check_content(PositionTable, said, file, remedy=remedy, error=RobotError)
         lost = {table.joint, table.over or table.joint} - set(known)
         if lost:
-            what, has = f"no joint {min(lost)!r} in the model", ", ".join(names)
-            raise RobotError(what, source=file, field="by_position", remedy=f"the model has {has}")
+            raise robot_error(
+                file,
+                "by_position",
+                f"no joint {min(lost)!r} in the model",
+                "the model has " + ", ".join(names),
+            )
         over = None if table.over is None else known[table.over]
-        found.append(table.model_copy(update={"joint": known[table.joint], "over": over}))
-    return found
+        tables.append(table.model_copy(update={"joint": known[table.joint], "over": over}))
+    if given and not limits and not tables:
+        has = "the model has " + ", ".join(names)
+        raise robot_error(file, "joint_limits", "names no joint of the robot", has)
+    return LimitsFile(limits, tuple(tables))
 
 
-def _of_block(block: Mapping[str, Any], file: Path, name: str) -> JointLimits:
-    def value(key: str, has: str) -> float | None:
-        if key not in block or block.get(f"has_{has}_limits", True) is False:
-            return None
-        number = block[key]
-        if isinstance(number, bool) or not isinstance(number, int | float) or not math.isfinite(number):
-            field = f"joint_limits.{name}.{key}"
-            raise robot_error(file, field, f"is {str(number)[:40]!r}, no number", "give one")
-        return float(number)
-
-    lower, upper = value("min_position", "position"), value("max_position", "position")
-    both = _range(lower, upper)
-    if both is not None and both[0] >= both[1]:
-        what, remedy = (
-            f"min_position {both[0]:g} is not below max_position {both[1]:g}",
-            "exchange or correct them",
-        )
-        raise robot_error(file, f"joint_limits.{name}", what, remedy)
-    return JointLimits(both, *(value(f"max_{key}", key) for key in _LARGEST))
+def _of_block(block: Mapping[str, Any], file: Path, name: str) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for key in ("min_position", "max_position", *(f"max_{quantity}" for quantity in _LARGEST)):
+        quantity = key.split("_")[1]
+        # The quantity of which a file says that it has no limits has none.
+        if key in block and block.get(f"has_{quantity}_limits", True) is not False:
+            number = block[key]
+            if isinstance(number, bool) or not isinstance(number, int | float) or not math.isfinite(number):
+                what = f"is {str(number)[:40]!r}, no number"
+                raise robot_error(file, f"joint_limits.{name}.{key}", what, "give one")
+            found[key if quantity == "position" else quantity] = float(number)
+    lower, upper = found.pop("min_position", -math.inf), found.pop("max_position", math.inf)
+    if lower >= upper:
+        what = f"min_position {lower:g} is not below max_position {upper:g}"
+        raise robot_error(file, f"joint_limits.{name}", what, "exchange or correct them")
+    return {**({"position": (lower, upper)} if math.isfinite(max(lower, -upper)) else {}), **found}
 
 
 def with_tables(tightened: Mapping[str, list[str]], tables: Iterable[PositionTable]) -> dict[str, list[str]]:

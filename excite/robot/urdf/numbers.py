@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from xml.etree import ElementTree
 
+import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from excite.robot.quantities import (
     MAX_FORCE,
@@ -21,6 +23,7 @@ from excite.robot.quantities import (
 )
 from excite.robot.refusal import robot_error
 
+MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 # Largest magnitude by attribute, and the likely cause of a larger one; elsewhere what stands in for "no limit".
 _LARGEST: dict[str, tuple[float, str]] = {
     "xyz": (MAX_TRAVEL, "looks like millimetres: write metres"),
@@ -32,7 +35,7 @@ _LARGEST: dict[str, tuple[float, str]] = {
     "size": (MAX_LENGTH, "write metres"),
     "radius": (MAX_LENGTH, "write metres"),
     "length": (MAX_LENGTH, "write metres"),
-    **dict.fromkeys(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), (MAX_INERTIA, "write kg·m²")),
+    **dict.fromkeys(MOMENTS, (MAX_INERTIA, "write kg·m²")),
 }
 _STAND_IN = (MAX_STAND_IN, "check its unit and exponent")
 
@@ -67,21 +70,36 @@ def read_numbers(
     wanted = "one number" if count == 1 else f"{count} numbers separated by spaces"
     if text is None:
         raise robot_error(source, place, "is missing", f"give {wanted}")
-    parts = text.split()
+    parts, said = text.split(), f"is {shorten_text(text)!r}"
     # str.split() also takes spaces that readers written in C do not know.
     if not text.isascii() or len(parts) != count or not all(_NUMBER.fullmatch(part) for part in parts):
-        raise robot_error(source, place, f"is {shorten_text(text)!r}", f"give {wanted}, with a decimal point")
+        raise robot_error(source, place, said, f"give {wanted}, with a decimal point")
     values = tuple(float(part) for part in parts)
-    if not all(map(math.isfinite, values)):
-        raise robot_error(
-            source, place, f"is {shorten_text(text)!r}, too large for a number", f"give {wanted}"
-        )
     most, cause = _LARGEST.get(attribute, _STAND_IN)
+    if not all(map(math.isfinite, values)):
+        raise robot_error(source, place, f"{said}, too large for a number", f"give {wanted}")
     if max(map(abs, values)) > most:
-        raise robot_error(
-            source, place, f"is {shorten_text(text)!r}, more than any robot has ({most:.4g})", cause
-        )
+        raise robot_error(source, place, f"{said}, more than any robot has ({most:.4g})", cause)
     return values
+
+
+def read_number(
+    element: ElementTree.Element, attribute: str, source: Path, where: str, *, default: str | None = None
+) -> float:
+    """The one finite number in an attribute; arguments and errors as for :func:`read_numbers`."""
+    return read_numbers(element, attribute, 1, source, where, default=default)[0]
+
+
+def read_origin(element: ElementTree.Element, source: Path, where: str) -> pin.SE3:
+    """The pose that the ``<origin>`` below an element states, none where it has none; raises RobotError."""
+    origin = element.find("origin")
+    if origin is None:
+        return pin.SE3.Identity()
+    xyz, rpy = (
+        np.array(read_numbers(origin, key, 3, source, f"{where}/origin", default="0 0 0"))
+        for key in ("xyz", "rpy")
+    )
+    return pin.SE3(pin.rpy.rpyToMatrix(*rpy), xyz)
 
 
 def format_row(values: Iterable[float]) -> str:
@@ -89,10 +107,17 @@ def format_row(values: Iterable[float]) -> str:
     return " ".join(repr(float(value) + 0.0) for value in values)
 
 
+def add_element(
+    parent: ElementTree.Element, tag: str, /, **values: str | float | NDArray[np.float64] | Sequence[float]
+) -> ElementTree.Element:
+    """An element below another one, with attributes of words, numbers and rows of numbers."""
+    words = {k: v if isinstance(v, str) else format_row(np.atleast_1d(v)) for k, v in values.items()}
+    return ElementTree.SubElement(parent, tag, words)
+
+
 def write_origin(element: ElementTree.Element, pose: pin.SE3) -> None:
     """Give an element an ``<origin>``."""
-    rpy = pin.rpy.matrixToRpy(pose.rotation)
-    ElementTree.SubElement(element, "origin", xyz=format_row(pose.translation), rpy=format_row(rpy))
+    add_element(element, "origin", xyz=pose.translation, rpy=pin.rpy.matrixToRpy(pose.rotation))
 
 
 def shorten_text(text: str) -> str:

@@ -22,7 +22,7 @@ from excite.robot.joint_values import check_range
 from excite.robot.refusal import robot_error, unknown_name
 from excite.robot.urdf.inertia import check_inertials, drop_points
 from excite.robot.urdf.limits import keep_stated_limits
-from excite.robot.urdf.numbers import format_row, read_numbers
+from excite.robot.urdf.numbers import read_number, read_numbers, read_origin, write_origin
 from excite.robot.urdf.tree import MOVING, check_tree, declare_world, drop_free_root, hold_planar_root
 
 # The deepest element known, a mesh of a link, is the sixth.
@@ -61,7 +61,25 @@ class Stated:
     acknowledged: Mapping[str, str] = field(default_factory=dict)
 
 
-def read_urdf(path: Path, stated: Stated | None = None) -> str:
+@dataclass(frozen=True, eq=False)
+class CheckedUrdf:
+    """A URDF that was checked, and rewritten so that every reader understands it alike.
+
+    Attributes:
+        root: the ``robot`` element that pinocchio can load.
+        tightened: joints by what was tightened of their limits, by the element of the file that says it.
+    """
+
+    root: ElementTree.Element
+    tightened: dict[str, dict[str, list[str]]]
+
+    @property
+    def text(self) -> str:
+        """The URDF as text."""
+        return ElementTree.tostring(self.root, encoding="unicode")
+
+
+def read_urdf(path: Path, stated: Stated | None = None) -> CheckedUrdf:
     """Read a URDF, check it, and rewrite it so that every reader understands it alike.
 
     Mesh paths become absolute where the file is found; locked joints, and mimic joints that follow a
@@ -73,33 +91,44 @@ def read_urdf(path: Path, stated: Stated | None = None) -> str:
         path: the URDF file.
         stated: what the robot's description says; by default a fixed base and nothing else.
 
-    Returns:
-        URDF text that pinocchio can load.
-
     Raises:
         RobotError: the file is missing or something in it is absurd; names element and remedy.
     """
     stated = stated or Stated()
-    root = parse_urdf(path)
+    root = read_xml(path, error=RobotError, max_depth=MAX_NESTING)
+    tightened = prepare_urdf(root, path)
     joints = check_tree(root, path)
     _lock_joints(joints, stated, path)
     for joint in joints.values():
         _one_coordinate(joint, stated, path)
     check_inertials(root, joints, stated.floating, stated.acknowledged, path)
-    _absolute_meshes(root, path)
-    return ElementTree.tostring(root, encoding="unicode")
+    absolute_meshes(root, path)
+    return CheckedUrdf(root, tightened)
 
 
 def parse_urdf(path: Path) -> ElementTree.Element:
-    """The ``robot`` element of a URDF file, without solids that are points and without a free root, with its world.
-
-    Continuous joints that state a range are revolute in it, limits that stand elsewhere in the file hold where they are
-    the tighter ones, a planar root is fixed.
+    """The ``robot`` element of a URDF file as :func:`prepare_urdf` leaves it.
 
     Raises:
         RobotError: the file is missing, is no XML, hides entities, is another format, or has a limit that is no number.
     """
     root = read_xml(path, error=RobotError, max_depth=MAX_NESTING)
+    prepare_urdf(root, path)
+    return root
+
+
+def prepare_urdf(root: ElementTree.Element, path: Path) -> dict[str, dict[str, list[str]]]:
+    """Make the ``robot`` element of a file one without solids that are points and a free root, with its world.
+
+    Continuous joints that state a range are revolute in it, limits that stand elsewhere in the file hold where they are
+    the tighter ones, a planar root is fixed.
+
+    Returns:
+        Joints whose limits were tightened, as of :func:`~excite.robot.urdf.limits.keep_stated_limits`.
+
+    Raises:
+        RobotError: the file is another format, or has a limit that is no number.
+    """
     if root.tag != "robot":
         raise robot_error(
             path,
@@ -111,43 +140,38 @@ def parse_urdf(path: Path) -> ElementTree.Element:
     declare_world(root)
     drop_free_root(root)
     hold_planar_root(root)
-    keep_stated_limits(root, path)
-    return root
+    return keep_stated_limits(root, path)
 
 
 def _lock_joints(joints: dict[str, ElementTree.Element], stated: Stated, path: Path) -> None:
     values = dict(stated.locked)
-    for name in values:
+    for name, value in values.items():
         if name not in joints:
-            raise unknown_name(
-                path,
-                "locked_joints",
-                "joint",
-                name,
-                (n for n, j in joints.items() if j.get("type") in MOVING),
-            )
-        check_range(
-            name, (values[name],), joints[name].get("type") == "prismatic", f"locked_joints.{name}", path
-        )
+            moving = (n for n, j in joints.items() if j.get("type") in MOVING)
+            raise unknown_name(path, "locked_joints", "joint", name, moving)
+        slides = joints[name].get("type") == "prismatic"
+        check_range(name, (value,), slides, f"locked_joints.{name}", path)
     followers = {}
     for name, joint in joints.items():
         mimic = joint.find("mimic")
-        if mimic is None or joint.get("type") == "fixed":
-            continue
-        if name in stated.locked:
-            joint.remove(mimic)
-            continue
-        where = f"joint {name!r}/mimic"
-        (factor,) = read_numbers(mimic, "multiplier", 1, path, where, default="1")
-        (offset,) = read_numbers(mimic, "offset", 1, path, where, default="0")
-        followers[name] = (mimic, mimic.get("joint", ""), factor, offset)
-    while held := [name for name, (_, master, _, _) in followers.items() if master in values]:
+        if mimic is not None and joint.get("type") != "fixed":
+            if name in values:
+                joint.remove(mimic)
+            else:
+                followers[name] = mimic, read_mimic(mimic, path, f"joint {name!r}/mimic")
+    while held := [name for name, (mimic, _) in followers.items() if mimic.get("joint", "") in values]:
         for name in held:
-            mimic, master, factor, offset = followers.pop(name)
-            values[name] = factor * values[master] + offset
+            mimic, (factor, offset) = followers.pop(name)
+            values[name] = factor * values[mimic.get("joint", "")] + offset
             joints[name].remove(mimic)
     for name, value in values.items():
         _fix_joint(joints[name], value, path)
+
+
+def read_mimic(mimic: ElementTree.Element, path: Path, where: str) -> tuple[float, float]:
+    """Multiplier and offset of a ``<mimic>``; raises RobotError."""
+    factor = read_number(mimic, "multiplier", path, where, default="1")
+    return factor, read_number(mimic, "offset", path, where, default="0")
 
 
 def _fix_joint(joint: ElementTree.Element, value: float, path: Path) -> None:
@@ -155,64 +179,49 @@ def _fix_joint(joint: ElementTree.Element, value: float, path: Path) -> None:
     where = f"joint {joint.get('name')!r}"
     if joint.get("type") == "fixed":
         raise robot_error(path, where, "is fixed already", "remove it from locked_joints")
-    origin = joint.find("origin")
-    if origin is None:
-        origin = ElementTree.SubElement(joint, "origin")
-    pose = pin.SE3(
-        pin.rpy.rpyToMatrix(*read_numbers(origin, "rpy", 3, path, where, default="0 0 0")),
-        np.array(read_numbers(origin, "xyz", 3, path, where, default="0 0 0")),
-    )
-    axis = joint.find("axis")
+    pose, axis = read_origin(joint, path, where), joint.find("axis")
     direction = np.array([1.0, 0.0, 0.0] if axis is None else read_numbers(axis, "xyz", 3, path, where))
-    direction /= np.linalg.norm(direction)
-    if joint.get("type") == "prismatic":
-        pose = pose * pin.SE3(np.eye(3), value * direction)
-    else:
-        pose = pose * pin.SE3(pin.exp3(value * direction), np.zeros(3))
-    origin.set("xyz", format_row(pose.translation))
-    origin.set("rpy", format_row(pin.rpy.matrixToRpy(pose.rotation)))
+    step = value * direction / np.linalg.norm(direction)
+    slides = joint.get("type") == "prismatic"
+    pose = pose * (pin.SE3(np.eye(3), step) if slides else pin.SE3(pin.exp3(step), np.zeros(3)))
+    for origin in joint.findall("origin"):
+        joint.remove(origin)
+    write_origin(joint, pose)
     joint.set("type", "fixed")
 
 
 def _one_coordinate(joint: ElementTree.Element, stated: Stated, path: Path) -> None:
     """Make a continuous joint revolute and give every moving joint a complete ``limit`` element."""
-    name, kind = joint.get("name", ""), joint.get("type")
+    name, kind, limit = joint.get("name", ""), joint.get("type"), joint.find("limit")
     if kind not in MOVING:
         # Which need none: the parser refuses a whole model for an incomplete one.
         for needless in joint.findall("limit"):
             joint.remove(needless)
         return
-    limit = joint.find("limit")
-    has_limits = limit is not None and "lower" in limit.attrib and "upper" in limit.attrib
-    if name in stated.limits:
-        lower, upper = stated.limits[name]
-    elif kind != "continuous" and limit is not None and has_limits:
-        lower, upper = (
-            read_numbers(limit, side, 1, path, f"joint {name!r}/limit")[0] for side in ("lower", "upper")
-        )
-    else:
-        raise robot_error(
-            path,
-            f"joint {name!r}/limit",
-            "turns without end" if kind == "continuous" else "has no position limits",
-            f"state limits.position.joints.{name} in robot.yaml",
-        )
+    where, has_limits = f"joint {name!r}/limit", limit is not None and {"lower", "upper"} <= set(limit.attrib)
+    if name not in stated.limits and (kind == "continuous" or not has_limits):
+        what = "turns without end" if kind == "continuous" else "has no position limits"
+        raise robot_error(path, where, what, f"state limits.position.joints.{name} in robot.yaml")
     if limit is None:
         limit = ElementTree.SubElement(joint, "limit")
-    if kind == "continuous":
-        joint.set("type", "revolute")
-    limit.set("lower", repr(lower))
-    limit.set("upper", repr(upper))
+    joint.set("type", "revolute" if kind == "continuous" else str(kind))
+    lower, upper = stated.limits.get(name) or (
+        read_number(limit, side, path, where) for side in ("lower", "upper")
+    )
     # Absent or 0: refused later unless robot.yaml states them.
-    limit.set("effort", limit.get("effort", "0"))
-    limit.set("velocity", limit.get("velocity", "0"))
+    largest = {key: limit.get(key, "0") for key in ("effort", "velocity")}
+    limit.attrib.update(lower=repr(lower), upper=repr(upper), **largest)
 
 
-def _absolute_meshes(root: ElementTree.Element, path: Path) -> None:
+def absolute_meshes(root: ElementTree.Element, path: Path) -> list[str]:
+    """Give meshes below an element their whole path where they are found; the names of those that are not there."""
+    lost = []
     for mesh in root.iter("mesh"):
-        found = find_mesh(mesh.get("filename", ""), path)
-        if found is not None:
-            mesh.set("filename", str(found))
+        name = mesh.get("filename", "").strip()
+        found = find_mesh(name, path)
+        mesh.set("filename", name if found is None else str(found))
+        lost += [name] if found is None else []
+    return lost
 
 
 def find_mesh(name: str, urdf: Path) -> Path | None:
@@ -229,28 +238,74 @@ def find_mesh(name: str, urdf: Path) -> Path | None:
         file = folder / name.removeprefix("file://")
         # Also what is no file, whose reader says so.
         return file.resolve() if name and os.path.exists(file) else None
-    relative = Path(name.removeprefix("package://").lstrip("/"))
-    for root in (folder, *folder.parents, *_package_folders()):
-        inside = root / relative
-        if os.path.isfile(inside):
-            return inside.resolve()
+    package, *inside = Path(name.removeprefix("package://").lstrip("/")).parts or ("",)
+    above = (folder, *folder.parents)
+    places: list[Path] = []
+    for root in (*above, *_package_folders()):
         # $ROS_PACKAGE_PATH may name the package's own folder.
-        below = root.joinpath(*relative.parts[1:])
-        if relative.parts and root.name == relative.parts[0] and os.path.isfile(below):
-            return below.resolve()
+        places += [
+            root.joinpath(package, *inside),
+            *([root.joinpath(*inside)] if root.name == package else []),
+        ]
     # A package that was copied under another name; one file's name alone may be anything's.
-    for root in (folder, *folder.parents) if len(relative.parts) > 2 else ():
-        below = root.joinpath(*relative.parts[1:])
-        if os.path.isfile(below):
-            return below.resolve()
-    return None
+    places += [root.joinpath(*inside) for root in above if len(inside) > 1]
+    return next((place.resolve() for place in places if os.path.isfile(place)), None)
 
 
 def _package_folders() -> list[Path]:
     """Folders in which ROS packages lie: those that the environment names, and that of wheels of ROS packages."""
+    packages, prefixes = (
+        [Path(entry) for entry in os.environ.get(variable, "").split(os.pathsep) if entry]
+        for variable in ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")
+    )
+    prefixes.append(Path(sysconfig.get_paths()["purelib"]) / "cmeel.prefix")
+    return [*packages, *(prefix / "share" for prefix in prefixes)]
 
-    def named(variable: str) -> list[Path]:
-        return [Path(entry) for entry in os.environ.get(variable, "").split(os.pathsep) if entry]
 
-    prefixes = [*named("AMENT_PREFIX_PATH"), Path(sysconfig.get_paths()["purelib"]) / "cmeel.prefix"]
-    return [*named("ROS_PACKAGE_PATH"), *(prefix / "share" for prefix in prefixes)]
+# The pinocchio model of a URDF that was checked, built from what is dynamics in it.
+
+# What the parser reads beside these (geometry, colours, transmissions, sensors) is not the model's, and whatever is
+# wrong there the parser prints line by line.
+_KEPT = {
+    "link": ("inertial",),
+    "joint": ("parent", "child", "origin", "axis", "limit", "dynamics"),
+}
+
+
+def urdf_model(root: ElementTree.Element, path: Path, *, floating: bool = False) -> pin.Model:
+    """The model of a ``robot`` element that passed :func:`~excite.robot.urdf.tree.check_tree`.
+
+    Args:
+        root: the element; it is not changed.
+        path: its file, for the error.
+        floating: whether a free-flyer carries the root link.
+
+    Raises:
+        RobotError: pinocchio refuses it.
+    """
+    if floating and any(joint.get("name") == "root_joint" for joint in root.findall("joint")):
+        what, remedy = "is called as readers call a free base's joint", "rename the joint"
+        raise robot_error(path, "joint 'root_joint'", what, remedy)
+    text = ElementTree.tostring(_dynamics_only(root), encoding="unicode")
+    try:
+        if floating:
+            return pin.buildModelFromXML(text, pin.JointModelFreeFlyer())
+        return pin.buildModelFromXML(text)
+    except (RuntimeError, ValueError) as error:
+        what = f"pinocchio refuses it ({' '.join(str(error).split())})"
+        raise robot_error(path, None, what, "check the file with check_urdf") from error
+
+
+def _dynamics_only(root: ElementTree.Element) -> ElementTree.Element:
+    model = ElementTree.Element("robot", name=root.get("name", ""))
+    for element in root:
+        if element.tag not in _KEPT:
+            continue
+        copy = ElementTree.SubElement(model, element.tag, element.attrib)
+        for tag in _KEPT[element.tag]:
+            found = element.find(tag)
+            if found is not None:
+                # The parser refuses a whole model for a limit without effort or velocity.
+                stated = {"effort": "0", "velocity": "0", **found.attrib}
+                copy.append(ElementTree.Element("limit", stated) if tag == "limit" else found)
+    return model

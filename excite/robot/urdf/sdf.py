@@ -17,7 +17,8 @@ import pinocchio as pin
 from excite.arrays import Array
 from excite.errors import RobotError
 from excite.robot.refusal import robot_error
-from excite.robot.urdf.numbers import format_row, read_numbers, write_origin
+from excite.robot.urdf.inertia import GEOMETRY, LENGTHS
+from excite.robot.urdf.numbers import MOMENTS, add_element, read_numbers, write_origin
 
 _MODEL, _WORLD = "__model__", "world"
 _KINDS = {"revolute", "continuous", "prismatic", "fixed"}
@@ -138,44 +139,32 @@ class _Conversion:
     def _write_link(self, out: Element, name: str, link: Element) -> None:
         moved = self._link_pose(name).actInv(self._pose(name))
         inertial = link.find("inertial")
-        written = SubElement(out, "inertial")
         holder = Element("inertial") if inertial is None else inertial
+        written = SubElement(out, "inertial")
         write_origin(written, moved * self._own_pose(holder))
         # What is left out is 1 kg and 1 kg·m² about each axis.
-        SubElement(written, "mass", value=repr(float(self._numbers(holder, "mass", 1, "1")[0])))
+        add_element(written, "mass", value=self._numbers(holder, "mass", 1, "1"))
         moments = holder.find("inertia")
-        SubElement(
-            written,
-            "inertia",
-            {
-                key: repr(float(self._numbers(moments, key, 1, "1" if key[1] == key[2] else "0")[0]))
-                for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-            },
-        )
-        for kind in ("visual", "collision"):
+        values = {key: self._numbers(moments, key, 1, "1" if key[1] == key[2] else "0") for key in MOMENTS}
+        add_element(written, "inertia", **values)
+        for kind in GEOMETRY:
             for shape in link.findall(kind):
                 self._write_shape(out, kind, shape, moved)
 
     def _write_shape(self, out: Element, kind: str, shape: Element, moved: pin.SE3) -> None:
-        geometry = shape.find("geometry")
-        if geometry is None:
+        solids = [solid for solid in shape.iterfind("geometry/*") if solid.tag in LENGTHS]
+        if not solids:
             return
-        written = Element(kind)
+        written = SubElement(out, kind)
         write_origin(written, moved * self._own_pose(shape))
         place = SubElement(written, "geometry")
-        for solid in geometry:
-            if solid.tag == "box":
-                SubElement(place, "box", size=format_row(self._numbers(solid, "size", 3, "1 1 1")))
-            elif solid.tag == "sphere":
-                SubElement(place, "sphere", radius=format_row(self._numbers(solid, "radius", 1, "1")))
-            elif solid.tag in {"cylinder", "capsule"}:
-                sizes = {key: format_row(self._numbers(solid, key, 1, "1")) for key in ("radius", "length")}
-                SubElement(place, solid.tag, sizes)
-            elif solid.tag == "mesh":
-                scale = format_row(self._numbers(solid, "scale", 3, "1 1 1"))
-                SubElement(place, "mesh", filename=self._mesh_name(_text(solid, "uri")), scale=scale)
-        if len(place):
-            out.append(written)
+        for solid in solids:
+            sizes = {
+                key: self._numbers(solid, key, n, "1 1 1"[: 2 * n - 1]) for key, n, _ in LENGTHS[solid.tag]
+            }
+            added = add_element(place, solid.tag, **sizes)
+            if solid.tag == "mesh":
+                added.set("filename", self._mesh_name(_text(solid, "uri")))
 
     def _mesh_name(self, uri: str) -> str:
         if uri.startswith("model://"):
@@ -186,11 +175,8 @@ class _Conversion:
     def _write_joint(self, robot: Element, name: str, joint: Element) -> None:
         kind = joint.get("type", "")
         if kind not in _KINDS:
-            raise self._error(
-                f"is of type {kind!r}",
-                f"joint {name!r}",
-                "replace it by joints of one coordinate (revolute, continuous, prismatic), or fix it",
-            )
+            remedy = "replace it by joints of one coordinate (revolute, continuous, prismatic), or fix it"
+            raise self._error(f"is of type {kind!r}", f"joint {name!r}", remedy)
         parent, child = self._carrying_link(self._parents[name]), self._carrying_link(self._children[name])
         written = SubElement(robot, "joint", name=name, type=kind)
         SubElement(written, "parent", link=parent)
@@ -203,38 +189,26 @@ class _Conversion:
     def _write_axis(self, written: Element, name: str, joint: Element) -> None:
         axis = joint.find("axis")
         direction = self._numbers(axis, "xyz", 3, "0 0 1")
-        SubElement(written, "axis", xyz=format_row(self._axis_frame(name, axis).rotation.T @ direction))
-        limit = None if axis is None else axis.find("limit")
-        lower, upper = (
-            float(self._numbers(limit, key, 1, default)[0])
-            for key, default in (("lower", "-1e16"), ("upper", "1e16"))
-        )
-        stated: dict[str, str] = {}
-        if -_UNLIMITED < lower and upper < _UNLIMITED:
-            stated = {"lower": repr(lower), "upper": repr(upper)}
-        elif written.get("type") == "revolute":
+        add_element(written, "axis", xyz=self._axis_frame(name, axis).rotation.T @ direction)
+        limit, dynamics, mimic = (joint.find(f"axis/{tag}") for tag in ("limit", "dynamics", "mimic"))
+        ends = {
+            key: self._numbers(limit, key, 1, end) for key, end in {"lower": "-1e16", "upper": "1e16"}.items()
+        }
+        largest = {key: self._numbers(limit, key, 1, "-1") for key in ("effort", "velocity")}
+        known = {key: value for key, value in largest.items() if 0.0 <= value[0] < _UNLIMITED}
+        limited = -_UNLIMITED < ends["lower"][0] and ends["upper"][0] < _UNLIMITED
+        if not limited and written.get("type") == "revolute":
             written.set("type", "continuous")
-        for key in ("effort", "velocity"):
-            value = float(self._numbers(limit, key, 1, "-1")[0])
-            if 0.0 <= value < _UNLIMITED:
-                stated[key] = repr(value)
-        SubElement(written, "limit", stated)
-        dynamics = None if axis is None else axis.find("dynamics")
+        add_element(written, "limit", **(ends if limited else {}), **known)
         if dynamics is not None:
-            sizes = {key: format_row(self._numbers(dynamics, key, 1, "0")) for key in ("damping", "friction")}
-            SubElement(written, "dynamics", sizes)
-        mimic = None if axis is None else axis.find("mimic")
+            losses = {key: self._numbers(dynamics, key, 1, "0") for key in ("damping", "friction")}
+            add_element(written, "dynamics", **losses)
         if mimic is not None:
             factor, offset, reference = (
-                float(self._numbers(mimic, key, 1, "0")[0]) for key in ("multiplier", "offset", "reference")
+                self._numbers(mimic, key, 1, "0") for key in ("multiplier", "offset", "reference")
             )
-            SubElement(
-                written,
-                "mimic",
-                joint=mimic.get("joint", ""),
-                multiplier=repr(factor),
-                offset=repr(offset - factor * reference),
-            )
+            shift = offset - factor * reference
+            add_element(written, "mimic", joint=mimic.get("joint", ""), multiplier=factor, offset=shift)
 
     def _axis_frame(self, name: str, axis: Element | None) -> pin.SE3:
         """From the frame in which an axis is expressed to its joint's: that frame's axes are seen from the joint."""

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
 import numpy as np
+import pinocchio as pin
 import pytest
 import yaml
 
 import excite
 from excite.campaign.expected import predict_statistics
-from excite.errors import RobotError
+from excite.errors import MotionError, RobotError
 from excite.export.export import export_motion
 from excite.identification.identify import identify
 from excite.motion.files import load_motion
@@ -21,12 +23,13 @@ from excite.regressor.base_parameters import structural_base_parameters
 from excite.regressor.contact_forces import motor_regressor, motor_torques
 from excite.robot.init_robot.files import write_scaffold
 from excite.robot.loading import load_robot as load_described
+from excite.robot.mechanisms.closures import Loop
 from excite.robot.robot import Robot
 from excite.safety.check import check_motion
 from excite.safety.filter import filter_candidate
 from excite.simulation.simulate import run_experiment
 from excite.simulation.virtual_robot import changed_robot
-from tests.robot.mechanisms.test_closed_loops import ANKLE, FOUR_BAR, _compiled, _simulated
+from tests.robot.mechanisms.closed_loops import ANKLE, FOUR_BAR, compiled, simulated
 from tests.robot.small import ARM, ELBOW_LIMIT, spoiled
 
 # The four-bar with shapes, a crank that turns half a turn, and motors' limits.
@@ -64,10 +67,10 @@ def brought(text: str, folder: Path, **changes: object) -> Robot:
 )
 def test_torques_and_regressors_of_a_model_brought_are_mujocos(text: str, free: bool, tmp_path: Path) -> None:
     robot = brought(text, tmp_path, **({"base": "suspended"} if free else {}))
-    model = _compiled(text)
+    model = compiled(text)
     names = [model.joint(int(j)).name for j in model.actuator_trnid[:, 0]]
     assert sorted(robot.driven_names) == sorted(names)
-    q, v, a, tau = _simulated(text, free)
+    q, v, a, tau = simulated(text, free)
     order = [model.joint(name).dofadr[0] for name in robot.joint_names]
     base = list(range(6 * free))
     q = np.hstack([q[:, : 7 * free], q[:, [int(k) + free for k in order]]])
@@ -78,6 +81,42 @@ def test_torques_and_regressors_of_a_model_brought_are_mujocos(text: str, free: 
     assert np.abs(motor_torques(robot, q, v, a) - wanted).max() < 1e-6
     rows = motor_regressor(robot, q, v, a)
     assert np.abs(rows @ robot.nominal_parameters - wanted).max() < 1e-6
+
+
+@pytest.mark.parametrize("text", [FOUR_BAR, ANKLE.format(free="")], ids=["four_bar", "parallel_ankle"])
+def test_passive_joints_follow_from_the_motors(text: str, tmp_path: Path) -> None:
+    """Positions, velocities and accelerations, against finite differences and MuJoCo's own constraint."""
+    robot, model = brought(text, tmp_path), compiled(text)
+    closed, data = robot.mechanism, mujoco.MjData(model)
+    assert closed is not None
+    order = [int(model.joint(name).dofadr[0]) for name in robot.joint_names]
+    time = np.arange(0.0, 0.5, 1e-3)
+    q = np.zeros((len(time), model.nq))
+    for k, column in enumerate(closed.driven):
+        q[:, column] = 0.3 * np.sin(7.0 * time + 2.0 * k) - 0.3 * np.sin(2.0 * k)
+    q = closed.closed(q)
+    assert closed.gaps(q).max() < 1e-9
+    rough = np.gradient(q, time, axis=0, edge_order=2)
+    v = closed.following(q, rough, rough).v
+    assert np.abs(v - rough)[2:-2].max() < 1e-3
+    slow = np.gradient(v, time, axis=0, edge_order=2)
+    a = closed.following(q, v, slow).a
+    assert np.abs(a - slow)[2:-2].max() < 2e-2
+    for i in range(2, len(time), 50):
+        data.qpos[order], data.qvel[order] = q[i], v[i]
+        mujoco.mj_forward(model, data)
+        jacobian = data.efc_J.reshape(-1, model.nv)[: 3 * model.neq]
+        assert np.abs(data.efc_pos[: 3 * model.neq]).max() < 1e-9
+        assert np.abs(jacobian @ data.qvel).max() < 1e-9
+
+
+def test_a_loop_out_of_reach_is_named(tmp_path: Path) -> None:
+    closed = brought(shaped_four_bar(), tmp_path).mechanism
+    assert closed is not None and isinstance(closed.closures[0], Loop)
+    (first, second), near = closed.closures[0].joints, closed.closures[0].placements[0]
+    far = Loop("far", (first, second), (near, pin.SE3(np.eye(3), np.ones(3))))
+    with pytest.raises(MotionError, match=r"loops\.far"):
+        replace(closed, closures=(far,)).closed(np.zeros((1, 3)))
 
 
 def test_a_four_bar_from_its_file_to_its_parameters(tmp_path: Path) -> None:

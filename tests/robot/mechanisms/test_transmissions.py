@@ -141,7 +141,7 @@ def test_motors_do_the_work_of_the_joints(motors: list[dict[str, object]], tmp_p
     # For any velocity that the mechanism allows, not just for the motion's own.
     rng = np.random.default_rng(2)
     assert robot.mechanism is not None
-    other = robot.mechanism.velocities(q, rng.normal(size=v.shape))
+    other = robot.mechanism.following(q, rng.normal(size=v.shape), a).v
     np.testing.assert_allclose((found * other).sum(axis=1), (tree * other).sum(axis=1), atol=1e-9)
     if motors is GEARS:
         pitch, roll, first, second = (robot.joint_index(name) for name in ("pitch", "roll", "A", "B"))
