@@ -171,9 +171,9 @@ def _check_template(robot: excite.Robot, template: Path | None, out: Path | None
         raise InputError("is no file", source=template, remedy="give the MJCF file of the robot")
     if out is None:
         raise InputError("nothing to write into", source="--template", remedy="give --out DIR")
-    from excite.export.models.mjcf_template import read_template  # lazy: pinocchio
+    from excite.export.models.mjcf import read_template  # lazy: pinocchio
 
-    read_template(robot, template, {})
+    read_template(robot, template)
 
 
 def _show_best(error: excite.NoSolutionError, best: excite.Identification, call: Call) -> None:

@@ -107,7 +107,7 @@ def _describe_written(written: SimulatorModel) -> str:
     proof = written.proof
     lines += [f"wrote {written.folder / name}" for name in written.files]
     lines.append(
-        f"read again: {proof.felt} parameters were changed one by one and the torques followed each"
+        f"read again: {proof.felt} parameters are as they were found, and so are the torques"
         + (f"; on {len(proof.unseen)} no torque depends" if proof.unseen else "")
     )
     lines += _describe_lost(written.lost)

@@ -16,7 +16,11 @@ from excite.errors import InputError, RobotError
 from excite.export.models.xml_text import number_text
 from excite.formats.tables import csv_text
 from excite.identification.identified_parameters import IdentifiedParameters
-from excite.identification.inertia import central_inertia_matrices, pseudo_inertia_matrices
+from excite.identification.inertia import (
+    central_inertia_matrices,
+    parameters_of_pseudo_inertia,
+    pseudo_inertia_matrices,
+)
 from excite.identification.result import Identification
 from excite.logs.robot import is_bare
 from excite.robot.description import ControllerBlock
@@ -130,12 +134,12 @@ def split_segment(total: Array, members: Sequence[Member]) -> Split:
     others = [(member, own) for member, own in stated if member is not main and own.any()]
     massless = [member.name for member, own in others if own[0] <= 0.0]
     others = [(member, own) for member, own in others if own[0] > 0.0]
-    pseudo = _pseudo_inertia_of(total)
-    fixed = [moved_pseudo(_pseudo_inertia_of(own), member.placement) for member, own in others]
+    pseudo = pseudo_inertia_matrices(total)[0]
+    fixed = [moved_pseudo(pseudo_inertia_matrices(own)[0], member.placement) for member, own in others]
     carried = np.sum([np.zeros((4, 4)), *fixed], axis=0)
     share = _physical_share(pseudo, carried)
     rest = moved_pseudo(pseudo - share * carried, main.placement.inverse())
-    shares = {main.name: parameters_of(rest)} | dict.fromkeys(massless, np.zeros(10))
+    shares = {main.name: parameters_of_pseudo_inertia(rest)} | dict.fromkeys(massless, np.zeros(10))
     notes = (
         [f"{main.name}: holds the inertia of {', '.join(massless)}, which had no mass"] if massless else []
     )
@@ -148,14 +152,6 @@ def split_segment(total: Array, members: Sequence[Member]) -> Split:
     elif others:
         notes.append(f"{main.name}: holds the change of all that is fixed to it; {names} stayed nominal")
     return Split(shares, "; ".join(notes))
-
-
-def parameters_of(pseudo: Array) -> Array:
-    """Ten parameters, pinocchio's order, of a pseudo-inertia ``(4, 4)``."""
-    second = pseudo[:3, :3]
-    inertia = np.trace(second) * np.eye(3) - second
-    six = inertia[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]
-    return np.concatenate([pseudo[3:, 3], pseudo[:3, 3], six])
 
 
 def moved_pseudo(pseudo: Array, placement: pin.SE3) -> Array:
@@ -219,10 +215,6 @@ def changed_segments(robot: Robot, found: IdentifiedParameters, *, force: bool) 
     if bad and not force:
         raise InconsistentModelError([link for link in links if link in bad])
     return changed
-
-
-def _pseudo_inertia_of(parameters: Array) -> Array:
-    return np.asarray(pseudo_inertia_matrices(parameters)[0])
 
 
 def _physical_share(pseudo: Array, carried: Array) -> float:
