@@ -20,6 +20,7 @@ from excite.export.exporter import (
     motion_statement,
     motion_warnings,
 )
+from excite.formats.arrays import NpzFormat
 from excite.formats.arrow import arrow_table
 from excite.formats.lerobot import write_data_set
 from excite.motion.content import motion_columns
@@ -141,4 +142,4 @@ class NpzExporter(Exporter):
             arrays["verdict"] = np.array(json.dumps(metadata.verdict))
         arrays |= {f"contact.{foot}": flags for foot, flags in motion.contacts.items()}
         with atomic_path(path) as temporary:
-            np.savez_compressed(temporary, **arrays)
+            NpzFormat().write(arrays, temporary)

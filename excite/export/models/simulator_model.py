@@ -34,6 +34,7 @@ from excite.export.models.parameters import (
 from excite.export.models.subject import COLUMNS, Change, list_changes, subject_of
 from excite.export.models.verification import random_states
 from excite.export.registry import MODEL_FORMATS
+from excite.formats.arrays import NpzFormat
 from excite.formats.tables import csv_text
 from excite.identification.result import Identification
 from excite.logs.robot import is_bare
@@ -491,5 +492,5 @@ def _write_uncertainty(identification: Identification, path: Path) -> Path | Non
         "covariance": known.covariance[:n, :n],
     }
     with atomic_path(path) as temporary:
-        np.savez_compressed(temporary, **arrays)
+        NpzFormat().write(arrays, temporary)
     return path
