@@ -92,9 +92,7 @@ def _motion_document(motion: Motion, digest: str) -> dict[str, Any]:
     return {
         "schema": SCHEMA,
         "robot": motion.robot,
-        "robot_hash": metadata.robot_hash,
-        "generator": metadata.generator,
-        "seed": metadata.seed,
+        **{name: getattr(metadata, name) for name in ("robot_hash", "generator", "seed")},
         "targets": list(metadata.targets),
         "versions": dict(metadata.versions),
         "previous": metadata.previous,
