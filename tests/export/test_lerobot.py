@@ -21,9 +21,7 @@ ROBOT = "panda"
 
 
 @pytest.mark.parametrize("rate", [None, 50.0])
-def test_actions_are_the_motion(
-    rate: float | None, arm: Robot, motion: Motion, tmp_path: Path
-) -> None:
+def test_actions_are_the_motion(rate: float | None, arm: Robot, motion: Motion, tmp_path: Path) -> None:
     path = export_motion(motion, arm, "lerobot", tmp_path / "set", rate)
     reference = export_motion(
         motion,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -160,18 +160,11 @@ def moved_pseudo(pseudo: Array, placement: pin.SE3) -> Array:
     return np.asarray(transform @ pseudo @ transform.T)
 
 
-@dataclass(frozen=True, eq=False)
-class CentredBody:
-    """A body about its centre of mass.
-
-    Attributes:
-        mass: [kg]
-        com: ``(3,)`` [m].
-        inertia: ``(3, 3)`` about the centre of mass, axes of the link [kg·m²].
-    """
+class CentredBody(NamedTuple):
+    """A body by its mass [kg], centre of mass ``(3,)`` [m] and inertia about that ``(3, 3)`` [kg·m²], the link's axes."""
 
     mass: float
-    com: Array
+    lever: Array
     inertia: Array
 
 
@@ -182,10 +175,9 @@ def centred_body(parameters: Array, link: str) -> CentredBody:
         return CentredBody(0.0, np.zeros(3), np.zeros((3, 3)))
     if mass == 0.0 or not np.isfinite(parameters).all():
         raise InconsistentModelError([link], can_be_forced=False)
-    if mass > 0.0:
-        return CentredBody(mass, parameters[1:4] / mass, central_inertia_matrices(parameters)[0])
-    # A body of negative mass, which only a forced file holds.
-    return CentredBody(mass, parameters[1:4] / mass, -central_inertia_matrices(-parameters)[0])
+    # A body of negative mass, which only a forced file holds, is the opposite of one.
+    sign = np.sign(mass)
+    return CentredBody(mass, parameters[1:4] / mass, sign * central_inertia_matrices(sign * parameters)[0])
 
 
 def inconsistent_links(robot: Robot, parameters: Array) -> tuple[str, ...]:

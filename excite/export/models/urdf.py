@@ -146,7 +146,7 @@ def _set_inertial(link: Element, parameters: Array, name: str) -> None:
     if "rpy" in origin.keys():
         # Read before with the robot: three numbers.
         turn = pin.rpy.rpyToMatrix(*map(float, origin.get("rpy", "").split()))
-    origin.set("xyz", number_text(*body.com))
+    origin.set("xyz", number_text(*body.lever))
     for tag, values in (
         ("mass", {"value": number_text(body.mass)}),
         ("inertia", moment_texts(turn.T @ body.inertia @ turn)),
