@@ -161,7 +161,7 @@ def moved_pseudo(pseudo: Array, placement: pin.SE3) -> Array:
 
 
 class CentredBody(NamedTuple):
-    """A body by its mass [kg], centre of mass ``(3,)`` [m] and inertia about that ``(3, 3)`` [kg·m²], the link's axes."""
+    """Mass [kg], centre of mass ``(3,)`` [m], inertia about that along the link's axes ``(3, 3)`` [kg·m²]."""
 
     mass: float
     lever: Array
