@@ -211,8 +211,10 @@ def segment_bodies(robot: Robot, model: mujoco.MjModel) -> list[list[Member]]:
                 source="MuJoCo model",
                 remedy="give a model of the same robot",
             )
-        segment = members[joint - 1]
-        segment.insert(0 if body in own else len(segment), Member(name, first, _body_parameters(model, body)))
+        inside_segment = members[joint - 1]
+        inside_segment.insert(
+            0 if body in own else len(inside_segment), Member(name, first, _body_parameters(model, body))
+        )
     for segment, nominal, found in zip(
         robot.segments, robot.nominal_parameters.reshape(-1, 10), members, strict=True
     ):
@@ -238,7 +240,7 @@ def _sum_bodies(members: Sequence[Member]) -> Array:
         for one in members
         if one.parameters is not None
     )
-    return np.sum([np.zeros((4, 4)), *moved], axis=0)
+    return np.asarray(np.sum([np.zeros((4, 4)), *moved], axis=0))
 
 
 # A MuJoCo model of a robot as its author wrote it, and its text with other inertials and friction.

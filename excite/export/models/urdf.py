@@ -114,9 +114,9 @@ def _segment_members(robot: Robot, links: Mapping[str, Element], file: Path) -> 
             found = read_inertial(link, file) or Inertial(0.0, np.zeros(3), np.zeros((3, 3)))
             own = np.asarray(pin.Inertia(found.mass, found.centre, found.moments).toDynamicParameters())
             totals[joint - 1] += moved_pseudo(pseudo_inertia_matrices(own)[0], placement)
-        segment = members[joint - 1]
+        inside = members[joint - 1]
         first = name == robot.segments[joint - 1].link
-        segment.insert(0 if first else len(segment), Member(name, placement, own))
+        inside.insert(0 if first else len(inside), Member(name, placement, own))
     for segment, total, nominal in zip(
         robot.segments, totals, robot.nominal_parameters.reshape(-1, 10), strict=True
     ):
