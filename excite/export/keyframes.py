@@ -52,8 +52,6 @@ class KeyframesExporter(Exporter):
     whole = True
     suffix = ".xml"
     summary = "MuJoCo keyframes (qpos, qvel, ctrl) in a file to include beside the robot's model"
-    exact = False
-    holds_base = False
     settings = (Setting("model", "", "MJCF file whose keys are written; the robot's own where left out"),)
 
     def write(self, motion: Motion, path: Path) -> None:

@@ -57,7 +57,6 @@ class UrScriptExporter(Exporter):
     summary = "URScript program for an arm of Universal Robots: movej to the start, servoj, stopj"
     rates_hz = (500.0, 125.0)
     chain = 6
-    exact = False
     settings = (
         Setting("lookahead", 0.1, "smoothing of the setpoints", 0.03, 0.2, "s"),
         Setting("gain", 300.0, "proportional gain of the servo", 100.0, 2000.0),
@@ -273,8 +272,6 @@ class OpenHrpExporter(Exporter):
     name = "openhrp"
     suffix = ""
     summary = "OpenHRP/Choreonoid patterns .pos, .waist, .hip, .zmp"
-    exact = False
-    holds_base = False
     settings = (Setting("joints", "", "joints between commas by jointId; the model's order where left out"),)
 
     def refuse(self, motion: Motion) -> None:
@@ -345,10 +342,6 @@ class OpenSimExporter(Exporter):
     name = "opensim"
     suffix = ".mot"
     summary = "OpenSim motion (.mot) of a person that excite human measured"
-    # Neither velocities nor the pelvis' twist stand in it.
-    readable = False
-    exact = False
-    holds_base = False
 
     def refuse(self, motion: Motion) -> None:
         """Raise InputError for robots that are no person measured by ``excite human``."""
@@ -414,8 +407,6 @@ class UnitreeExporter(Exporter):
     summary = "Unitree LowCmd sequence in JSON lines: q, dq, kp, kd, tau by motor index"
     # At which the vendor's examples of low-level control publish.
     usual_hz = 500.0
-    exact = False
-    holds_base = False
     settings = (
         Setting(
             "motors", "", "joints in the motors' order, - for none; or model; known robots' where left out"

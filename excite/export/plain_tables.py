@@ -63,8 +63,6 @@ class LeRobotExporter(Exporter):
     name = "lerobot"
     suffix = ""
     summary = "LeRobot data set of one episode, to replay"
-    exact = False
-    holds_base = False
     settings = (Setting("task", "excite the robot's dynamics", "what the episode is said to do"),)
 
     def rate(self, motion: Motion, asked_hz: float | None) -> float | None:

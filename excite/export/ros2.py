@@ -207,7 +207,6 @@ class Ros2YamlExporter(Exporter):
         Setting("controller", "joint_trajectory_controller", "name of the controller, or its whole action"),
         Setting("segments", "one", "one goal, or one for each way between rests", choices=("one", "rests")),
     )
-    holds_base = False
 
     def refuse(self, motion: Motion) -> None:
         """Raise InputError where the controller's name is none."""
