@@ -37,8 +37,8 @@ SPACES: dict[str, dict[str, str]] = {
         "momentum_residual": "excite.identification.momentum_observer",
     },
     "models": {
-        "write_urdf": "excite.export.models.urdf",
-        "write_mjcf": "excite.export.models.mjcf",
+        "write_urdf": "excite.export.models.simulator_model",
+        "write_mjcf": "excite.export.models.simulator_model",
         "ParameterSet": "excite.safety.parameter_set",
         "parameter_set": "excite.safety.parameter_set",
         "stated_parameters": "excite.safety.parameter_set",

@@ -131,9 +131,9 @@ def _check_template(robot: excite.Robot, template: Path | None, out: Path | None
         raise InputError("is no file", source=template, remedy="give the MJCF file of the robot")
     if out is None:
         raise InputError("nothing to write into", source="--template", remedy="give --out DIR")
-    from excite.export.models.mjcf_template import read_template  # lazy: pinocchio
+    from excite.export.models.mjcf import read_template  # lazy: pinocchio
 
-    read_template(robot, template, {})
+    read_template(robot, template)
 
 
 def _show_best(error: excite.NoSolutionError, best: excite.Identification, call: Call) -> None:
@@ -361,7 +361,7 @@ def _describe_written(written: SimulatorModel) -> str:
     proof = written.proof
     lines += [f"wrote {written.folder / name}" for name in written.files]
     lines.append(
-        f"read again: {proof.felt} parameters were changed one by one and the torques followed each"
+        f"read again: {proof.felt} parameters are as they were found, and so are the torques"
         + (f"; on {len(proof.unseen)} no torque depends" if proof.unseen else "")
     )
     lines += _describe_lost(written.lost)

@@ -40,8 +40,7 @@ from excite.simulation.rehearsal import rehearsed_verdict
 # acceleration limit. The ready motions of seven robots and planned ones of a UR10 lose at most 1e-5, 0.2 % and 2.7 % at
 # 20 Hz, the lowest rate that the check accepts, and 6e-7, 0.01 % and 1 % at 50 Hz, where a controller's quintic
 # polynomials go through positions, velocities and accelerations: twice that is another motion.
-_LOST = {"position": 1e-4, "velocity": 0.005, "acceleration": 0.05}
-_WHOLE = {"position": "range", "velocity": "limit", "acceleration": "limit"}
+_LOST = {"position": (1e-4, "range"), "velocity": (0.005, "limit"), "acceleration": (0.05, "limit")}
 
 # What no file holds, or of which nothing can be said: not written for any reason.
 _UNWRITABLE = {"shape", "joint_order", "not_finite", "time_not_increasing", "too_few_samples"}
@@ -161,46 +160,26 @@ def _is_unwritable(verdict: Verdict) -> bool:
 
 
 def _check_loss(robot: Robot, motion: Motion, written: Motion, rate_hz: float) -> None:
-    """Refuse a rate at which what lies between the samples is another motion; raises InputError."""
-    lost = rate_loss(robot, motion, written)
-    names = coordinate_names(robot)[robot.n_base_v :]
-    for quantity, limit in _LOST.items():
-        column = int(np.argmax(lost[quantity]))
-        if lost[quantity][column] > limit:
+    """Refuse a rate at which what a controller interpolates from its samples is another motion; raises InputError."""
+    limits = robot.limits
+    wholes = (limits.position_upper - limits.position_lower, limits.velocity, limits.acceleration)
+    # Four instants for each sample of the finer of the two.
+    n = 4 * max(motion.n_samples, written.n_samples)
+    time = np.linspace(0.0, min(motion.duration, written.duration), n)
+    here, there = (interpolate_motion(one, robot, one.time[0] + time) for one in (motion, written))
+    values = ((m.joint_positions(), m.joint_velocities(), m.joint_accelerations()) for m in (here, there))
+    for (quantity, (limit, of_what)), own, other, whole in zip(_LOST.items(), *values, wholes, strict=True):
+        lost = np.abs(other - own).max(axis=0) / whole
+        column = int(np.argmax(lost))
+        if lost[column] > limit:
+            name = coordinate_names(robot)[robot.n_base_v + column]
             raise InputError(
-                f"at {rate_hz:g} Hz the {quantity} of {names[column]} is off by up to"
-                f" {percent(100.0 * lost[quantity][column])} of its {_WHOLE[quantity]}, more than {100.0 * limit:g} %",
+                f"at {rate_hz:g} Hz the {quantity} of {name} is off by up to"
+                f" {percent(100.0 * lost[column])} of its {of_what}, more than {100.0 * limit:g} %",
                 source=motion.name,
                 field="rate_hz",
                 remedy=f"give a higher rate; its own is {(motion.n_samples - 1) / motion.duration:.4g} Hz",
             )
-
-
-def rate_loss(robot: Robot, motion: Motion, written: Motion) -> dict[str, np.ndarray]:
-    """Largest distance between a motion and what a controller interpolates from its samples at another rate.
-
-    Args:
-        robot: their robot.
-        motion: the motion.
-        written: the same at another rate, from time zero.
-
-    Returns:
-        ``position``, ``velocity`` and ``acceleration``, ``(n_joints,)`` each, as shares of each joint's range, velocity
-        limit and acceleration limit.
-    """
-    limits = robot.limits
-    # Four instants for each sample of the finer of the two.
-    n = 4 * max(motion.n_samples, written.n_samples)
-    time = np.linspace(0.0, min(motion.duration, written.duration), n)
-    there = interpolate_motion(written, robot, written.time[0] + time)
-    here = interpolate_motion(motion, robot, motion.time[0] + time)
-    return {
-        "position": np.abs(there.joint_positions() - here.joint_positions()).max(axis=0)
-        / (limits.position_upper - limits.position_lower),
-        "velocity": np.abs(there.joint_velocities() - here.joint_velocities()).max(axis=0) / limits.velocity,
-        "acceleration": np.abs(there.joint_accelerations() - here.joint_accelerations()).max(axis=0)
-        / limits.acceleration,
-    }
 
 
 # The way from the robot's rest posture to where a motion starts, and back from where it ends.
@@ -280,27 +259,23 @@ def _approach_way(robot: Robot, motion: Motion, row: int) -> Motion | None:
 
 def _way_along(robot: Robot, motion: Motion, postures: list[Array], row: int, speed: float) -> Motion:
     """Straight from posture to posture, at rest in each, at a share of what a transfer does; else as in a sample."""
-    rate = (motion.n_samples - 1) / motion.duration
-    parts = [motion_rows(motion, np.array([row]))]
-    parts[0] = _rows_of(robot, parts[0], np.zeros(1), postures[0][None], *np.zeros((2, 1, robot.n_joints)))
+    rate, still = (motion.n_samples - 1) / motion.duration, np.zeros((1, robot.n_joints))
+    time, q, v, a = [np.zeros(1)], [postures[0][None]], [still], [still]
     for start, end in pairwise(postures):
         # Sampled more finely by as much as it is stretched afterwards.
         part = plan_transfer(robot, start, end, rate / speed)
-        time = parts[-1].time[-1] + part.time[1:] / speed
-        parts.append(_rows_of(robot, parts[0], time, part.q[1:], speed * part.v[1:], speed**2 * part.a[1:]))
-    return join_motions(motion, parts)
-
-
-def _rows_of(robot: Robot, sample: Motion, time: Array, q: Array, v: Array, a: Array) -> Motion:
-    """Rows of the joints where the base stands still as in a sample, and the feet as they do there."""
-    still = np.zeros((len(time), robot.n_base_v))
+        time.append(time[-1][-1] + part.time[1:] / speed)
+        for rows, values in ((q, part.q), (v, speed * part.v), (a, speed**2 * part.a)):
+            rows.append(values[1:])
+    n = sum(map(len, time))
+    base, held = np.repeat(motion.q[[row], : robot.n_base_q], n, axis=0), np.zeros((n, robot.n_base_v))
     return replace(
-        sample,
-        time=time,
-        q=np.hstack([np.repeat(sample.q[:1, : robot.n_base_q], len(time), axis=0), q]),
-        v=np.hstack([still, v]),
-        a=np.hstack([still, a]),
-        contacts={name: np.repeat(flags[:1], len(time)) for name, flags in sample.contacts.items()},
+        motion,
+        time=np.concatenate(time),
+        q=np.hstack([base, np.vstack(q)]),
+        v=np.hstack([held, np.vstack(v)]),
+        a=np.hstack([held, np.vstack(a)]),
+        contacts={name: np.repeat(flags[[row]], n) for name, flags in motion.contacts.items()},
     )
 
 

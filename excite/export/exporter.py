@@ -105,11 +105,8 @@ class Exporter(ABC):
         settings: what can be said of the format beside the motion.
         rates_hz: rates that the controller runs at, the usual one first; empty where it takes any.
         usual_hz: rate where none is asked for; None for the motion's own samples.
-        readable: whether ``excite check`` reads what is written; not so of formats that hold no motion any more.
-        exact: whether it reads the very numbers, of all of q, v and a.
         chain: of how many joints that turn, in a chain on a fixed base, the robot has to be; None for any robot.
         whole: whether joints that no motor drives are written, too, as a simulator needs them.
-        holds_base: whether pose, twist and acceleration of a free base, and contacts, are written too.
         robot: the robot whose motions are written.
         values: values of the settings.
 
@@ -127,9 +124,6 @@ class Exporter(ABC):
     settings: ClassVar[tuple[Setting, ...]] = ()
     rates_hz: ClassVar[tuple[float, ...]] = ()
     usual_hz: ClassVar[float | None] = None
-    readable: ClassVar[bool] = True
-    exact: ClassVar[bool] = True
-    holds_base: ClassVar[bool] = True
     whole: ClassVar[bool] = False
     chain: ClassVar[int | None] = None
 

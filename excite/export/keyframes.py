@@ -13,8 +13,8 @@ import numpy as np
 from excite.arrays import Array
 from excite.atomic import write_text
 from excite.export.exporter import Exporter, Setting, motion_remarks, motion_statement
+from excite.export.models.mjcf import read_mjcf
 from excite.export.models.mjcf_compiled import compile_mjcf
-from excite.export.models.mjcf_template import read_mjcf
 from excite.export.models.verification import MujocoPlaces, mujoco_places
 from excite.motion.motion import Motion
 from excite.motion.readers.programs import KEYFRAMES_STATEMENT as STATEMENT
@@ -52,8 +52,6 @@ class KeyframesExporter(Exporter):
     whole = True
     suffix = ".xml"
     summary = "MuJoCo keyframes (qpos, qvel, ctrl) in a file to include beside the robot's model"
-    exact = False
-    holds_base = False
     settings = (Setting("model", "", "MJCF file whose keys are written; the robot's own where left out"),)
 
     def write(self, motion: Motion, path: Path) -> None:

@@ -57,7 +57,6 @@ class UrScriptExporter(Exporter):
     summary = "URScript program for an arm of Universal Robots: movej to the start, servoj, stopj"
     rates_hz = (500.0, 125.0)
     chain = 6
-    exact = False
     settings = (
         Setting("lookahead", 0.1, "smoothing of the setpoints", 0.03, 0.2, "s"),
         Setting("gain", 300.0, "proportional gain of the servo", 100.0, 2000.0),
@@ -273,8 +272,6 @@ class OpenHrpExporter(Exporter):
     name = "openhrp"
     suffix = ""
     summary = "OpenHRP/Choreonoid patterns .pos, .waist, .hip, .zmp"
-    exact = False
-    holds_base = False
     settings = (Setting("joints", "", "joints between commas by jointId; the model's order where left out"),)
 
     def refuse(self, motion: Motion) -> None:
@@ -345,10 +342,6 @@ class OpenSimExporter(Exporter):
     name = "opensim"
     suffix = ".mot"
     summary = "OpenSim motion (.mot) of a person that excite human measured"
-    # Neither velocities nor the pelvis' twist stand in it.
-    readable = False
-    exact = False
-    holds_base = False
 
     def refuse(self, motion: Motion) -> None:
         """Raise InputError for robots that are no person measured by ``excite human``."""
@@ -414,8 +407,6 @@ class UnitreeExporter(Exporter):
     summary = "Unitree LowCmd sequence in JSON lines: q, dq, kp, kd, tau by motor index"
     # At which the vendor's examples of low-level control publish.
     usual_hz = 500.0
-    exact = False
-    holds_base = False
     settings = (
         Setting(
             "motors", "", "joints in the motors' order, - for none; or model; known robots' where left out"
@@ -445,11 +436,8 @@ class UnitreeExporter(Exporter):
                 {
                     "index": places[motion.joint_names[k]],
                     "mode": 1,
-                    "q": float(q[row, k]),
-                    "dq": float(dq[row, k]),
-                    "tau": 0.0,
-                    "kp": float(gains["kp"][k]),
-                    "kd": float(gains["kd"][k]),
+                    **{"q": float(q[row, k]), "dq": float(dq[row, k]), "tau": 0.0},
+                    **{name: float(values[k]) for name, values in gains.items()},
                 }
                 for k in order
             ]
@@ -491,14 +479,24 @@ class UnitreeExporter(Exporter):
 
     def _gains(self, name: str, order: list[int]) -> Array:
         """Gains by column of the motion, ``(n_joints,)``."""
-        text = self.word(name)
+        text, cap = self.word(name), _GAINS[name]
         if text == MODEL:
-            return self._own_gains(name)
-        values = [float(_GAINS[name].read(part, self.name)) for part in text.split(",")] if text else []
+            gains = np.asarray(getattr(nominal_drives(self.robot), name))
+            above = np.flatnonzero(gains > cap.high)
+            if len(above):
+                joint, value = self.robot.joint_names[above[0]], gains[above[0]]
+                raise InputError(
+                    f"is {value:g} {cap.unit} at {joint} in the robot's description, a virtual robot's, and may be at"
+                    f" most {cap.high:g}",
+                    source=self.name,
+                    field=name,
+                    remedy=f"write the machine's own under controller in robot.yaml, or give --set {name}=NUMBER",
+                )
+            return gains
+        values = [float(cap.read(part, self.name)) for part in text.split(",")] if text else []
         if len(values) not in {1, len(order)}:
-            found = f"has {len(values)} values for {len(order)} motors" if values else "is not given"
             raise InputError(
-                found,
+                f"has {len(values)} values for {len(order)} motors" if values else "is not given",
                 source=self.name,
                 field=name,
                 remedy=f"give --set {name}=NUMBER as the machine is to run, or one a motor with commas; {name}={MODEL} "
@@ -506,19 +504,4 @@ class UnitreeExporter(Exporter):
             )
         gains = np.empty(len(order))
         gains[order] = values
-        return gains
-
-    def _own_gains(self, name: str) -> Array:
-        """Gains of the robot's description; raises InputError where one is more than may be given as a number."""
-        drives, cap = nominal_drives(self.robot), _GAINS[name]
-        gains = drives.kp if name == "kp" else drives.kd
-        above = np.flatnonzero(gains > cap.high)
-        if len(above):
-            raise InputError(
-                f"is {gains[above[0]]:g} {cap.unit} at {self.robot.joint_names[above[0]]} in the robot's description, "
-                f"a virtual robot's, and may be at most {cap.high:g}",
-                source=self.name,
-                field=name,
-                remedy=f"write the machine's own under controller in robot.yaml, or give --set {name}=NUMBER",
-            )
         return gains

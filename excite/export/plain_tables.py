@@ -20,6 +20,7 @@ from excite.export.exporter import (
     motion_statement,
     motion_warnings,
 )
+from excite.formats.arrays import NpzFormat
 from excite.formats.arrow import arrow_table
 from excite.formats.lerobot import write_data_set
 from excite.motion.content import motion_columns
@@ -51,7 +52,7 @@ class CsvExporter(Exporter):
 
 
 class LeRobotExporter(Exporter):
-    """A data set in LeRobot's layout 3.0 or 2.1, as :data:`settings` say.
+    """A data set in LeRobot's layout 3.0.
 
     ``action`` and ``observation.state`` are the joints' positions of the motion, ``observation.velocity`` their
     velocities [rad or m, s], named ``JOINT.pos`` and ``JOINT.vel``, in single precision as everywhere there; a robot
@@ -62,12 +63,7 @@ class LeRobotExporter(Exporter):
     name = "lerobot"
     suffix = ""
     summary = "LeRobot data set of one episode, to replay"
-    exact = False
-    holds_base = False
-    settings = (
-        Setting("version", "v3.0", "layout of the data set", choices=("v3.0", "v2.1")),
-        Setting("task", "excite the robot's dynamics", "what the episode is said to do"),
-    )
+    settings = (Setting("task", "excite the robot's dynamics", "what the episode is said to do"),)
 
     def rate(self, motion: Motion, asked_hz: float | None) -> float | None:
         """A whole number of frames a second; the motion's own, or twice that, where none is asked for."""
@@ -98,7 +94,6 @@ class LeRobotExporter(Exporter):
                 fps=round((motion.n_samples - 1) / motion.duration),
                 robot=motion.robot,
                 task=self.word("task"),
-                version=self.word("version"),
             )
             said = motion_statement(motion) | {"remarks": motion_remarks(motion)}
             text = json.dumps(said, indent=2, ensure_ascii=False)
@@ -141,4 +136,4 @@ class NpzExporter(Exporter):
             arrays["verdict"] = np.array(json.dumps(metadata.verdict))
         arrays |= {f"contact.{foot}": flags for foot, flags in motion.contacts.items()}
         with atomic_path(path) as temporary:
-            np.savez_compressed(temporary, **arrays)
+            NpzFormat().write(arrays, temporary)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from shlex import quote
 from typing import Any, Literal
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.atomic import atomic_folder, atomic_path, write_text
 from excite.errors import InputError
 from excite.export.exporter import (
@@ -71,11 +72,15 @@ def write_bag(motion: Motion, folder: Path, command: str = "") -> None:
     from rosbags.typesys import Stores, get_typestore
 
     store = get_typestore(Stores.ROS2_HUMBLE)
-    messages = [(TOPIC, JOINT_TRAJECTORY, [_joint_trajectory(store, motion)])]
+    joints = motion.joint_positions(), goal_velocities(motion), motion.joint_accelerations()
+    messages = [(TOPIC, JOINT_TRAJECTORY, [_trajectory(store, motion, motion.joint_names, *joints)])]
     if motion.floating:
         messages.append((BASE_TOPIC, BASE_TRAJECTORY, [_base_trajectory(store, motion)]))
     if motion.contacts:
-        messages.append((CONTACTS, JOINT_TRAJECTORY, [_contact_flags(store, motion)]))
+        flags = np.column_stack(list(motion.contacts.values())).astype(float)
+        messages.append(
+            (CONTACTS, JOINT_TRAJECTORY, [_trajectory(store, motion, list(motion.contacts), flags)])
+        )
     if command:
         messages.append((command, JOINT_STATE, _joint_states(store, motion)))
     bag = Writer(folder, version=_BAG_VERSION, storage_plugin=StoragePlugin.MCAP)
@@ -96,73 +101,50 @@ def to_nanoseconds(time: np.ndarray) -> np.ndarray:
     return np.asarray(np.round((np.asarray(time) - time[0]) * 1e9).astype(np.int64))
 
 
-def _message_times(store: Any, motion: Motion) -> list[Any]:
-    duration = store.types["builtin_interfaces/msg/Duration"]
-    return [duration(*divmod(t, 1_000_000_000)) for t in to_nanoseconds(motion.time).tolist()]
+def _message_times(store: Any, motion: Motion, kind: str = "builtin_interfaces/msg/Duration") -> list[Any]:
+    return [store.types[kind](*divmod(t, 1_000_000_000)) for t in to_nanoseconds(motion.time).tolist()]
 
 
-def _message_header(store: Any, frame: str = "") -> Any:
-    return store.types["std_msgs/msg/Header"](store.types["builtin_interfaces/msg/Time"](0, 0), frame)
+def _message_header(store: Any, frame: str = "", stamp: Any = None) -> Any:
+    at_once = store.types["builtin_interfaces/msg/Time"](0, 0)
+    return store.types["std_msgs/msg/Header"](stamp or at_once, frame)
 
 
-def _joint_trajectory(store: Any, motion: Motion) -> Any:
+def _trajectory(store: Any, motion: Motion, names: Sequence[str], *values: Array) -> Any:
+    """Positions, velocities and accelerations ``(n, n_names)``, as many of them as there are."""
     point, nothing = store.types["trajectory_msgs/msg/JointTrajectoryPoint"], np.empty(0)
-    rows = zip(
-        np.ascontiguousarray(motion.joint_positions()),
-        np.ascontiguousarray(goal_velocities(motion)),
-        np.ascontiguousarray(motion.joint_accelerations()),
-        _message_times(store, motion),
-        strict=True,
-    )
-    points = [point(q, v, a, nothing, t) for q, v, a, t in rows]
-    return store.types[JOINT_TRAJECTORY](_message_header(store), list(motion.joint_names), points)
+    rows = zip(*map(np.ascontiguousarray, values), _message_times(store, motion), strict=True)
+    missing = [nothing] * (4 - len(values))
+    points = [point(*row, *missing, time) for *row, time in rows]
+    return store.types[JOINT_TRAJECTORY](_message_header(store), list(names), points)
 
 
 def _joint_states(store: Any, motion: Motion) -> list[Any]:
-    state, stamp = store.types[JOINT_STATE], store.types["builtin_interfaces/msg/Time"]
-    header, names = store.types["std_msgs/msg/Header"], list(motion.joint_names)
+    state, names = store.types[JOINT_STATE], list(motion.joint_names)
+    stamps = _message_times(store, motion, "builtin_interfaces/msg/Time")
+    values = map(np.ascontiguousarray, (motion.joint_positions(), motion.joint_velocities()))
     return [
-        state(header(stamp(*divmod(t, 1_000_000_000)), ""), names, q, v, np.empty(0))
-        for t, q, v in zip(
-            to_nanoseconds(motion.time).tolist(),
-            np.ascontiguousarray(motion.joint_positions()),
-            np.ascontiguousarray(motion.joint_velocities()),
-            strict=True,
-        )
+        state(_message_header(store, stamp=stamp), names, q, v, np.empty(0))
+        for stamp, q, v in zip(stamps, *values, strict=True)
     ]
 
 
 def _base_trajectory(store: Any, motion: Motion) -> Any:
     """Pose in the world; twist and acceleration in the base frame, as everywhere in a motion."""
-    vector, quaternion = store.types["geometry_msgs/msg/Vector3"], store.types["geometry_msgs/msg/Quaternion"]
-    pose, twist = store.types["geometry_msgs/msg/Transform"], store.types["geometry_msgs/msg/Twist"]
+    vector, quaternion, pose, twist = (
+        store.types[f"geometry_msgs/msg/{name}"] for name in ("Vector3", "Quaternion", "Transform", "Twist")
+    )
     point = store.types["trajectory_msgs/msg/MultiDOFJointTrajectoryPoint"]
+    rows = zip(motion.q[:, :7].tolist(), motion.v[:, :6].tolist(), motion.a[:, :6].tolist(), strict=True)
     points = [
         point(
             [pose(vector(*q[:3]), quaternion(*q[3:]))],
-            [twist(vector(*v[:3]), vector(*v[3:]))],
-            [twist(vector(*a[:3]), vector(*a[3:]))],
-            t,
+            *([twist(vector(*rates[:3]), vector(*rates[3:]))] for rates in (v, a)),
+            time,
         )
-        for q, v, a, t in zip(
-            motion.q[:, :7].tolist(),
-            motion.v[:, :6].tolist(),
-            motion.a[:, :6].tolist(),
-            _message_times(store, motion),
-            strict=True,
-        )
+        for (q, v, a), time in zip(rows, _message_times(store, motion), strict=True)
     ]
     return store.types[BASE_TRAJECTORY](_message_header(store, "world"), ["base"], points)
-
-
-def _contact_flags(store: Any, motion: Motion) -> Any:
-    point, nothing = store.types["trajectory_msgs/msg/JointTrajectoryPoint"], np.empty(0)
-    flags = np.column_stack(list(motion.contacts.values())).astype(float)
-    points = [
-        point(np.ascontiguousarray(row), nothing, nothing, nothing, t)
-        for row, t in zip(flags, _message_times(store, motion), strict=True)
-    ]
-    return store.types[JOINT_TRAJECTORY](_message_header(store), list(motion.contacts), points)
 
 
 # A single MCAP file with the motion as a joint trajectory, and as a stream of joint states.
@@ -225,7 +207,6 @@ class Ros2YamlExporter(Exporter):
         Setting("controller", "joint_trajectory_controller", "name of the controller, or its whole action"),
         Setting("segments", "one", "one goal, or one for each way between rests", choices=("one", "rests")),
     )
-    holds_base = False
 
     def refuse(self, motion: Motion) -> None:
         """Raise InputError where the controller's name is none."""

@@ -75,10 +75,6 @@ def open_bag(path: Path, error: type[InputError] = InputError, *, indexed: bool 
         types |= get_types_from_msg(_definition(text), name)
     store.register(types)
     reader = AnyReader([path], default_typestore=store)
-    if not reader.is2:
-        from excite.formats.ros1_chunks import ChunkReader  # lazy: rosbags
-
-        reader.readers = [ChunkReader(path)]
     with reader as bag:
         yield _RosBag(bag)
 

@@ -99,7 +99,6 @@ def _point_labels(point: Any) -> list[str]:
 # 2021).
 
 BLOCK = 512
-_MAGIC = 0x50
 _INTEL, _DEC, _MIPS = 84, 85, 86
 # A count of frames that does not fit into the header is this much there, and right in the parameters.
 _FULL = 0xFFFF
@@ -107,11 +106,19 @@ _FULL = 0xFFFF
 _SIZES = {-1: 1, 1: 1, 2: 2, 4: 4}
 # The largest known laboratory has 32 plates, a full body some hundred markers with clouds of some thousand.
 _MOST_PLATES, _MOST_POINTS = 255, 20_000
-_REMEDY = "it is damaged: export it again"
+_CUT = "it is cut off or damaged: export it again"
+
+
+class _Refused(Exception):
+    """What is wrong with a field."""
+
+    def __init__(self, what: str, field: str | None = None, remedy: str = "it is damaged: export it again"):
+        super().__init__(what)
+        self.what, self.field, self.remedy = what, field, remedy
 
 
 @dataclass(frozen=True)
-class C3dHeader:
+class _Header:
     """The first block.
 
     Attributes:
@@ -137,129 +144,90 @@ class C3dHeader:
 
 def check_c3d(content: bytes, path: Path, error: type[InputError] = InputError) -> None:
     """Refuse a file whose blocks, records or counts contradict its size; raises ``error`` with the field."""
-    header = _read_header(content, path, error)
-    for field, block in (("parameter block", header.parameters), ("data block", header.data)):
-        if not 2 <= block <= len(content) // BLOCK + 1:
-            raise error(
-                f"is number {block} of {len(content) // BLOCK}", source=path, field=field, remedy=_REMEDY
-            )
-    if header.points > _MOST_POINTS:
-        raise error(f"is {header.points}", source=path, field="number of points", remedy=_REMEDY)
-    if not (math.isfinite(header.rate_hz) and 0.0 < header.rate_hz <= 1e6):
-        raise error(f"is {header.rate_hz:g} Hz", source=path, field="frame rate", remedy=_REMEDY)
-    frame = (4 * header.points + header.analog) * header.size
-    room = len(content) - (header.data - 1) * BLOCK
-    if header.frames < 1 or (header.frames < _FULL and header.frames * frame > room):
-        held = room // frame if frame else 0
-        raise error(
-            f"says {header.frames} frames, and there is room for {held}",
-            source=path,
-            field="frames",
-            remedy="it is cut off or damaged: export it again",
-        )
-    _check_counts(dict(_read_records(content, header, path, error)), header, frame, room, path, error)
+    try:
+        header = _read_header(content)
+        blocks = len(content) // BLOCK
+        for field, block in (("parameter block", header.parameters), ("data block", header.data)):
+            if not 2 <= block <= blocks + 1:
+                raise _Refused(f"is number {block} of {blocks}", field)
+        if header.points > _MOST_POINTS:
+            raise _Refused(f"is {header.points}", "number of points")
+        if not (math.isfinite(header.rate_hz) and 0.0 < header.rate_hz <= 1e6):
+            raise _Refused(f"is {header.rate_hz:g} Hz", "frame rate")
+        _check_counts(_read_records(content, header), header, len(content) - (header.data - 1) * BLOCK)
+    except _Refused as reason:
+        raise error(reason.what, source=path, field=reason.field, remedy=reason.remedy) from None
 
 
-def _read_header(content: bytes, path: Path, error: type[InputError]) -> C3dHeader:
-    if len(content) < 2 * BLOCK or content[1] != _MAGIC:
-        raise error("is no C3D file", source=path, remedy="export it again")
+def _read_header(content: bytes) -> _Header:
+    if len(content) < 2 * BLOCK or content[1] != 0x50:
+        raise _Refused("is no C3D file", remedy="export it again")
     start = (content[0] - 1) * BLOCK
     processor = content[start + 3] if 0 <= start < len(content) - 3 else 0
     if processor not in {_INTEL, _DEC, _MIPS}:
-        raise error(
-            f"is {processor}, none of {_INTEL}, {_DEC} and {_MIPS}",
-            source=path,
-            field="processor",
-            remedy=_REMEDY,
-        )
+        raise _Refused(f"is {processor}, none of {_INTEL}, {_DEC} and {_MIPS}", "processor")
     order = ">" if processor == _MIPS else "<"
-    points, analog, first, last = struct.unpack(f"{order}4H", content[2:10])
-    data = struct.unpack(f"{order}H", content[16:18])[0]
-    scale, rate = (_read_real(content[at : at + 4], processor) for at in (12, 20))
-    size = 4 if scale < 0.0 else 2
-    return C3dHeader(content[0], points, analog, last - first + 1, size, data, rate, order)
-
-
-def _read_real(raw: bytes, processor: int) -> float:
+    points, analog, first, last = struct.unpack_from(f"{order}4H", content, 2)
+    (data,) = struct.unpack_from(f"{order}H", content, 16)
+    reals = [content[at : at + 4] for at in (12, 20)]
     if processor == _DEC:
-        return float(struct.unpack("<f", raw[2:] + raw[:2])[0]) / 4.0
-    return float(struct.unpack(">f" if processor == _MIPS else "<f", raw)[0])
+        # Words are exchanged, and exponents two higher.
+        reals = [raw[2:] + raw[:2] for raw in reals]
+    scale, rate = (struct.unpack(f"{order}f", raw)[0] for raw in reals)
+    rate = rate / 4.0 if processor == _DEC else rate
+    size = 4 if scale < 0.0 else 2
+    return _Header(content[0], points, analog, last - first + 1, size, data, rate, order)
 
 
-def _read_records(
-    content: bytes, header: C3dHeader, path: Path, error: type[InputError]
-) -> Iterator[tuple[tuple[int, str], bytes]]:
+def _read_records(content: bytes, header: _Header) -> Iterator[tuple[tuple[int, str], bytes]]:
     """Parameters by number of their group and name, with their data; the groups' names under an empty one."""
     place = (header.parameters - 1) * BLOCK + 4
     end = (header.data - 1) * BLOCK if header.data > header.parameters else len(content)
-    while place + 2 <= end:
-        length, number = abs(struct.unpack("b", content[place : place + 1])[0]), content[place + 1]
+    offset = 1
+    while offset and place + 2 <= end:
+        length, number = abs(struct.unpack_from("b", content, place)[0]), content[place + 1]
         if length == 0 or number == 0:
             return
         after = place + 2 + length
         name = content[place + 2 : after].decode("latin-1").strip().upper()
+        shown = f"parameter {''.join(c for c in name if c.isprintable())[:30]}".strip()
+        outside = _Refused("does not fit into the file", shown)
         if after + 2 > end:
-            raise _outside_error(name, path, error)
-        offset = struct.unpack(f"{header.order}H", content[after : after + 2])[0]
-        following = after + offset if offset else end
-        if following > end or offset == 1:
-            raise _outside_error(name, path, error)
+            raise outside
+        (offset,) = struct.unpack_from(f"{header.order}H", content, after)
+        place = after + offset if offset else end
+        if place > end or offset == 1:
+            raise outside
         if number >= 128:
             yield (256 - number, ""), name.encode("latin-1")
-        else:
-            yield (number, name), _record_data(content[after + 2 : following], name, path, error)
-        if offset == 0:
-            return
-        place = following
+            continue
+        record = content[after + 2 : place]
+        kind, count = struct.unpack_from("bB", record) if len(record) > 1 else (0, 255)
+        size = _SIZES.get(kind, len(content)) * math.prod(record[2 : 2 + count])
+        if count > 7 or len(record) < 2 + count + size:
+            raise outside
+        yield (number, name), record[2 + count : 2 + count + size]
 
 
-def _record_data(record: bytes, name: str, path: Path, error: type[InputError]) -> bytes:
-    """The values of a parameter, as large as its dimensions say."""
-    kind = struct.unpack("b", record[:1])[0] if record else 0
-    count = record[1] if len(record) > 1 else 255
-    if kind not in _SIZES or count > 7 or len(record) < 2 + count:
-        raise _outside_error(name, path, error)
-    size = _SIZES[kind] * math.prod(record[2 : 2 + count])
-    if len(record) < 2 + count + size:
-        raise _outside_error(name, path, error)
-    return record[2 + count : 2 + count + size]
-
-
-def _outside_error(name: str, path: Path, error: type[InputError]) -> InputError:
-    shown = "".join(c for c in name if c.isprintable())[:30]
-    return error(
-        "does not fit into the file", source=path, field=f"parameter {shown}".strip(), remedy=_REMEDY
-    )
-
-
-def _check_counts(
-    records: dict[tuple[int, str], bytes],
-    header: C3dHeader,
-    frame: int,
-    room: int,
-    path: Path,
-    error: type[InputError],
-) -> None:
-    """Counts that stand in the parameters too, against those of the header and the file's size."""
+def _check_counts(parameters: Iterator[tuple[tuple[int, str], bytes]], header: _Header, room: int) -> None:
+    """Counts of the header and those that stand in the parameters too, against each other and the file's size."""
+    frame, long = (4 * header.points + header.analog) * header.size, header.frames >= _FULL
+    if header.frames < 1 or (not long and header.frames * frame > room):
+        held = room // frame if frame else 0
+        raise _Refused(f"says {header.frames} frames, and there is room for {held}", "frames", _CUT)
+    records = dict(parameters)
     groups = {name.decode("latin-1"): number for (number, key), name in records.items() if not key}
 
-    def integer(group: str, name: str) -> int | None:
+    def integer(group: str, name: str) -> int:
         data = records.get((groups.get(group, 0), name), b"")
-        return struct.unpack(f"{header.order}H", data)[0] if len(data) == 2 else None
+        return int(struct.unpack(f"{header.order}H", data)[0]) if len(data) == 2 else -1
 
-    used = integer("POINT", "USED")
-    if used is not None and used != header.points:
-        raise error(
-            f"is {used}, and {header.points} in the header", source=path, field="POINT:USED", remedy=_REMEDY
-        )
-    frames = integer("POINT", "FRAMES")
-    if header.frames >= _FULL and frames is not None and frames * frame > room:
-        raise error(
-            f"is {frames}, and there is room for {room // frame}",
-            source=path,
-            field="POINT:FRAMES",
-            remedy="it is cut off or damaged: export it again",
-        )
-    plates = integer("FORCE_PLATFORM", "USED")
-    if plates is not None and plates > _MOST_PLATES:
-        raise error(f"is {plates}", source=path, field="FORCE_PLATFORM:USED", remedy=_REMEDY)
+    used, frames, plates = (
+        integer(*place) for place in (("POINT", "USED"), ("POINT", "FRAMES"), ("FORCE_PLATFORM", "USED"))
+    )
+    if used not in (-1, header.points):
+        raise _Refused(f"is {used}, and {header.points} in the header", "POINT:USED")
+    if long and frames * frame > room:
+        raise _Refused(f"is {frames}, and there is room for {room // frame}", "POINT:FRAMES", _CUT)
+    if plates > _MOST_PLATES:
+        raise _Refused(f"is {plates}", "FORCE_PLATFORM:USED")

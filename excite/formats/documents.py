@@ -423,12 +423,8 @@ def _check_keys(node: yaml.MappingNode, place: tuple[str, ...], path: Path, erro
 
 
 def _is_nan(text: str) -> bool:
-    return text.lower().strip("+-.") == "nan" or (text.isascii() and _nan(text))
-
-
-def _nan(text: str) -> bool:
     try:
-        return math.isnan(float(text))
+        return text.lower().strip("+-.") == "nan" or (text.isascii() and math.isnan(float(text)))
     except ValueError:
         return False
 

@@ -33,10 +33,7 @@ _TASKS = {
         for n, p, k in (("task_index", "int64", "int64"), ("task", "unicode", "object"))
     ],
 }
-_FILES = {
-    "v3.0": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
-    "v2.1": "data/chunk-{episode_chunk:03d}/episode_{episode_index:06d}.parquet",
-}
+_PLACE = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 
 
 def is_data_set(path: Path) -> bool:
@@ -113,9 +110,8 @@ def write_data_set(
     fps: int,
     robot: str,
     task: str,
-    version: str,
 ) -> None:
-    """Write a data set of one episode.
+    """Write a data set of one episode, layout 3.0.
 
     Args:
         columns: ``(n, k)`` by feature, in single precision as everywhere there.
@@ -124,7 +120,6 @@ def write_data_set(
         fps: rows a second [Hz].
         robot: what kind it is.
         task: what the episode is said to do.
-        version: of the layout, ``v3.0`` or ``v2.1``.
     """
     n = len(next(iter(columns.values())))
     zero = np.zeros(n, dtype=np.int64)
@@ -139,7 +134,7 @@ def write_data_set(
         for name, values in table.items()
     }
     info = {
-        "codebase_version": version,
+        "codebase_version": "v3.0",
         "robot_type": robot,
         "fps": fps,
         "total_episodes": 1,
@@ -147,17 +142,28 @@ def write_data_set(
         "total_tasks": 1,
         "chunks_size": 1000,
         "splits": {"train": "0:1"},
-        "data_path": _FILES[version],
+        "data_path": _PLACE,
         "video_path": None,
         "features": features,
     }
-    if version == "v2.1":
-        info |= {"total_videos": 0, "total_chunks": 1}
-    place = _FILES[version].format(chunk_index=0, file_index=0, episode_chunk=0, episode_index=0)
     stats = {name: _feature_stats(values) for name, values in table.items()}
-    _write_table(_episode_table(table), folder / place)
+    _write_table(_episode_table(table), folder / _PLACE.format(chunk_index=0, file_index=0))
+    meta = folder / "meta"
     _write_text(folder / _INFO, info)
-    (_write_lists if version == "v2.1" else _write_tables)(folder / "meta", task, n, stats)
+    _write_text(meta / "stats.json", stats)
+    tasks = pa.table({"task_index": [0], "task": [task]})
+    _write_table(tasks.replace_schema_metadata({"pandas": json.dumps(_TASKS)}), meta / "tasks.parquet")
+    places = ("data/chunk_index", "data/file_index", "meta/episodes/chunk_index", "meta/episodes/file_index")
+    episode = {
+        "episode_index": [0],
+        "tasks": [[task]],
+        "length": [n],
+        **{key: [0] for key in places[:2]},
+        "dataset_from_index": [0],
+        "dataset_to_index": [n],
+        **{key: [0] for key in places[2:]},
+    }
+    _write_table(pa.table(episode), meta / "episodes" / "chunk-000" / "file-000.parquet")
 
 
 def _feature_stats(values: NDArray[Any]) -> dict[str, list[float]]:
@@ -175,35 +181,6 @@ def _episode_table(columns: dict[str, NDArray[Any]]) -> pa.Table:
         for values in columns.values()
     ]
     return pa.Table.from_arrays(arrays, names=list(columns))
-
-
-def _write_tables(meta: Path, task: str, n: int, stats: dict[str, Any]) -> None:
-    """What version 3.0 says of episodes and tasks."""
-    _write_text(meta / "stats.json", stats)
-    tasks = pa.table({"task_index": [0], "task": [task]})
-    _write_table(tasks.replace_schema_metadata({"pandas": json.dumps(_TASKS)}), meta / "tasks.parquet")
-    episode = {
-        "episode_index": [0],
-        "tasks": [[task]],
-        "length": [n],
-        "data/chunk_index": [0],
-        "data/file_index": [0],
-        "dataset_from_index": [0],
-        "dataset_to_index": [n],
-        "meta/episodes/chunk_index": [0],
-        "meta/episodes/file_index": [0],
-    }
-    _write_table(pa.table(episode), meta / "episodes" / "chunk-000" / "file-000.parquet")
-
-
-def _write_lists(meta: Path, task: str, n: int, stats: dict[str, Any]) -> None:
-    """What version 2.1 says of episodes and tasks: JSON lines."""
-    for name, line in (
-        ("tasks", {"task_index": 0, "task": task}),
-        ("episodes", {"episode_index": 0, "tasks": [task], "length": n}),
-        ("episodes_stats", {"episode_index": 0, "stats": stats}),
-    ):
-        (meta / f"{name}.jsonl").write_text(json.dumps(line) + "\n", encoding="utf-8")
 
 
 def _write_table(table: pa.Table, path: Path) -> None:

@@ -20,49 +20,12 @@ from excite.formats.file import MAX_NUMBERS, first_bytes
 
 _DEEPEST = 8
 _ARRAY = b"\x93NUMPY"
-_CONTAINERS = {
-    ("collections", "OrderedDict"): OrderedDict,
-    ("collections", "defaultdict"): defaultdict,
-    ("collections", "deque"): deque,
-    ("builtins", "list"): list,
-    ("builtins", "dict"): dict,
-    ("builtins", "tuple"): tuple,
-    ("builtins", "set"): set,
-    ("builtins", "frozenset"): frozenset,
-    ("builtins", "complex"): complex,
-    ("builtins", "bytearray"): bytearray,
-    ("numpy", "ndarray"): np.ndarray,
-}
 
 
-class PlainUnpickler(pickle.Unpickler):
-    """Rebuilds plain data and refuses every other name."""
-
-    def __init__(self, stream: IO[bytes]) -> None:
-        # Texts of Python 2 are bytes; arrays of its time are among them.
-        super().__init__(stream, encoding="latin1")
-
-    def find_class(self, module: str, name: str) -> Any:
-        """What a pickle may name; raises UnpicklingError for the rest."""
-        module = module.replace("numpy._core", "numpy.core").replace("__builtin__", "builtins")
-        if (module, name) in _CONTAINERS:
-            return _CONTAINERS[module, name]
-        if (module, name) == ("numpy.core.multiarray", "_reconstruct"):
-            return _empty_array
-        if (module, name) == ("numpy.core.multiarray", "scalar"):
-            return _numpy_scalar
-        if (module, name) == ("numpy.core.numeric", "_frombuffer"):
-            return _from_buffer
-        if (module, name) == ("numpy", "dtype"):
-            return _numpy_dtype
-        if (module, name) == ("_codecs", "encode"):
-            return _latin_bytes
-        raise pickle.UnpicklingError(f"names {module}.{name}, which is no plain data")
-
-
-def _empty_array(*_: Any) -> Any:
-    """The array that numpy's state is then put into."""
-    return np.ndarray((0,), dtype="b")
+def _check_dtype(dtype: Any) -> np.dtype[Any]:
+    if not isinstance(dtype, np.dtype) or dtype.hasobject:
+        raise pickle.UnpicklingError("has numbers of a type that no recording has")
+    return dtype
 
 
 def _numpy_dtype(code: Any, *_: Any) -> Any:
@@ -72,20 +35,77 @@ def _numpy_dtype(code: Any, *_: Any) -> Any:
 
 
 def _numpy_scalar(dtype: Any, content: Any = b"") -> Any:
-    if not isinstance(dtype, np.dtype) or dtype.hasobject:
-        raise pickle.UnpicklingError("has a number of a type that no recording has")
     raw = content.encode("latin1") if isinstance(content, str) else bytes(content)
-    return np.frombuffer(raw, dtype=dtype, count=1)[0]
+    return np.frombuffer(raw, _check_dtype(dtype), count=1)[0]
 
 
 def _from_buffer(content: Any, dtype: Any, shape: Any, order: Any, *_: Any) -> Any:
-    if not isinstance(dtype, np.dtype) or dtype.hasobject:
-        raise pickle.UnpicklingError("has numbers of a type that no recording has")
-    return np.frombuffer(bytes(content), dtype=dtype).reshape(shape, order=order)
+    return np.frombuffer(bytes(content), _check_dtype(dtype)).reshape(shape, order=order)
 
 
-def _latin_bytes(text: Any, *_: Any) -> bytes:
-    return str(text).encode("latin1")
+def _tensor(storage: Any, offset: int, size: Any, stride: Any, *_: Any) -> Any:
+    size, stride = tuple(int(n) for n in size), tuple(int(n) for n in stride)
+    last = offset + sum((n - 1) * step for n, step in zip(size, stride, strict=True) if n)
+    if min((*size, *stride, offset), default=0) < 0 or (np.prod(size) and last >= len(storage)):
+        raise pickle.UnpicklingError("has a tensor that reaches beyond its storage")
+    if np.prod(size, dtype=float) > MAX_NUMBERS:
+        raise pickle.UnpicklingError("has a tensor of more numbers than can be read")
+    steps = tuple(step * storage.itemsize for step in stride)
+    return np.lib.stride_tricks.as_strided(storage[offset:], size, steps).copy()
+
+
+# What a pickle may name, and what is called in its place.
+_PLAIN: dict[str, Any] = {
+    **{f"collections.{kind.__name__}": kind for kind in (OrderedDict, defaultdict, deque)},
+    **{f"builtins.{kind.__name__}": kind for kind in (list, dict, tuple, set, frozenset, complex, bytearray)},
+    "numpy.ndarray": np.ndarray,
+    "numpy.dtype": _numpy_dtype,
+    # The array that numpy's state is then put into.
+    "numpy.core.multiarray._reconstruct": lambda *_: np.ndarray((0,), dtype="b"),
+    "numpy.core.multiarray.scalar": _numpy_scalar,
+    "numpy.core.numeric._frombuffer": _from_buffer,
+    "_codecs.encode": lambda text, *_: str(text).encode("latin1"),
+}
+# Beside it, what builds a tensor of torch from its storage.
+_TENSORS: dict[str, Any] = {
+    "torch.DoubleStorage": "<f8",
+    "torch.FloatStorage": "<f4",
+    "torch.HalfStorage": "<f2",
+    "torch.LongStorage": "<i8",
+    "torch.IntStorage": "<i4",
+    "torch.ShortStorage": "<i2",
+    "torch.CharStorage": "<i1",
+    "torch.ByteStorage": "<u1",
+    "torch.BoolStorage": "<u1",
+    "torch._utils._rebuild_tensor_v2": _tensor,
+    "torch._utils._rebuild_parameter": lambda data, *_: data,
+}
+
+
+class _PlainUnpickler(pickle.Unpickler):
+    """Rebuilds plain data and refuses every other name; with an archive of torch, tensors too."""
+
+    def __init__(self, stream: IO[bytes], archive: zipfile.ZipFile | None = None, folder: str = "") -> None:
+        # Texts of Python 2 are bytes; arrays of its time are among them.
+        super().__init__(stream, encoding="latin1")
+        self._archive, self._folder = archive, folder
+        self._known = _PLAIN if archive is None else _PLAIN | _TENSORS
+
+    def find_class(self, module: str, name: str) -> Any:
+        """What a pickle may name; raises UnpicklingError for the rest."""
+        module = module.replace("numpy._core", "numpy.core").replace("__builtin__", "builtins")
+        if f"{module}.{name}" not in self._known:
+            raise pickle.UnpicklingError(f"names {module}.{name}, which is no plain data")
+        return self._known[f"{module}.{name}"]
+
+    def persistent_load(self, pid: Any) -> Any:
+        """The storage that a tensor names, as numbers."""
+        kind, dtype, key, _, count = pid
+        if kind != "storage" or not isinstance(dtype, str) or not 0 <= int(count) <= MAX_NUMBERS:
+            raise pickle.UnpicklingError("names a storage that cannot be read")
+        if self._archive is None:
+            raise pickle.UnpicklingError("names a storage beside it")
+        return np.frombuffer(self._archive.read(f"{self._folder}data/{key}"), dtype=dtype)[: int(count)]
 
 
 def is_pickled_array(path: Path) -> bool:
@@ -99,11 +119,11 @@ def read_pickle(path: Path) -> dict[str, Any]:
     with path.open("rb") as stream:
         if first_bytes(path, len(_ARRAY)) == _ARRAY:
             npy_header(stream)
-        content = PlainUnpickler(stream).load()
-    return _trials(gathered(content, 0))
+        content = _PlainUnpickler(stream).load()
+    return _trials(_gather(content, 0))
 
 
-def gathered(value: Any, depth: int) -> Any:
+def _gather(value: Any, depth: int) -> Any:
     """Lists brought to arrays: of numbers, of arrays of one shape, and of dictionaries with the same entries."""
     if depth > _DEEPEST:
         return None
@@ -112,10 +132,10 @@ def gathered(value: Any, depth: int) -> Any:
     if isinstance(value, np.generic):
         return value.item()
     if isinstance(value, dict):
-        return {str(key): gathered(inner, depth + 1) for key, inner in value.items()}
+        return {str(key): _gather(inner, depth + 1) for key, inner in value.items()}
     if not isinstance(value, list | tuple) and not hasattr(value, "popleft"):
         return value
-    items = [gathered(one, depth + 1) for one in value]
+    items = [_gather(one, depth + 1) for one in value]
     if items and all(isinstance(one, dict) and one.keys() == items[0].keys() for one in items):
         return _by_entry(items, depth)
     if items and all(isinstance(one, int | float | str) for one in items):
@@ -127,7 +147,7 @@ def gathered(value: Any, depth: int) -> Any:
 
 def _by_entry(items: list[dict[str, Any]], depth: int) -> Any:
     """A dictionary of what the dictionaries of a list hold; the list itself where they are trials of other lengths."""
-    found = {key: gathered([one[key] for one in items], depth + 1) for key in items[0]}
+    found = {key: _gather([one[key] for one in items], depth + 1) for key in items[0]}
     ragged = any(
         isinstance(inner, list) and inner and all(isinstance(one, np.ndarray) for one in inner)
         for inner in found.values()
@@ -166,21 +186,6 @@ def _flatten(name: str, value: Any, arrays: dict[str, NDArray[Any]], depth: int)
         arrays[name or "data"] = np.asarray(value, dtype=float)
 
 
-# Of what a pickle of torch may name, here are the few that build a tensor from its storage, beside plain data.
-
-_TYPES = {
-    "DoubleStorage": "<f8",
-    "FloatStorage": "<f4",
-    "HalfStorage": "<f2",
-    "LongStorage": "<i8",
-    "IntStorage": "<i4",
-    "ShortStorage": "<i2",
-    "CharStorage": "<i1",
-    "ByteStorage": "<u1",
-    "BoolStorage": "<u1",
-}
-
-
 def read_torch(path: Path) -> dict[str, NDArray[Any]]:
     """Tensors that torch saved (PACE's ``.pt``) and numbers beside them by their paths, read without torch."""
     with zipfile.ZipFile(path) as archive:
@@ -188,46 +193,5 @@ def read_torch(path: Path) -> dict[str, NDArray[Any]]:
         if not names:
             raise ValueError("the archive holds no data.pkl")
         with archive.open(names[0]) as stream:
-            content = _TorchUnpickler(stream, archive, names[0].removesuffix("data.pkl")).load()
+            content = _PlainUnpickler(stream, archive, names[0].removesuffix("data.pkl")).load()
     return flatten_arrays(content)
-
-
-class _TorchUnpickler(PlainUnpickler):
-    """Builds tensors as numpy arrays; refuses every name that is none and no plain data."""
-
-    def __init__(self, stream: IO[bytes], archive: zipfile.ZipFile, folder: str) -> None:
-        super().__init__(stream)
-        self._archive, self._folder = archive, folder
-
-    def find_class(self, module: str, name: str) -> Any:
-        """See :class:`PlainUnpickler`: tensors besides."""
-        if module == "torch" and name in _TYPES:
-            return _TYPES[name]
-        if (module, name) == ("torch._utils", "_rebuild_tensor_v2"):
-            return _tensor
-        if (module, name) == ("torch._utils", "_rebuild_parameter"):
-            return _parameter
-        return super().find_class(module, name)
-
-    def persistent_load(self, pid: Any) -> Any:
-        """The storage that a tensor names, as numbers."""
-        kind, dtype, key, _, count = pid
-        if kind != "storage" or not isinstance(dtype, str) or not 0 <= int(count) <= MAX_NUMBERS:
-            raise pickle.UnpicklingError("names a storage that cannot be read")
-        raw = self._archive.read(f"{self._folder}data/{key}")
-        return np.frombuffer(raw, dtype=dtype)[: int(count)]
-
-
-def _tensor(storage: Any, offset: int, size: Any, stride: Any, *_: Any) -> Any:
-    size, stride = tuple(int(n) for n in size), tuple(int(n) for n in stride)
-    last = offset + sum((n - 1) * step for n, step in zip(size, stride, strict=True) if n)
-    if min((*size, *stride, offset), default=0) < 0 or (np.prod(size) and last >= len(storage)):
-        raise pickle.UnpicklingError("has a tensor that reaches beyond its storage")
-    if np.prod(size, dtype=float) > MAX_NUMBERS:
-        raise pickle.UnpicklingError("has a tensor of more numbers than can be read")
-    steps = tuple(step * storage.itemsize for step in stride)
-    return np.lib.stride_tricks.as_strided(storage[offset:], size, steps).copy()
-
-
-def _parameter(data: Any, *_: Any) -> Any:
-    return data

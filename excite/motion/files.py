@@ -9,15 +9,12 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from excite.arrays import Array
 from excite.atomic import atomic_path
 from excite.errors import MotionError, OtherRobotError
-from excite.formats.arrow import arrow_table
 from excite.formats.documents import check_content
 from excite.formats.registry import format_of
 from excite.motion.content import (
@@ -85,10 +82,7 @@ def save_motion(motion: Motion, path: Path, *, single: bool = False) -> Path:
         columns = narrow_columns(columns)
     metadata = json.dumps(_motion_document(motion, content_hash(columns)))
     with atomic_path(path) as temporary:
-        if path.suffix != ".parquet":
-            format_of(path).write(columns, temporary, metadata)
-        else:
-            write_parquet(columns, metadata, temporary, single=single)
+        format_of(path).write(columns, temporary, metadata)
     return path
 
 
@@ -98,9 +92,7 @@ def _motion_document(motion: Motion, digest: str) -> dict[str, Any]:
     return {
         "schema": SCHEMA,
         "robot": motion.robot,
-        "robot_hash": metadata.robot_hash,
-        "generator": metadata.generator,
-        "seed": metadata.seed,
+        **{name: getattr(metadata, name) for name in ("robot_hash", "generator", "seed")},
         "targets": list(metadata.targets),
         "versions": dict(metadata.versions),
         "previous": metadata.previous,
@@ -402,38 +394,6 @@ def thinned(motion: Motion, every: int) -> Motion:
 # Columns of a motion in a Parquet file, in full or in as few bytes as a plan needs.
 
 _POSITIONS = ("q.", "base.p", "base.q")
-
-
-def write_parquet(columns: dict[str, NDArray[Any]], metadata: str, path: Path, *, single: bool) -> None:
-    """Write columns of one length.
-
-    Args:
-        columns: by name, times in ``time``.
-        metadata: text kept under the key ``excite``.
-        path: where to.
-        single: the columns are :func:`narrow_columns`, and are laid out so that they take little room.
-    """
-    if not single:
-        table = arrow_table(columns).replace_schema_metadata({"excite": metadata})
-        # Dictionaries of numbers that hardly ever come twice take as long to write as all else, and more room.
-        flags = [name for name, column in columns.items() if column.dtype.kind != "f"]
-        pa.parquet.write_table(table, path, compression="zstd", use_dictionary=flags, write_statistics=False)
-        return
-    table = arrow_table(columns)
-    # Bytes of equal weight side by side compress where the numbers themselves do not; a hundred short columns
-    # would spend as much on statistics as on data.
-    split = [name for name, column in columns.items() if column.dtype == np.float32]
-    with pa.parquet.ParquetWriter(
-        path,
-        table.schema,
-        compression="zstd",
-        use_dictionary=False,
-        use_byte_stream_split=split,
-        write_statistics=False,
-        store_schema=False,
-    ) as writer:
-        writer.write_table(table)
-        writer.add_key_value_metadata({"excite": metadata})
 
 
 def narrow_columns(columns: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:

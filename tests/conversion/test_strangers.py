@@ -14,7 +14,7 @@ from excite.conversion.explicit_mapping import Map
 from excite.conversion.guesses import UnclearError
 from excite.conversion.sources.registry import read_source
 from excite.errors import LogError
-from excite.export.models.verification import pinocchio_torques, random_states
+from excite.export.models.verification import random_states, read_urdf_text
 from excite.logs.robot import nominal_robot
 from tests.conversion import written
 from tests.conversion.test_habits import check, columns_of, table
@@ -200,4 +200,4 @@ def test_limits_without_effort_are_no_reason_to_refuse_a_model(data, arm, tmp_pa
     check(done, data, "q", "tau")
     robot = nominal_robot(done.log)
     states = random_states(robot, robot.nominal_parameters)
-    assert states.error(pinocchio_torques(robot, arm.read_bytes(), states)) < 1e-9
+    assert states.error(read_urdf_text(robot, arm.read_bytes(), states).torques) < 1e-9

@@ -20,12 +20,9 @@ from tests.safety.motions import check_file
 ROBOT = "panda"
 
 
-@pytest.mark.parametrize("version", ["v3.0", "v2.1"])
 @pytest.mark.parametrize("rate", [None, 50.0])
-def test_actions_are_the_motion(
-    version: str, rate: float | None, arm: Robot, motion: Motion, tmp_path: Path
-) -> None:
-    path = export_motion(motion, arm, "lerobot", tmp_path / "set", rate, settings={"version": version})
+def test_actions_are_the_motion(rate: float | None, arm: Robot, motion: Motion, tmp_path: Path) -> None:
+    path = export_motion(motion, arm, "lerobot", tmp_path / "set", rate)
     reference = export_motion(
         motion,
         arm,
@@ -35,7 +32,7 @@ def test_actions_are_the_motion(
     )
     expected = np.load(reference)
     info = json.loads((path / "meta" / "info.json").read_text())
-    assert info["codebase_version"] == version and info["total_frames"] == len(expected["time"])
+    assert info["codebase_version"] == "v3.0" and info["total_frames"] == len(expected["time"])
     place = info["data_path"].format(chunk_index=0, file_index=0, episode_chunk=0, episode_index=0)
     table = pq.read_table(path / place)
     assert set(table.column_names) == set(info["features"])

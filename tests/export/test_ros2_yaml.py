@@ -83,8 +83,12 @@ NAMES = ", ".join(f"panda_joint{k}" for k in range(1, 8))
     ("second", "time", "said"),
     [
         ("[0, 0, 0]", "{sec: 1}", "point 1 has 3 positions for 7 names"),
-        ("[1e-3, 0, 0, 0, 0, 0, 0]", "{sec: 1}", "positions: of point 1 holds '1e-3'"),
-        ("[0, 0, 0, 0, 0, 0, 0]", "1.5", "time_from_start: of point 1 is no sec and nanosec"),
+        (
+            "[1e-3, 0, 0, 0, 0, 0, 0]",
+            "{sec: 1}",
+            "points.1.positions.0: is '1e-3', not a number.*before the exponent",
+        ),
+        ("[0, 0, 0, 0, 0, 0, 0]", "1.5", "points.1.time_from_start: is 1.5, not an object"),
         ("[0, 0, 0, 0, 0, 0, .nan]", "{sec: 1}", r"points.1.positions.6: is \.nan"),
     ],
 )

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import io
 import os
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.io import savemat
 
 from excite.errors import ExciteError, InputError, LogError, RobotError
 from excite.formats.child import in_child
 from excite.formats.documents import read_json, read_xml, read_yaml
 from excite.formats.file import read_bytes, read_text
+from excite.formats.matlab import read_mat
 
 BOMB = "a: &a [1,1,1,1,1,1,1,1,1,1]\n" + "".join(
     f"{chr(98 + i)}: &{chr(98 + i)} [{','.join(['*' + chr(97 + i)] * 10)}]\n" for i in range(8)
@@ -159,3 +163,13 @@ def test_what_a_folder_lacks_is_named_with_what_makes_it(name: str, command: str
         read_text(tmp_path / name)
     with pytest.raises(InputError, match="check the path"):
         read_text(tmp_path / "nowhere" / name)
+
+
+def test_objects_of_matlab_alone_are_one_line(tmp_path: Path) -> None:
+    """As ``save run.mat t`` of a table leaves them: what they hold stands in a variable without a name."""
+    file = io.BytesIO()
+    savemat(file, {"x": np.zeros((1, 8), np.uint8)})
+    path = tmp_path / "run.mat"
+    path.write_bytes(file.getvalue().replace(b"\1\0\1\0x\0\0\0", b"\1\0\0\0\0\0\0\0"))
+    with pytest.raises(LogError, match=r"run\.mat: holds objects of MATLAB alone.*table2struct"):
+        read_mat(path, LogError)

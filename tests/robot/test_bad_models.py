@@ -17,8 +17,8 @@ from hypothesis import strategies as st
 import excite.robot.shapes.mesh_files
 from excite.atomic import write_text
 from excite.errors import ExciteError, RobotError
+from excite.export.models.mjcf import read_mjcf
 from excite.export.models.mjcf_compiled import compile_mjcf
-from excite.export.models.mjcf_template import read_mjcf
 from excite.robot.catalogue import example_robot_data
 from excite.robot.init_robot.description import scaffold_description
 from excite.robot.init_robot.files import write_scaffold

@@ -1,29 +1,18 @@
-"""Configurations of simulators for learning, which are Python: how they are written and how they are read."""
+"""Configurations of simulators for learning, which are Python, and the models that they are made of."""
 
 from __future__ import annotations
 
-import ast
 import re
-from abc import abstractmethod
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
-from excite.errors import InputError
 from excite.export.models.mjcf import MjcfFormat
-from excite.export.models.model_format import (
-    JOINT_TERMS,
-    LoadedModel,
-    ModelFormat,
-    Rendered,
-    Subject,
-    with_friction,
-)
+from excite.export.models.model_format import JOINT_TERMS, ModelFormat, Rendered, Subject
 from excite.export.models.usd import UsdaFormat
-from excite.export.models.verification import States
+from excite.export.models.verification import Reading, States
 from excite.simulation.mjcf import GROUND
 
 PHYSICS_DT = 0.005
@@ -40,162 +29,41 @@ DELAY_STEPS = round(DELAY / PHYSICS_DT)
 """
 
 
-def delay_note(late: float | None) -> tuple[str, ...]:
-    """What of a delay a whole number of steps leaves."""
-    if late is None:
-        return ()
-    return (
-        f"commands reach the servo {round(late / PHYSICS_DT)} steps of {PHYSICS_DT:g} s late for the {late:.3g} s that"
-        " were found; what the servo measures is not late",
-    )
-
-
-class LabFormat(ModelFormat):
-    """A configuration in Python, and the model that it is made of beside it.
-
-    Terms of the joints stand in both: what the configuration sets takes the place of what the model has.
-
-    Attributes:
-        library: what the configuration is for.
-        ending: of the module's name.
-        bodies: format of the model.
-        suffix: of the model's file.
-        patterns: keyword of an actuator for the joints that it drives, as patterns.
-    """
-
-    library: ClassVar[str]
-    ending: ClassVar[str]
-    bodies: ClassVar[type[ModelFormat]]
-    suffix: ClassVar[str]
-    patterns: ClassVar[str]
-    delay_step_s = PHYSICS_DT
-
-    def __init__(self) -> None:
-        self._model = self.bodies()
-
-    @abstractmethod
-    def write_text(self, subject: Subject, words: Mapping[str, str], late: float | None) -> str:
-        """The configuration.
-
-        Args:
-            subject: the robot.
-            words: for its template: names of robot, module and variable, where the model lies, lines of a delay.
-            late: how late motors follow [s]; None where that is not known.
-        """
-
-    @abstractmethod
-    def read_actuators(self, found: Recorded) -> Iterable[Recorded]:
-        """Those of a configuration."""
-
-    def actuator_fields(self, *, delayed: bool) -> Mapping[str, str]:
-        """Keywords of an actuator by term; those of limits may depend on who runs the servo."""
-        return self.held
-
-    def render(self, subject: Subject) -> Rendered:
-        """See :class:`ModelFormat`."""
-        model, late = self._model.render(subject), self._late(subject)
-        module = self._module(subject)
-        words = {
-            "robot": subject.stem,
-            "module": module,
-            "variable": self._variable(subject),
-            "model": f"Path(__file__).resolve().parent / {Path(model.main).name!r}",
-            "delay": "" if late is None else _DELAY.format(late=late, step=PHYSICS_DT),
-        }
-        text = self.write_text(subject, words, late)
-        return Rendered({f"{module}.py": text.encode(), **model.files}, (*model.notes, *delay_note(late)))
-
-    def load(self, subject: Subject, rendered: Rendered, states: States) -> LoadedModel:
-        """The model by its reader, and the configuration run without the library."""
-        found = record_configuration(rendered.files[rendered.main], self._variable(subject), self.library)
-        groups = [actuator.arguments for actuator in self.read_actuators(found)]
-        delayed = any(self.held["delay"] in group for group in groups)
-        given = {
-            term: np.array([self._value(groups, joint, name) for joint in subject.robot.joint_names])
-            for term, name in self.actuator_fields(delayed=delayed).items()
-        }
-        given["delay"] = given["delay"] * PHYSICS_DT
-        model = self._model.load(subject, rendered.files_ending(self.suffix), states)
-        for term in JOINT_TERMS:
-            given[term] = np.where(np.isfinite(given[term]), given[term], model.terms[term])
-        more = {term: given[term] - model.terms[term] for term in JOINT_TERMS}
-        return LoadedModel(with_friction(subject.robot, model.torques, states, more), given)
-
-    def exact(self, subject: Subject) -> bool:
-        """As of the model."""
-        return self._model.exact(subject)
-
-    def _value(self, groups: list[Mapping[str, Any]], joint: str, name: str) -> float:
-        """A keyword of the actuator that drives a joint, a number or a table by pattern; NaN where there is none."""
-        for group in groups:
-            if any(re.fullmatch(pattern, joint) for pattern in group[self.patterns]):
-                value = group.get(name)
-                if isinstance(value, Mapping):
-                    value = next((v for pattern, v in value.items() if re.fullmatch(pattern, joint)), None)
-                return np.nan if value is None else float(value)
-        return np.nan
-
-    def _late(self, subject: Subject) -> float | None:
-        """The one delay that all joints have; None where it is not known."""
-        values = subject.servo("delay")
-        return float(values[0]) if len(values) and np.isfinite(values).all() else None
-
-    def _module(self, subject: Subject) -> str:
-        return module_name(subject.stem, self.ending)
-
-    def _variable(self, subject: Subject) -> str:
-        return module_name(subject.stem, "CFG").upper()
-
-
-@dataclass(frozen=True, eq=False)
-class Recorded:
-    """Anything of the library that a configuration is for: what it was called with, and nothing else.
-
-    Attributes:
-        name: as the configuration has it, dots included.
-        arguments: keywords of the call.
-    """
-
-    name: str
-    arguments: Mapping[str, Any] = field(default_factory=dict)
-
-    def __getattr__(self, name: str) -> Recorded:
-        if name.startswith("__"):
-            raise AttributeError(name)
-        return Recorded(f"{self.name}.{name}")
-
-    def __call__(self, *others: Any, **arguments: Any) -> Recorded:
-        return Recorded(self.name, arguments)
-
-
-def record_configuration(text: bytes, name: str, library: str) -> Recorded:
-    """What a configuration's text calls ``name``, run with stand-ins for all that it imports of a library.
+def _add_configuration(
+    model: Rendered, subject: Subject, ending: str, template: str, **words: str
+) -> Rendered:
+    """A model with a configuration, a file of Python before it.
 
     Args:
-        text: a configuration that was written here.
-        name: the variable that is asked for.
-        library: package whose imports get stand-ins; all others are left as they are.
-
-    Raises:
-        InputError: it has no such variable.
+        model: files of the robot.
+        subject: the robot.
+        ending: of the configuration's name.
+        template: its text.
+        words: for the template, beside names of robot, module and variable, where the model lies, lines of a delay.
     """
-    tree = ast.parse(text)
-    names: dict[str, Any] = {"__file__": "robot.py", "__name__": "configuration"}
-    kept: list[ast.stmt] = []
-    for statement in tree.body:
-        if isinstance(statement, ast.Import):
-            module = statement.names[0].name
-        else:
-            module = (statement.module or "") if isinstance(statement, ast.ImportFrom) else ""
-        if isinstance(statement, ast.Import | ast.ImportFrom) and module.split(".")[0] == library:
-            names |= {item.asname or item.name: Recorded(item.name) for item in statement.names}
-        else:
-            kept.append(statement)
-    exec(compile(ast.Module(kept, []), "configuration", "exec"), names)
-    found = names.get(name)
-    if not isinstance(found, Recorded):
-        raise InputError(f"has no {name}", source="written model")
-    return found
+    module, late = module_name(subject.stem, ending), subject.delay_s
+    text = template.format(
+        robot=subject.stem,
+        module=module,
+        variable=module_name(subject.stem, "CFG").upper(),
+        model=f"Path(__file__).resolve().parent / {Path(model.main).name!r}",
+        delay="" if late is None else _DELAY.format(late=late, step=PHYSICS_DT),
+        **words,
+    )
+    notes = (
+        ()
+        if late is None
+        else (
+            f"commands reach the servo {round(late / PHYSICS_DT)} steps of {PHYSICS_DT:g} s late for the {late:.3g} s"
+            " that were found; what the servo measures is not late",
+        )
+    )
+    return Rendered({f"{module}.py": text.encode(), **model.files}, (*model.notes, *notes), model.changed)
+
+
+def _without_configuration(rendered: Rendered) -> Rendered:
+    """The model, which holds the terms of the joints that the configuration repeats."""
+    return Rendered({name: text for name, text in rendered.files.items() if name != rendered.main})
 
 
 def module_name(stem: str, suffix: str) -> str:
@@ -250,7 +118,7 @@ from isaaclab.assets import ArticulationCfg
 '''
 
 
-class IsaacLabFormat(LabFormat):
+class IsaacLabFormat(UsdaFormat):
     """An ``ArticulationCfg`` with one group of actuators, and the robot as USD beside it.
 
     Where a diagnosis found motors to follow late the servo is ``DelayedPDActuatorCfg``, else the physics engine's own.
@@ -268,24 +136,15 @@ class IsaacLabFormat(LabFormat):
         "torque_limit": "joint_effort_limit",
         "delay": "min_delay",
     }
-    tolerance = UsdaFormat.tolerance
-    library, ending, bodies, suffix, patterns = "isaaclab", "cfg", UsdaFormat, ".usda", "joint_names_expr"
+    lacks: ClassVar[Mapping[str, str]] = {}
 
-    def actuator_fields(self, *, delayed: bool) -> Mapping[str, str]:
-        """See :class:`LabFormat`."""
-        return {**self.held, "torque_limit": "actuator_effort_limit"} if delayed else self.held
-
-    def read_actuators(self, found: Recorded) -> Iterable[Recorded]:
-        """See :class:`LabFormat`."""
-        groups: Mapping[str, Recorded] = found.arguments["actuators"]
-        return groups.values()
-
-    def write_text(self, subject: Subject, words: Mapping[str, str], late: float | None) -> str:
-        """See :class:`LabFormat`."""
-        delayed = late is not None
-        fields = {
-            term: name for term, name in self.actuator_fields(delayed=delayed).items() if term != "delay"
-        }
+    def render(self, subject: Subject) -> Rendered:
+        """See :class:`ModelFormat`."""
+        delayed = subject.delay_s is not None
+        fields = {term: name for term, name in self.held.items() if term != "delay"}
+        if delayed:
+            # Who runs the servo cuts its torques.
+            fields["torque_limit"] = "actuator_effort_limit"
         tables, given = {}, []
         for term, name in fields.items():
             known = zip(subject.robot.joint_names, subject.written(term), strict=True)
@@ -297,8 +156,11 @@ class IsaacLabFormat(LabFormat):
         if delayed:
             given += ["            min_delay=DELAY_STEPS,", "            max_delay=DELAY_STEPS,"]
         tables["REST"] = _start(subject, "")["rest"].replace("            ", "    ")
-        return _ISAAC_TEMPLATE.format(
-            **words,
+        return _add_configuration(
+            super().render(subject),
+            subject,
+            "cfg",
+            _ISAAC_TEMPLATE,
             effort=fields["torque_limit"],
             older="effort_limit" if delayed else "effort_limit_sim",
             actuator="DelayedPDActuatorCfg" if delayed else "ImplicitActuatorCfg",
@@ -306,6 +168,10 @@ class IsaacLabFormat(LabFormat):
             pos=_start(subject, " ")["pos"],
             arguments="\n".join(given),
         )
+
+    def read(self, subject: Subject, rendered: Rendered, states: States) -> Reading:
+        """The USD by its reader."""
+        return super().read(subject, _without_configuration(rendered), states)
 
 
 # mjlab: an entity's configuration in Python, and the MuJoCo model that it is made of.
@@ -361,7 +227,7 @@ def get_spec() -> mujoco.MjSpec:
 '''
 
 
-class MjlabFormat(LabFormat):
+class MjlabFormat(MjcfFormat):
     """An ``EntityCfg`` with a position servo a joint, and the MuJoCo model of :class:`MjcfFormat` beside it."""
 
     name = "mjlab"
@@ -376,15 +242,9 @@ class MjlabFormat(LabFormat):
         "delay": "delay_min_lag",
     }
     lacks: ClassVar[Mapping[str, str]] = {"velocity_limit": MjcfFormat.lacks["velocity_limit"]}
-    library, ending, bodies, suffix, patterns = "mjlab", "mjlab", MjcfFormat, ".xml", "target_names_expr"
 
-    def read_actuators(self, found: Recorded) -> Iterable[Recorded]:
-        """See :class:`LabFormat`."""
-        several: Iterable[Recorded] = found.arguments["articulation"].arguments["actuators"]
-        return several
-
-    def write_text(self, subject: Subject, words: Mapping[str, str], late: float | None) -> str:
-        """See :class:`LabFormat`; a servo without gains, which no robot.yaml gave, pulls nothing."""
+    def render(self, subject: Subject) -> Rendered:
+        """See :class:`ModelFormat`; a servo without gains, which no robot.yaml gave, pulls nothing."""
         rows: list[list[str]] = [[] for _ in subject.robot.joint_names]
         for term, name in self.held.items():
             # A text that is kept has terms of its own where nothing was found, which mjlab leaves as they are.
@@ -395,10 +255,22 @@ class MjlabFormat(LabFormat):
                 elif term in ("kp", "kd"):
                     row.append(f"{name}=0.0")
         names = zip(subject.robot.joint_names, rows, strict=True)
-        return _MJLAB_TEMPLATE.format(
-            **words,
+        late = "" if subject.delay_s is None else "delay_min_lag=DELAY_STEPS, delay_max_lag=DELAY_STEPS, "
+        return _add_configuration(
+            super().render(subject),
+            subject,
+            "mjlab",
+            _MJLAB_TEMPLATE,
             ground=GROUND,
-            late="" if late is None else "delay_min_lag=DELAY_STEPS, delay_max_lag=DELAY_STEPS, ",
+            late=late,
             joints="\n".join(f"    {name!r}: dict({', '.join(row)})," for name, row in names),
             **_start(subject, "\n        "),
         )
+
+    def read(self, subject: Subject, rendered: Rendered, states: States) -> Reading:
+        """The MuJoCo model by its reader."""
+        return super().read(subject, _without_configuration(rendered), states)
+
+    def servo(self, subject: Subject) -> tuple[str, ...]:
+        """The configuration has servos of its own, whatever the model beside it has."""
+        return ModelFormat.servo(self, subject)

@@ -6,21 +6,18 @@ import os
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path, PurePosixPath
-from typing import Any, ClassVar
+from typing import ClassVar
+from xml.etree.ElementTree import Element
 
 import numpy as np
 import pinocchio as pin
 
 from excite.arrays import Array
 from excite.errors import RobotError
-from excite.export.models.mjcf_template import MjcfTemplate, read_template
-from excite.export.models.parameters import inconsistent_links
-from excite.export.models.verification import States, pinocchio_torques
-from excite.export.models.xml_text import Element, XmlText
-from excite.formats.documents import elements_of
+from excite.export.models.verification import Reading, States
 from excite.identification.identified_parameters import IdentifiedParameters
 from excite.results import Name, Stated
 from excite.robot.robot import Robot
@@ -49,38 +46,17 @@ class Rendered:
     Attributes:
         files: contents by name in the folder, the one that a simulator opens first.
         notes: what a user of them should know, one sentence each.
+        changed: links (or bodies) whose inertial is another one than the robot's description has.
     """
 
     files: Mapping[str, bytes]
     notes: tuple[str, ...] = ()
+    changed: tuple[str, ...] = ()
 
     @property
     def main(self) -> str:
         """Name of the file that a simulator opens."""
         return next(iter(self.files))
-
-    def files_ending(self, suffix: str) -> Rendered:
-        """Its files of one kind alone."""
-        return Rendered({name: content for name, content in self.files.items() if name.endswith(suffix)})
-
-
-@dataclass(frozen=True, eq=False)
-class LoadedModel:
-    """A robot as it was read again from files, by a reader that shares nothing with their writer.
-
-    Attributes:
-        torques: its inverse dynamics with all friction and rotor inertia, ``(n, nv)`` in the robot's layout.
-        terms: those of :data:`JOINT_TERMS` and :data:`SERVO_TERMS` that the files hold, ``(n_joints,)`` each in the
-            robot's order; NaN where a joint has none.
-    """
-
-    torques: Array
-    terms: Mapping[str, Array]
-
-    @property
-    def joint_terms(self) -> dict[str, Array]:
-        """Terms of the joints alone."""
-        return {name: self.terms[name] for name in JOINT_TERMS if name in self.terms}
 
 
 class ModelFormat(ABC):
@@ -91,8 +67,7 @@ class ModelFormat(ABC):
         summary: one line for help texts.
         held: by term of :data:`JOINT_TERMS` and :data:`SERVO_TERMS` that it holds, what it is called there.
         lacks: by term that it does not hold, what that means in the simulator.
-        tolerance: how far torques of what is read again may be off, relative to the largest.
-        delay_step_s: what delays in it are whole multiples of; zero where any is held [s].
+        tolerance: how far what is read again may be off, relative to the largest torque and to each link's size.
     """
 
     name: ClassVar[str]
@@ -100,7 +75,6 @@ class ModelFormat(ABC):
     held: ClassVar[Mapping[str, str]]
     lacks: ClassVar[Mapping[str, str]] = {}
     tolerance: ClassVar[float] = 1e-9
-    delay_step_s: ClassVar[float] = 0.0
 
     @abstractmethod
     def render(self, subject: Subject) -> Rendered:
@@ -111,7 +85,7 @@ class ModelFormat(ABC):
         """
 
     @abstractmethod
-    def load(self, subject: Subject, rendered: Rendered, states: States) -> LoadedModel:
+    def read(self, subject: Subject, rendered: Rendered, states: States) -> Reading:
         """The robot as the format's reader understands the files; raises InputError where it refuses them.
 
         Args:
@@ -125,7 +99,7 @@ class ModelFormat(ABC):
         return tuple(term for term in SERVO_TERMS if term in self.held)
 
     def exact(self, subject: Subject) -> bool:
-        """Whether torques have to be the found ones, and not only change as they do."""
+        """Whether the whole robot has to be the one that was found, and not only the links that changed."""
         return True
 
 
@@ -165,8 +139,7 @@ class Subject:
         template: the MuJoCo model that the robot came as; None for another kind of model.
         beyond: what was found and what no robot model has, such as an encoder's zero.
         delay_s: how late the joints' servos follow what they are told; None where that was not found [s].
-        shapes: whether files get shapes, which no torque depends on.
-        servo_values: terms of servos, ``(n_joints,)`` each, in place of the robot's own.
+        force: whether parameters that no rigid body has are written all the same, where the format can.
     """
 
     robot: Robot
@@ -175,8 +148,7 @@ class Subject:
     template: Path | None = None
     beyond: tuple[Lost, ...] = ()
     delay_s: float | None = None
-    shapes: bool = True
-    servo_values: Mapping[str, Array] = field(default_factory=dict)
+    force: bool = False
 
     @property
     def parameters(self) -> Array:
@@ -216,8 +188,6 @@ class Subject:
 
     def servo(self, name: str) -> Array:
         """A term of all joints' servos, one of :data:`SERVO_TERMS`, ``(n_joints,)``; NaN where it is not known."""
-        if name in self.servo_values:
-            return self.servo_values[name]
         if name == "velocity_limit":
             return self.robot.limits.velocity
         if name == "delay":
@@ -225,71 +195,11 @@ class Subject:
             return np.full(self.robot.n_joints, late)
         return np.asarray(getattr(self.declared, name))
 
-    @cached_property
-    def mjcf(self) -> MjcfTemplate | None:
-        """The MuJoCo model that the robot came as, read; raises InputError where it cannot be."""
-        return None if self.template is None else read_template(self.robot, self.template, {})
-
-    def but(self, parameters: Array, drives: Mapping[str, float]) -> Subject:
-        """The same with other values; what is not in ``drives`` keeps its own."""
-        own = self.drives | dict(drives)
-        values = np.array(list(own.values()))
-        return self.varied(
-            found=replace(self.found, inertial=parameters, drive_names=tuple(own), drives=values)
-        )
-
-    def varied(self, **changes: Any) -> Subject:
-        """The same with other attributes than the template, whose reading takes long and is kept."""
-        other = replace(self, **changes)
-        if "mjcf" in self.__dict__:
-            other.__dict__["mjcf"] = self.mjcf
-        return other
-
-    def inconsistent(self) -> tuple[str, ...]:
-        """Links whose parameters no rigid body has."""
-        return inconsistent_links(self.robot, self.parameters)
-
-
-# Readers' parts that several formats have.
-
-
-def with_friction(robot: Robot, bodies: Array, states: States, terms: Mapping[str, Array]) -> Array:
-    """Torques of bodies and drives together, ``(n, nv)``.
-
-    Each joint adds viscous·v + coulomb·sign(v) + armature·a.
-
-    Args:
-        robot: the robot.
-        bodies: torques of the bodies, ``(n, nv)``.
-        states: velocities and accelerations.
-        terms: of the joints, ``(n_joints,)`` each; one that is left out is zero, others than those three are not read.
-    """
-    total, base = bodies.copy(), robot.n_base_v
-    v, a = states.v[:, base:], states.a[:, base:]
-    for term, column in {"viscous": v, "coulomb": np.sign(v), "armature": a}.items():
-        if term in terms:
-            total[:, base:] += column * terms[term]
-    return total
-
-
-# By term that a URDF holds: the element of a joint, its attribute there, and what one that is missing stands for.
-URDF_TERMS = {
-    "viscous": ("dynamics", "damping", 0.0),
-    "coulomb": ("dynamics", "friction", 0.0),
-    "torque_limit": ("limit", "effort", np.nan),
-    "velocity_limit": ("limit", "velocity", np.nan),
-}
-
-
-def load_urdf(robot: Robot, text: bytes | str, states: States) -> LoadedModel:
-    """A URDF by pinocchio, the terms that its joints state by the XML's own words."""
-    joints = {joint.get("name"): joint for joint in elements_of(text).findall("joint")}
-    terms = {}
-    for term, (tag, attribute, default) in URDF_TERMS.items():
-        elements = (joints[name].find(tag) for name in robot.joint_names)
-        values = [default if one is None else float(one.get(attribute, default)) for one in elements]
-        terms[term] = np.array(values)
-    return LoadedModel(with_friction(robot, pinocchio_torques(robot, text, states), states, terms), terms)
+    @property
+    def changed_links(self) -> tuple[str, ...]:
+        """Links whose parameters are others than the robot's."""
+        differ = (self.parameters != self.robot.nominal_parameters).reshape(-1, 10).any(axis=1)
+        return tuple(link for link, other in zip(self.found.links, differ, strict=True) if other)
 
 
 # Paths in a model's text that still name the same files where the text stands in another folder.
@@ -302,12 +212,11 @@ def relocate_path(name: str, old: Path, new: Path) -> str:
     return Path(os.path.relpath(old.resolve() / name, new.resolve())).as_posix()
 
 
-def move_attribute(text: XmlText, element: Element, attribute: str, old: Path, new: Path) -> None:
+def move_attribute(element: Element, attribute: str, old: Path, new: Path) -> None:
     """Let an attribute that holds a path name the same file from another folder."""
-    name = element.attributes.get(attribute, "")
-    there = relocate_path(name, old, new)
-    if there != name and there.isascii() and not set(there) & set("\"'<>&"):
-        text.set(element, **{attribute: there})
+    there = relocate_path(element.get(attribute, ""), old, new)
+    if there and old.resolve() != new.resolve() and there.isascii() and not set(there) & set("\"'<>&"):
+        element.set(attribute, there)
 
 
 # A robot as bodies and joints with all that files say of them, made of a subject alone.
@@ -387,7 +296,7 @@ def described_tree(subject: Subject) -> Tree:
     robot, model = subject.robot, subject.robot.model
     data = model.createData()
     pin.forwardKinematics(model, data, pin.neutral(model))
-    shapes, notes = _collision_shapes_of(robot) if subject.shapes else ((), ())
+    shapes, notes = _collision_shapes_of(robot)
     first = 1 if robot.floating else 0
     root = robot.segments[0].link if robot.floating else _root_link(model)
     ten = subject.parameters.reshape(-1, 10)

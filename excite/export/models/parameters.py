@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -16,7 +16,11 @@ from excite.errors import InputError, RobotError
 from excite.export.models.xml_text import number_text
 from excite.formats.tables import csv_text
 from excite.identification.identified_parameters import IdentifiedParameters
-from excite.identification.inertia import central_inertia_matrices, pseudo_inertia_matrices
+from excite.identification.inertia import (
+    central_inertia_matrices,
+    parameters_of_pseudo_inertia,
+    pseudo_inertia_matrices,
+)
 from excite.identification.result import Identification
 from excite.logs.robot import is_bare
 from excite.robot.description import ControllerBlock
@@ -130,12 +134,12 @@ def split_segment(total: Array, members: Sequence[Member]) -> Split:
     others = [(member, own) for member, own in stated if member is not main and own.any()]
     massless = [member.name for member, own in others if own[0] <= 0.0]
     others = [(member, own) for member, own in others if own[0] > 0.0]
-    pseudo = _pseudo_inertia_of(total)
-    fixed = [moved_pseudo(_pseudo_inertia_of(own), member.placement) for member, own in others]
+    pseudo = pseudo_inertia_matrices(total)[0]
+    fixed = [moved_pseudo(pseudo_inertia_matrices(own)[0], member.placement) for member, own in others]
     carried = np.sum([np.zeros((4, 4)), *fixed], axis=0)
     share = _physical_share(pseudo, carried)
     rest = moved_pseudo(pseudo - share * carried, main.placement.inverse())
-    shares = {main.name: parameters_of(rest)} | dict.fromkeys(massless, np.zeros(10))
+    shares = {main.name: parameters_of_pseudo_inertia(rest)} | dict.fromkeys(massless, np.zeros(10))
     notes = (
         [f"{main.name}: holds the inertia of {', '.join(massless)}, which had no mass"] if massless else []
     )
@@ -150,32 +154,17 @@ def split_segment(total: Array, members: Sequence[Member]) -> Split:
     return Split(shares, "; ".join(notes))
 
 
-def parameters_of(pseudo: Array) -> Array:
-    """Ten parameters, pinocchio's order, of a pseudo-inertia ``(4, 4)``."""
-    second = pseudo[:3, :3]
-    inertia = np.trace(second) * np.eye(3) - second
-    six = inertia[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]
-    return np.concatenate([pseudo[3:, 3], pseudo[:3, 3], six])
-
-
 def moved_pseudo(pseudo: Array, placement: pin.SE3) -> Array:
     """Pseudo-inertia of a body about the frame in which its own frame has that placement, ``(4, 4)``."""
     transform = placement.homogeneous
     return np.asarray(transform @ pseudo @ transform.T)
 
 
-@dataclass(frozen=True, eq=False)
-class CentredBody:
-    """A body about its centre of mass.
-
-    Attributes:
-        mass: [kg]
-        com: ``(3,)`` [m].
-        inertia: ``(3, 3)`` about the centre of mass, axes of the link [kg·m²].
-    """
+class CentredBody(NamedTuple):
+    """Mass [kg], centre of mass ``(3,)`` [m], inertia about that along the link's axes ``(3, 3)`` [kg·m²]."""
 
     mass: float
-    com: Array
+    lever: Array
     inertia: Array
 
 
@@ -186,10 +175,9 @@ def centred_body(parameters: Array, link: str) -> CentredBody:
         return CentredBody(0.0, np.zeros(3), np.zeros((3, 3)))
     if mass == 0.0 or not np.isfinite(parameters).all():
         raise InconsistentModelError([link], can_be_forced=False)
-    if mass > 0.0:
-        return CentredBody(mass, parameters[1:4] / mass, central_inertia_matrices(parameters)[0])
-    # A body of negative mass, which only a forced file holds.
-    return CentredBody(mass, parameters[1:4] / mass, -central_inertia_matrices(-parameters)[0])
+    # A body of negative mass, which only a forced file holds, is the opposite of one.
+    sign = np.sign(mass)
+    return CentredBody(mass, parameters[1:4] / mass, sign * central_inertia_matrices(sign * parameters)[0])
 
 
 def inconsistent_links(robot: Robot, parameters: Array) -> tuple[str, ...]:
@@ -219,10 +207,6 @@ def changed_segments(robot: Robot, found: IdentifiedParameters, *, force: bool) 
     if bad and not force:
         raise InconsistentModelError([link for link in links if link in bad])
     return changed
-
-
-def _pseudo_inertia_of(parameters: Array) -> Array:
-    return np.asarray(pseudo_inertia_matrices(parameters)[0])
 
 
 def _physical_share(pseudo: Array, carried: Array) -> float:

@@ -16,15 +16,14 @@ from excite.export.models.model_format import (
     SERVO_TERMS,
     Body,
     Joint,
-    LoadedModel,
     ModelFormat,
     Rendered,
     Subject,
     Tree,
     described_tree,
-    load_urdf,
 )
-from excite.export.models.verification import States
+from excite.export.models.urdf import URDF_TERMS
+from excite.export.models.verification import Reading, States, read_urdf_text
 from excite.export.models.xml_text import moment_texts, number_text
 from excite.formats.documents import elements_of
 from excite.robot.shapes.shape import Shape
@@ -76,12 +75,14 @@ class SdfFormat(ModelFormat):
             _write_pose(frame, pose)
         ElementTree.indent(root)
         text = b'<?xml version="1.0"?>\n' + ElementTree.tostring(root) + b"\n"
-        return Rendered({f"{subject.stem}.sdf": text, **dict(_mesh_files(tree))}, tree.notes)
+        return Rendered(
+            {f"{subject.stem}.sdf": text, **dict(_mesh_files(tree))}, tree.notes, subject.changed_links
+        )
 
-    def load(self, subject: Subject, rendered: Rendered, states: States) -> LoadedModel:
+    def read(self, subject: Subject, rendered: Rendered, states: States) -> Reading:
         """Read as an SDF of somebody else is, as the URDF that it says, by pinocchio."""
         text = convert_sdf(elements_of(rendered.files[rendered.main]), Path(rendered.main))
-        return load_urdf(subject.robot, text, states)
+        return read_urdf_text(subject.robot, text, states, URDF_TERMS)
 
 
 def _write_link(model: Element, body: Body, carrier: Joint | None) -> None:

@@ -13,27 +13,33 @@ from excite.arrays import Array
 from excite.atomic import all_or_nothing, atomic_path, write_bytes, write_text
 from excite.display import Row, Tabled, count
 from excite.errors import InputError, NoSolutionError
-from excite.export.models.mjcf import write_mjcf
 from excite.export.models.model_format import (
     JOINT_TERMS,
     SERVO_TERMS,
-    LoadedModel,
     Lost,
     ModelFormat,
+    Rendered,
     Subject,
-    with_friction,
 )
-from excite.export.models.parameters import ASSUMED, InconsistentModelError, find_differences
+from excite.export.models.parameters import (
+    ASSUMED,
+    Found,
+    InconsistentModelError,
+    changed_segments,
+    find_differences,
+    inconsistent_links,
+    model_parameters,
+    with_servos,
+)
 from excite.export.models.subject import COLUMNS, Change, list_changes, subject_of
-from excite.export.models.urdf import write_urdf
-from excite.export.models.verification import States, WrittenModel, random_states
+from excite.export.models.verification import random_states
 from excite.export.registry import MODEL_FORMATS
+from excite.formats.arrays import NpzFormat
 from excite.formats.tables import csv_text
 from excite.identification.result import Identification
 from excite.logs.robot import is_bare
 from excite.regressor.columns import PARAMETERS
-from excite.regressor.kernels import joint_torque_regressor
-from excite.results import HIDDEN, FilePath, Name, Positive, Stated, write_json
+from excite.results import HIDDEN, FilePath, Name, Positive, Stated, stated, write_json
 from excite.robot.load import RobotLike, as_robot
 from excite.robot.robot import Robot
 
@@ -75,30 +81,17 @@ def lost_in(model_format: ModelFormat, subject: Subject) -> tuple[Lost, ...]:
     return (*found, *subject.beyond)
 
 
-# Proof that what is read of the files hears every parameter: all are changed at once, and torques have to follow.
-#
-# Torques are linear in the parameters, so what a change does is known beforehand: of ten parameters by the regressor,
-# of a joint's friction and rotor inertia by its velocity and acceleration. What a servo is told (gains, limits, a
-# delay) shows in no torque of the bodies: it is read back by itself. All bodies get a small body more, and that body is
-# changed, so that what is written is always a body; its size is such that each part of it moves the torques well above
-# their rounding.
-
-# Torque of the added bodies, as share of the largest: large enough to be seen above rounding of single precision, and
-# small enough that nothing of the model is lost in it.
-_SHARE = 0.2
-# Share of a change by which it may be missed.
-_MISSED = 0.01
-# A parameter whose whole torque is below this many times the format's rounding is not seen, in any format.
-_ABOVE_ROUNDING = 200.0
+# Proof that files hold what was found: they are read again, and parameters, terms and torques are compared.
 
 
 @dataclass(frozen=True)
 class Proof(Stated):
-    """What became of the torques, read from the files, when the parameters were changed.
+    """What a reader that shares nothing with the writer found in the files.
 
     Attributes:
-        torque_error: of the files, against what was found, relative to the largest torque.
-        felt: number of parameters whose change the torques, or a servo's settings, followed.
+        torque_error: inverse dynamics of the bodies against the regression of what was found, relative to the largest
+            torque.
+        felt: number of parameters of bodies, joints and servos that were read as they were found.
         unseen: parameters that no torque depends on, such as the mass of a link that turns about a vertical axis.
         not_held: parameters that the format does not have, and that change nothing.
     """
@@ -109,162 +102,65 @@ class Proof(Stated):
     not_held: tuple[Name, ...]
 
 
-def prove_taken(model_format: ModelFormat, subject: Subject) -> Proof:
-    """Render and read again, as it is and with every parameter changed.
+def prove_taken(model_format: ModelFormat, subject: Subject, rendered: Rendered) -> Proof:
+    """Read files again and compare them with what they are of.
 
     Args:
         model_format: the format.
-        subject: what is to be written.
+        subject: what was written.
+        rendered: its files.
 
     Raises:
-        InputError: the format takes no such robot.
-        NoSolutionError: the torques are not those that were found, or do not follow a change (a bug here).
+        NoSolutionError: torques, parameters or terms are others than what was found (a bug here).
     """
-    states = random_states(subject.robot, subject.parameters)
-
-    def load(changed: Subject) -> LoadedModel:
-        return model_format.load(changed, model_format.render(changed), states)
-
-    own = load(subject)
-    error = _torque_error(subject, own, states)
-    if not error <= model_format.tolerance and model_format.exact(subject):
-        raise NoSolutionError(
-            f"{model_format.name} was not written: read again, its torques are {error:.1e} off",
-            remedy="report this with the robot",
-        )
-    largest = max(float(np.abs(own.torques).max()), 1e-9)
-    change = _changes(subject, states, largest)
-    servos = {term: _told(model_format, subject, term) for term in model_format.servo(subject)}
-    before = load(change.before)
-    after = load(change.after.varied(servo_values={**subject.servo_values, **servos}))
-    missed = change.missed(model_format, after.torques - before.torques)
-    deaf = [name for name, share in missed.items() if share > _MISSED]
-    known = {term: [*zip(subject.robot.joint_names, subject.servo(term), strict=True)] for term in servos}
-    for term, told in servos.items():
-        off = np.maximum(
-            _servo_error(model_format, term, own.terms[term], subject.servo(term), 0.0),
-            _servo_error(model_format, term, after.terms[term], told, told - subject.servo(term)),
-        )
-        deaf += [
-            f"{term}.{name}" for (name, v), far in zip(known[term], off, strict=True) if v == v and far > 0
-        ]
-    if deaf:
-        shown = ", ".join(deaf[:6]) + (f" and {len(deaf) - 6} more" if len(deaf) > 6 else "")
-        raise NoSolutionError(
-            f"{model_format.name} was not written: its torques do not follow {shown}",
-            remedy="report this with the robot",
-        )
-    floor = _ABOVE_ROUNDING * model_format.tolerance * largest
-    seen = zip(change.names, change.sizes, strict=True)
-    unseen = tuple(name for name, size in seen if size <= floor and name not in change.drives)
-    not_held = tuple(name for name in change.names if not change.is_held(name, model_format))
-    told_joints = sum(v == v for values in known.values() for _, v in values)
-    return Proof(error, len(change.names) - len(unseen) - len(not_held) + told_joints, unseen, not_held)
-
-
-def _torque_error(subject: Subject, own: LoadedModel, states: States) -> float:
-    """Relative error of the torques as read, against the found parameters; what was not found is the file's."""
-    drives = {}
-    for term, value in own.joint_terms.items():
-        found = subject.term(term)
-        drives[term] = np.where(np.isfinite(found), found, value)
-    wanted = with_friction(subject.robot, states.torque, states, drives)
-    return float(np.abs(own.torques - wanted).max() / max(float(np.abs(wanted).max()), 1e-9))
-
-
-@dataclass(frozen=True, eq=False)
-class _Changes:
-    """Changes of all parameters of bodies and joints, and the torques that they are.
-
-    Attributes:
-        before: the robot with a small body more in each of its own.
-        after: the same, changed.
-        drives: names of the joints' terms among ``names``.
-        names: of the parameters, bodies' first.
-        torques: ``(n·nv, n_parameters)`` torque of each change.
-        sizes: ``(n_parameters,)`` largest torque of each one's whole.
-    """
-
-    before: Subject
-    after: Subject
-    drives: frozenset[str]
-    names: tuple[str, ...]
-    torques: Array
-    sizes: Array
-
-    def missed(self, model_format: ModelFormat, found: Array) -> dict[str, float]:
-        """By parameter, worst first, the share of its change that torques ``(n, nv)`` have not followed."""
-        held = np.array([self.is_held(name, model_format) for name in self.names])
-        left = found.ravel() - self.torques[:, held].sum(axis=1)
-        room = 0.1 * _ABOVE_ROUNDING * model_format.tolerance * float(np.abs(self.torques).max(axis=0).sum())
-        if np.abs(left).max() <= room:
-            return {}
-        shares = np.abs(np.linalg.lstsq(self.torques, left, rcond=1e-9)[0])
-        return {self.names[k]: float(shares[k]) for k in np.argsort(-shares)}
-
-    def is_held(self, name: str, model_format: ModelFormat) -> bool:
-        """Whether a format has a parameter."""
-        return name not in self.drives or name.partition(".")[0] in model_format.held
-
-
-def _changes(subject: Subject, states: States, largest: float) -> _Changes:
-    """Changes whose torques are a share of the ``largest``; joints' terms that were not found start at the nominal."""
-    robot, rng = subject.robot, np.random.default_rng(11)
-    n, ten = len(robot.segments), subject.parameters.reshape(-1, 10)
-    columns = joint_torque_regressor(robot.model, states.q, states.v, states.a)
-    heavy = ten[:, 0] > 0.0
-    # Of a body that has none of its own: 0.1 m.
-    length = np.full(n, 0.1)
-    spread = np.abs(ten[:, [4, 6, 9]]).max(axis=1)
-    length[heavy] = np.clip(np.sqrt(spread[heavy] / ten[heavy, 0]), 1e-3, 1.0)
-    body = np.zeros((n, 10))
-    body[:, 0] = 1.0
-    body[:, [4, 6, 9]] = 2.0 * (length**2)[:, None]
-    # Half of what would leave its pseudo-inertia, diag(l², l², l², 1), singular; a fifth of that of all ten together.
-    whole = 0.5 * np.column_stack([np.ones(n), *[length] * 3, *[length**2] * 6])
-    parts = columns.reshape(*columns.shape[:2], n, 10)
-    effect = np.abs(np.einsum("srnk,nk->srn", parts, body)).max(axis=(0, 1))
-    size = _SHARE * largest / np.maximum(effect, 1e-3 * max(float(effect.max()), 1e-12))
-    whole *= size[:, None]
-    step = whole * rng.uniform(0.15, 0.25, whole.shape) * rng.choice([-1.0, 1.0], whole.shape)
+    robot, states = subject.robot, random_states(subject.robot, subject.parameters)
+    read = model_format.read(subject, rendered, states)
     names = [f"{segment.link}.{name}" for segment in robot.segments for name in PARAMETERS]
-    torques = [(columns * step.ravel()).reshape(-1, 10 * n)]
-    sizes, ends = [np.abs(columns * whole.ravel()).max(axis=(0, 1))], (dict[str, float](), dict[str, float]())
-    for term in JOINT_TERMS:
-        more = _SHARE * largest * rng.uniform(0.5, 1.0, robot.n_joints)
-        for end, values in zip(ends, (subject.written(term), subject.written(term) + more), strict=True):
-            end |= {f"{term}.{joint}": float(v) for joint, v in zip(robot.joint_names, values, strict=True)}
-        nothing = np.zeros_like(states.torque)
-        each = [with_friction(robot, nothing, states, {term: row}).ravel() for row in np.diag(more)]
-        torques.append(np.column_stack(each))
-        sizes.append(np.abs(torques[-1]).max(axis=0))
-    # What is written as a whole is read once; changes are of what torques depend on.
-    start, alone = subject.parameters + (body * size[:, None]).ravel(), subject.varied(shapes=False)
-    return _Changes(
-        alone.but(start, ends[0]),
-        alone.but(start + step.ravel(), ends[1]),
-        frozenset(ends[1]),
-        (*names, *ends[1]),
-        np.hstack(torques),
-        np.concatenate(sizes),
+    off = np.abs(read.inertial - subject.parameters) > 10.0 * model_format.tolerance * _sizes(subject)
+    if not model_format.exact(subject):
+        off &= np.repeat((subject.parameters != subject.found.nominal).reshape(-1, 10).any(axis=1), 10)
+    wrong, felt = [name for name, is_off in zip(names, off, strict=True) if is_off], len(names)
+    for term in (*JOINT_TERMS, *model_format.servo(subject)):
+        if term not in model_format.held or term not in read.terms:
+            continue
+        wanted = subject.servo(term) if term in SERVO_TERMS else subject.term(term)
+        known = np.isfinite(wanted)
+        room = 4.0 * float(np.finfo(np.float32).eps) * np.abs(wanted)
+        apart = known & ~(np.abs(read.terms[term] - wanted) <= room)
+        wrong += [f"{term}.{robot.joint_names[k]}" for k in np.flatnonzero(apart)]
+        felt += int(known.sum())
+    error = states.error(read.torques)
+    if wrong or (model_format.exact(subject) and not error <= model_format.tolerance):
+        shown = ", ".join(wrong[:6]) + (f" and {len(wrong) - 6} more" if len(wrong) > 6 else "")
+        what = (
+            f"{shown} {'are' if len(wrong) > 1 else 'is'} not what was found"
+            if wrong
+            else "the bodies stand elsewhere"
+        )
+        raise NoSolutionError(
+            f"{model_format.name} was not written: read again, {what}, its torques are {error:.1e} off",
+            remedy="report this with the robot",
+        )
+    unseen = np.abs(states.regressor).max(axis=(0, 1)) <= 1e-9
+    lacking = [term for term in JOINT_TERMS if term not in model_format.held]
+    return Proof(
+        error,
+        felt - int(unseen.sum()),
+        tuple(name for name, is_unseen in zip(names, unseen, strict=True) if is_unseen),
+        tuple(f"{term}.{joint}" for term in lacking for joint in robot.joint_names),
     )
 
 
-def _told(model_format: ModelFormat, subject: Subject, term: str) -> Array:
-    """What joints' servos are told instead; all joints have one delay, and a change of it is several steps."""
-    own = subject.servo(term)
-    if term == "delay":
-        return own + 10.0 * max(model_format.delay_step_s, 1e-3)
-    return own * np.random.default_rng(11).uniform(1.2, 1.5, len(own))
+def _sizes(subject: Subject) -> Array:
+    """Mass, first moment and inertia that a body of each segment's mass and extent has, ``(10·n_segments,)``.
 
-
-def _servo_error(
-    model_format: ModelFormat, term: str, seen: Array, told: Array, change: Array | float
-) -> Array:
-    """How far a term that is read is off what servos were told, beyond what may be missed of a change."""
-    room = 0.5 * model_format.delay_step_s if term == "delay" else 0.0
-    rounding = 4.0 * float(np.finfo(np.float32).eps) * np.abs(told)
-    return np.asarray(np.abs(seen - told) - room - _MISSED * np.abs(change) - rounding)
+    Infinite of a segment without mass: what moves in a simulator is given a little.
+    """
+    ten = subject.parameters.reshape(-1, 10)
+    mass = np.where(ten[:, 0] == 0.0, np.inf, np.abs(ten[:, 0]))
+    length = np.sqrt(np.abs(ten[:, [4, 6, 9]]).max(axis=1) / mass)
+    sizes = np.repeat(np.column_stack([np.ones_like(length), length, length**2]), (1, 3, 6), axis=1)
+    return np.asarray(np.where(np.isinf(mass)[:, None], np.inf, ten[:, :1] * sizes)).ravel()
 
 
 CHANGES, LOST, DOCUMENT = "changes.csv", "lost.csv", "model.json"
@@ -341,11 +237,12 @@ def write_simulator_model(
     model_format = MODEL_FORMATS.make(format_name)
     folder = Path(out)
     subject = subject_of(result, folder, robot=robot, template=None if template is None else Path(template))
-    bad = subject.inconsistent()
+    bad = inconsistent_links(subject.robot, subject.parameters)
     if bad:
         raise InconsistentModelError(bad, can_be_forced=False)
     rendered = model_format.render(subject)
-    proof = prove_taken(model_format, subject)
+    proof = prove_taken(model_format, subject, rendered)
+    assumed = is_bare(subject.robot) and "kp" in model_format.servo(subject)
     written = SimulatorModel(
         format_name,
         subject.robot.name,
@@ -353,11 +250,7 @@ def write_simulator_model(
         tuple(rendered.files),
         list_changes(subject),
         lost_in(model_format, subject),
-        (
-            *rendered.notes,
-            *_describe_off(proof, model_format.tolerance),
-            *_servo_lines(model_format, subject),
-        ),
+        (*rendered.notes, *_describe_off(proof, model_format), *[ASSUMED] * assumed),
         proof,
     )
     with all_or_nothing():
@@ -372,17 +265,110 @@ def write_simulator_model(
     return written
 
 
-def _servo_lines(model_format: ModelFormat, subject: Subject) -> list[str]:
-    return [ASSUMED] if is_bare(subject.robot) and "kp" in model_format.servo(subject) else []
-
-
-def _describe_off(proof: Proof, tolerance: float) -> list[str]:
-    if proof.torque_error <= tolerance:
+def _describe_off(proof: Proof, model_format: ModelFormat) -> list[str]:
+    if proof.torque_error <= model_format.tolerance:
         return []
     return [
         f"its torques are {proof.torque_error:.1e} of the largest off those found: that is what the file has of its"
         " own, such as springs or bodies that were left alone"
     ]
+
+
+# One file with the identified parameters.
+
+
+@dataclass(frozen=True)
+class WrittenModel(Stated):
+    """A model file with identified inertials, and the proof that it is read so.
+
+    Attributes:
+        path: the file.
+        changed: links (or bodies) whose inertial was changed.
+        notes: what a user of the file should know, one sentence each.
+        pinocchio_error: largest difference between inverse dynamics of the file read by pinocchio and the
+            identified parameters' regression, relative to the largest torque; None where MuJoCo has read it.
+        mujoco_error: the same for the file read by MuJoCo.
+    """
+
+    path: Path = field(metadata=HIDDEN)
+    changed: tuple[str, ...]
+    notes: tuple[str, ...]
+    pinocchio_error: float | None
+    mujoco_error: float | None
+
+    @property
+    @stated
+    def file(self) -> str:
+        """Its name."""
+        return self.path.name
+
+
+def write_urdf(
+    robot: Robot, identification: Found, path: Path, *, drives: bool = False, force: bool = False
+) -> WrittenModel:
+    """Write the robot's URDF with the identified inertials in place of its own.
+
+    The original text is edited: geometry, comments, order and white space stay as they are, ``rpy`` of an
+    inertial too (its moments are expressed in that frame), and links whose segment did not change are not
+    touched. What pinocchio reads back from the new text has to be the identified parameters and their torques.
+
+    Args:
+        robot: the robot that was identified.
+        identification: what was identified.
+        path: file to write; mesh paths that are relative are made relative to it.
+        drives: also write viscous and Coulomb friction that were identified into ``<dynamics>``.
+        force: write parameters that no rigid body has, too.
+
+    Returns:
+        The file and what was checked.
+
+    Raises:
+        InconsistentModelError: a changed segment is no rigid body, and ``force`` is not set.
+        InputError: the identification is of another robot, or the URDF has changed since it was loaded.
+        NoSolutionError: pinocchio does not read the identified parameters (a bug here).
+    """
+    found = model_parameters(identification, drives=drives)
+    return _write_file("urdf", Subject(robot, found, Path(path).parent, force=force), path)
+
+
+def write_mjcf(
+    robot: Robot, identification: Found, path: Path, *, template: Path | None = None, drives: bool = False
+) -> WrittenModel:
+    """Write a MuJoCo model with the identified inertials.
+
+    With a template its text is edited: only inertials change (one is added where the template leaves them to
+    its geometry). Without one the model is what :func:`~excite.simulation.mjcf.build_spec` makes of the
+    robot, all digits written. What MuJoCo then reads has to agree with the identified parameters.
+
+    Args:
+        robot: the robot that was identified.
+        identification: what was identified.
+        path: file to write; mesh paths of a template are made relative to it.
+        template: an MJCF file of the same robot.
+        drives: also write viscous and Coulomb friction and rotor inertia that were identified.
+
+    Returns:
+        The file and what was checked.
+
+    Raises:
+        InconsistentModelError: a segment is no rigid body; MuJoCo refuses such models.
+        InputError: the identification is of another robot, or the template is another robot's or not there.
+        NoSolutionError: MuJoCo does not read the identified parameters (a bug here).
+    """
+    found = model_parameters(identification, drives=drives)
+    made = robot if template is not None else with_servos(robot)
+    return _write_file("mjcf", Subject(made, found, Path(path).parent, template), path)
+
+
+def _write_file(name: str, subject: Subject, path: Path) -> WrittenModel:
+    changed_segments(subject.robot, subject.found, force=subject.force)
+    model_format = MODEL_FORMATS.make(name)
+    rendered = model_format.render(subject)
+    proof = prove_taken(model_format, subject, rendered)
+    write_bytes(Path(path), rendered.files[rendered.main])
+    errors = {"urdf": None, "mjcf": None, name: proof.torque_error}
+    notes = (*rendered.notes, *_describe_off(proof, model_format))
+    return WrittenModel(Path(path), rendered.changed, notes, errors["urdf"], errors["mjcf"])
 
 
 # All files of an identified model, as a command leaves them.
@@ -506,5 +492,5 @@ def _write_uncertainty(identification: Identification, path: Path) -> Path | Non
         "covariance": known.covariance[:n, :n],
     }
     with atomic_path(path) as temporary:
-        np.savez_compressed(temporary, **arrays)
+        NpzFormat().write(arrays, temporary)
     return path

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -52,12 +53,7 @@ def subject_of(
         loaded = load_robot(robot or result.robot)
         if template is None and robot is not None and Path(robot).is_file() and is_mjcf(Path(robot)):
             template = Path(robot)
-    if found.links != tuple(segment.link for segment in loaded.segments):
-        raise InputError(
-            f"is of another robot than {loaded.name}",
-            source="identification",
-            remedy="give the robot that it was made for, robot=",
-        )
+    check_links(loaded, found.links, "identification")
     return Subject(loaded, found, folder, template)
 
 
@@ -112,6 +108,19 @@ def read_subject(
     return Subject(loaded, found, folder, template, beyond)
 
 
+def check_links(robot: Robot, links: Iterable[str], source: object, field: str | None = None) -> None:
+    """Refuse parameters of links that are not the robot's; raises InputError."""
+    own, found = [segment.link for segment in robot.segments], list(links)
+    if own != found:
+        other = next((link for link in found if link not in own), None)
+        raise InputError(
+            f"is of another robot than {robot.name}" + (f": link {other!r} is not in it" if other else ""),
+            source=source,
+            field=field,
+            remedy="give the robot that it was made for, --robot ROBOT",
+        )
+
+
 def _result_document(result: Path) -> Path:
     if not result.is_dir():
         return result
@@ -149,39 +158,25 @@ def _result_robot(name: str, document: Identification, file: Path) -> Robot:
             field="robot",
             remedy="say where it lies, --robot ROBOT",
         ) from error
-    links = [segment.link for segment in loaded.segments]
-    if links != list(document.standard_parameters):
-        other = next((link for link in document.standard_parameters if link not in links), None)
-        raise InputError(
-            f"is of another robot than {loaded.name}" + (f": link {other!r} is not in it" if other else ""),
-            source=file,
-            field="standard_parameters",
-            remedy="give the robot that it was made for, --robot ROBOT",
-        )
+    check_links(loaded, document.standard_parameters, file, "standard_parameters")
     return loaded
 
 
 def _identified_parameters_of(document: Identification, robot: Robot, file: Path) -> IdentifiedParameters:
-    values: list[Array] = []
+    values: list[float] = []
     for link, block in document.standard_parameters.items():
-        ten = [block.mass, *block.first_moment, *_pinocchio_order(list(block.inertia))]
-        if any(value is None for value in ten):
+        six = dict(zip(FILE_ORDER, block.inertia, strict=True))
+        ten = [block.mass, *block.first_moment, *(six[place] for place in range(6))]
+        values += [value for value in ten if value is not None]
+        if None in ten:
             raise InputError(
                 "a parameter is null",
                 source=file,
                 field=f"standard_parameters.{link}",
                 remedy="identify with a method that gives all parameters, such as lmi",
             )
-        values.append(np.array(ten, dtype=float))
     drives = {name: value for name, value in document.drive_parameters.items() if value is not None}
-    return parameters_of(robot, np.concatenate(values), drives)
-
-
-def _pinocchio_order(six: list[Any]) -> list[Any]:
-    ordered = [None] * 6
-    for place, value in zip(FILE_ORDER, six, strict=True):
-        ordered[place] = value
-    return ordered
+    return parameters_of(robot, np.array(values), drives)
 
 
 # The robot that a diagnosis wrote with its effects in it, as a subject for simulators.
@@ -245,7 +240,9 @@ def diagnosed_subject(file: Path, folder: Path, nominal: str | None) -> Subject:
     }
     identified = parameters_of(robot, robot.nominal_parameters.copy(), drives)
     if nominal is not None:
-        identified.nominal[:] = _robot_before(nominal, robot, file).nominal_parameters
+        before = load_robot(nominal)
+        check_links(before, identified.links, nominal, "--robot")
+        identified.nominal[:] = before.nominal_parameters
     late, said = _stated_delay(document)
     beyond = tuple(
         Lost("effect", robot.name, None, text) for text in document.applied.left_out if text != said
@@ -261,18 +258,6 @@ def _stated_delay(document: Diagnosis) -> tuple[float | None, str]:
         if value is not None and value.value is not None:
             return value.value, in_no_description(found.effect, str(found.location))
     return None, ""
-
-
-def _robot_before(nominal: str, robot: Robot, file: Path) -> Robot:
-    before = load_robot(nominal)
-    if [segment.link for segment in before.segments] != [segment.link for segment in robot.segments]:
-        raise InputError(
-            f"is another robot than that of {file}",
-            source=nominal,
-            field="--robot",
-            remedy="give the nominal one, or leave it out",
-        )
-    return before
 
 
 # What changes in a robot's model, parameter by parameter, as a person reads it.

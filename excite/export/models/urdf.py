@@ -1,52 +1,31 @@
-"""A URDF with identified inertials: its author's text, with other numbers in ``<inertial>``."""
+"""A URDF with identified inertials: its author's text, with other numbers in ``<inertial>`` and ``<dynamics>``."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 from pathlib import Path
 from typing import ClassVar
-from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 import pinocchio as pin
 
 from excite.arrays import Array
 from excite.errors import InputError, RobotError
-from excite.export.models.model_format import (
-    LoadedModel,
-    ModelFormat,
-    Rendered,
-    Subject,
-    load_urdf,
-    move_attribute,
-)
+from excite.export.models.model_format import ModelFormat, Rendered, Subject, move_attribute
 from excite.export.models.parameters import (
-    Found,
     Member,
     centred_body,
     changed_segments,
     drive_attributes,
-    model_parameters,
     moved_pseudo,
-    parameters_of,
     split_segment,
 )
-from excite.export.models.verification import (
-    States,
-    WrittenModel,
-    held_joints,
-    mujoco_torques,
-    pinocchio_torques,
-    random_states,
-    urdf_in_mujoco,
-    write_verified,
-)
-from excite.export.models.xml_text import Element, XmlText, moment_texts, number_text
+from excite.export.models.verification import Reading, States, held_joints, read_urdf_text
+from excite.export.models.xml_text import XmlText, moment_texts, number_text
 from excite.formats.documents import MAX_XML_BYTES, parse_xml
 from excite.formats.file import read_bytes
-from excite.identification.identified_parameters import IdentifiedParameters
-from excite.identification.inertia import pseudo_inertia_matrices
+from excite.identification.inertia import parameters_of_pseudo_inertia, pseudo_inertia_matrices
 from excite.robot.links import link_placement
 from excite.robot.loading import model_file
 from excite.robot.robot import Robot
@@ -54,11 +33,20 @@ from excite.robot.urdf.inertia import Inertial, read_inertial
 from excite.robot.urdf.reading import parse_urdf
 from excite.robot.urdf.tree import MOVING, WORLD, declare_world
 
+# By term that a URDF holds: the element of a joint, its attribute there, and what one that is missing stands for.
+URDF_TERMS = {
+    "viscous": ("dynamics", "damping", 0.0),
+    "coulomb": ("dynamics", "friction", 0.0),
+    "torque_limit": ("limit", "effort", np.nan),
+    "velocity_limit": ("limit", "velocity", np.nan),
+}
+
 
 class UrdfFormat(ModelFormat):
     """The URDF that the robot came as: comments, order, shapes and limits stay, inertials and ``<dynamics>`` change.
 
-    A robot that came as MJCF has the URDF that was made of it.
+    ``rpy`` of an inertial stays too (its moments are expressed in that frame), and links whose segment did not change
+    are not touched. A robot that came as MJCF has the URDF that was made of it.
     """
 
     name = "urdf"
@@ -70,223 +58,120 @@ class UrdfFormat(ModelFormat):
     }
 
     def render(self, subject: Subject) -> Rendered:
-        """See :class:`ModelFormat`."""
-        edit = edited_urdf(subject.robot, subject.found, force=False)
-        folder = model_file(subject.robot).parent
-        for mesh in edit.text.root.everywhere("mesh"):
-            move_attribute(edit.text, mesh, "filename", folder, subject.folder)
-        return Rendered({f"{subject.stem}.urdf": edit.text.edited()}, edit.notes)
+        """See :class:`ModelFormat`.
 
-    def load(self, subject: Subject, rendered: Rendered, states: States) -> LoadedModel:
+        Raises:
+            InconsistentModelError: a changed segment is no rigid body, and the subject is not forced.
+            InputError: the identification is of another robot, or the URDF has changed since it was loaded.
+        """
+        robot, found = subject.robot, subject.found
+        changed, file = changed_segments(robot, found, force=subject.force), model_file(robot)
+        # Without the bare link from which a free base floats.
+        loaded = {str(link.get("name")): link for link in parse_urdf(file).findall("link")}
+        content = read_bytes(file, limit=MAX_XML_BYTES, error=RobotError)
+        text = XmlText(content, file)
+        links = {str(link.get("name")): link for link in text.root.findall("link")}
+        if declare_world(parse_xml(content, file, RobotError)):
+            text.root.insert(0, Element("link", name=WORLD))
+        members = _segment_members(robot, {name: loaded[name] for name in links if name in loaded}, file)
+        notes = _complete_limits(text.root, robot)
+        written: list[str] = []
+        for segment in changed:
+            split = split_segment(found.inertial.reshape(-1, 10)[segment], members[segment])
+            notes += [split.note] if split.note else []
+            for link, parameters in split.shares.items():
+                _set_inertial(links[link], parameters, link)
+                written.append(link)
+        for joint in text.root.findall("joint"):
+            values = drive_attributes(found, str(joint.get("name")), self.held, notes)
+            if values:
+                _part(joint, "dynamics").attrib.update(values)
+        for mesh in text.root.iter("mesh"):
+            move_attribute(mesh, "filename", file.parent, subject.folder)
+        held = held_joints(robot)
+        if held:
+            notes.append(
+                "links beyond the joints that robot.yaml holds still kept their nominal inertia; the sum of their "
+                f"segment is the identified one while {', '.join(held)} stay where they are held"
+            )
+        return Rendered({f"{subject.stem}.urdf": text.edited()}, tuple(notes), tuple(written))
+
+    def read(self, subject: Subject, rendered: Rendered, states: States) -> Reading:
         """Read by pinocchio, ``<dynamics>`` by the XML's own words."""
-        return load_urdf(subject.robot, rendered.files[rendered.main], states)
+        return read_urdf_text(subject.robot, rendered.files[rendered.main], states, URDF_TERMS)
 
 
-def write_urdf(
-    robot: Robot,
-    identification: Found,
-    path: Path,
-    *,
-    drives: bool = False,
-    force: bool = False,
-) -> WrittenModel:
-    """Write the robot's URDF with the identified inertials in place of its own.
-
-    The original text is edited: geometry, comments, order and white space stay as they are, ``rpy`` of an
-    inertial too (its moments are expressed in that frame), and links whose segment did not change are not
-    touched. What is read back from the new text with pinocchio, and with MuJoCo where it can read the file,
-    has to give the inverse dynamics of the identified parameters.
-
-    Args:
-        robot: the robot that was identified.
-        identification: what was identified.
-        path: file to write; mesh paths that are relative stay relative to it.
-        drives: also write viscous and Coulomb friction that were identified into ``<dynamics>``.
-        force: write parameters that no rigid body has, too.
-
-    Returns:
-        The file and what was checked.
-
-    Raises:
-        InconsistentModelError: a changed segment is no rigid body, and ``force`` is not set.
-        InputError: the identification is of another robot, or the URDF has changed since it was loaded.
-        NoSolutionError: pinocchio or MuJoCo does not give the identified parameters' torques (a bug here).
-    """
-    file, found = model_file(robot), model_parameters(identification, drives=drives)
-    edit = edited_urdf(robot, found, force=force)
-    notes = [*edit.notes, *_held_note(robot), *_mesh_note(edit.text, file, path)]
-    content, states = edit.text.edited(), random_states(robot, found.inertial)
-    in_mujoco = None
-    try:
-        in_mujoco = states.error(mujoco_torques(robot, urdf_in_mujoco(robot, content), states, drives=False))
-    except InputError as error:
-        notes.append(f"not checked with MuJoCo: {error.what}")
-    in_pinocchio = states.error(pinocchio_torques(robot, content, states))
-    written = WrittenModel(Path(path), edit.changed, tuple(notes), in_pinocchio, in_mujoco)
-    return write_verified(content, written)
-
-
-@dataclass(frozen=True, eq=False)
-class UrdfEdit:
-    """A URDF's text with its edits collected.
-
-    Attributes:
-        text: the text.
-        changed: links whose inertial is another one.
-        notes: what had to be decided, one sentence each.
-    """
-
-    text: XmlText
-    changed: tuple[str, ...]
-    notes: tuple[str, ...]
-
-
-def edited_urdf(robot: Robot, found: IdentifiedParameters, *, force: bool) -> UrdfEdit:
-    """The robot's URDF as its author left it, edited; arguments and errors as of :func:`write_urdf`."""
-    changed = changed_segments(robot, found, force=force)
-    file = model_file(robot)
-    # Without the bare link from which a free base floats.
-    loaded = {str(link.get("name")): link for link in parse_urdf(file).findall("link")}
-    content = read_bytes(file, limit=MAX_XML_BYTES, error=RobotError)
-    text = XmlText(content, file)
-    if declare_world(parse_xml(content, file, RobotError)):
-        text.insert_first(text.root, f'<link name="{WORLD}"/>')
-    links = {str(link.attributes.get("name")): link for link in text.root.named("link")}
-    links = {name: link for name, link in links.items() if name in loaded}
-    members = _segment_members(robot, {name: loaded[name] for name in links}, file)
-    _unchanged_since_loading(robot, members, file)
-    notes = complete_limits(text, robot)
-    written: list[str] = []
-    ten = found.inertial.reshape(-1, 10)
-    for segment in changed:
-        split = split_segment(ten[segment], members[segment])
-        if split.note:
-            notes.append(split.note)
-        for link, parameters in split.shares.items():
-            _set_inertial(text, links[link], parameters, link)
-            written.append(link)
-    for joint in text.root.named("joint"):
-        _set_dynamics(
-            text, joint, drive_attributes(found, str(joint.attributes.get("name")), UrdfFormat.held, notes)
-        )
-    return UrdfEdit(text, tuple(written), tuple(notes))
-
-
-def _segment_members(robot: Robot, links: dict[str, ElementTree.Element], file: Path) -> list[list[Member]]:
-    """Links of each segment, the moving one first."""
+def _segment_members(robot: Robot, links: Mapping[str, Element], file: Path) -> list[list[Member]]:
+    """Links of each segment, the moving one first; raises InputError where they are not those that were loaded."""
     members: list[list[Member]] = [[] for _ in robot.segments]
+    totals = np.zeros((len(members), 4, 4))
     for name, link in links.items():
         joint, placement = link_placement(robot.model, name, file, f"link {name!r}")
         if joint == 0:
             continue
-        member = Member(name, placement, _stated_inertial(link, file))
-        if name == robot.segments[joint - 1].link:
-            members[joint - 1].insert(0, member)
-        else:
-            members[joint - 1].append(member)
-    return members
-
-
-def _stated_inertial(link: ElementTree.Element, file: Path) -> Array | None:
-    """A link's own parameters as its inertial states them; zero of a frame, None where it says nothing."""
-    if link.find("inertial") is None:
-        return None
-    found = read_inertial(link, file) or Inertial(0.0, np.zeros(3), np.zeros((3, 3)))
-    return np.asarray(pin.Inertia(found.mass, found.centre, found.moments).toDynamicParameters())
-
-
-def _unchanged_since_loading(robot: Robot, members: Iterable[list[Member]], file: Path) -> None:
-    for segment, (inside, nominal) in enumerate(
-        zip(members, robot.nominal_parameters.reshape(-1, 10), strict=True)
+        own: Array | None = None
+        if link.find("inertial") is not None:
+            found = read_inertial(link, file) or Inertial(0.0, np.zeros(3), np.zeros((3, 3)))
+            own = np.asarray(pin.Inertia(found.mass, found.centre, found.moments).toDynamicParameters())
+            totals[joint - 1] += moved_pseudo(pseudo_inertia_matrices(own)[0], placement)
+        inside = members[joint - 1]
+        first = name == robot.segments[joint - 1].link
+        inside.insert(0 if first else len(inside), Member(name, placement, own))
+    for segment, total, nominal in zip(
+        robot.segments, totals, robot.nominal_parameters.reshape(-1, 10), strict=True
     ):
-        total = np.zeros(10)
-        for member in inside:
-            if member.parameters is not None:
-                pseudo = pseudo_inertia_matrices(member.parameters)[0]
-                total += parameters_of(moved_pseudo(pseudo, member.placement))
-        if not np.allclose(total, nominal, rtol=1e-6, atol=1e-9 * (1.0 + np.abs(nominal).max())):
+        room = 1e-9 * (1.0 + np.abs(nominal).max())
+        if not np.allclose(parameters_of_pseudo_inertia(total), nominal, rtol=1e-6, atol=room):
             raise InputError(
-                f"does not hold the parameters of {robot.segments[segment].link!r} that were loaded",
+                f"does not hold the parameters of {segment.link!r} that were loaded",
                 source=file,
                 remedy="load the robot again",
             )
+    return members
 
 
-def _set_inertial(text: XmlText, link: Element, parameters: Array, name: str) -> None:
-    body = centred_body(parameters, name)
-    found = link.named("inertial")
-    if not found:
-        values = " ".join(f'{key}="{moment}"' for key, moment in moment_texts(body.inertia).items())
-        text.insert_first(
-            link,
-            f'<inertial><origin xyz="{number_text(*body.com)}"/><mass value="{number_text(body.mass)}"/>'
-            f"<inertia {values}/></inertial>",
-        )
-        return
-    inertial = found[0]
-    origin, turn = inertial.named("origin"), np.eye(3)
-    if origin:
+def _part(element: Element, tag: str) -> Element:
+    """The part of an element that is called so, put in where it is missing."""
+    found = element.find(tag)
+    if found is None:
+        found = Element(tag)
+        element.insert(0, found)
+    return found
+
+
+def _set_inertial(link: Element, parameters: Array, name: str) -> None:
+    body, turn = centred_body(parameters, name), np.eye(3)
+    inertial = _part(link, "inertial")
+    origin = _part(inertial, "origin")
+    if "rpy" in origin.keys():
         # Read before with the robot: three numbers.
-        turn = pin.rpy.rpyToMatrix(*map(float, origin[0].attributes.get("rpy", "0 0 0").split()))
-        text.set(origin[0], xyz=number_text(*body.com))
-    else:
-        text.insert_first(inertial, f'<origin xyz="{number_text(*body.com)}"/>')
-    text.set(inertial.named("mass")[0], value=number_text(body.mass))
-    text.set(inertial.named("inertia")[0], **moment_texts(turn.T @ body.inertia @ turn))
+        turn = pin.rpy.rpyToMatrix(*map(float, origin.get("rpy", "").split()))
+    origin.set("xyz", number_text(*body.lever))
+    for tag, values in (
+        ("mass", {"value": number_text(body.mass)}),
+        ("inertia", moment_texts(turn.T @ body.inertia @ turn)),
+    ):
+        found = inertial.find(tag)
+        (SubElement(inertial, tag) if found is None else found).attrib.update(values)
 
 
-def _held_note(robot: Robot) -> list[str]:
-    held = held_joints(robot)
-    if not held:
-        return []
-    return [
-        "links beyond the joints that robot.yaml holds still kept their nominal inertia; the sum of their "
-        f"segment is the identified one while {', '.join(held)} stay where they are held"
-    ]
-
-
-def _mesh_note(text: XmlText, file: Path, path: Path) -> list[str]:
-    names = [mesh.attributes.get("filename", "") for mesh in text.root.everywhere("mesh")]
-    relative = any("://" not in name and not Path(name).is_absolute() for name in names)
-    if relative and Path(path).resolve().parent != file.resolve().parent:
-        return [f"mesh paths are relative: put it beside {file.name} to see them"]
-    return []
-
-
-# What a written URDF says of its joints' drives: friction, and the limits that readers insist on.
-
-
-def _set_dynamics(text: XmlText, joint: Element, values: Mapping[str, str]) -> None:
-    """Put friction into ``<dynamics>``; what no passive joint has is left as it was."""
-    if values and joint.named("dynamics"):
-        text.set(joint.named("dynamics")[0], **values)
-    elif values:
-        inside = " ".join(f'{key}="{value}"' for key, value in values.items())
-        text.insert_first(joint, f"<dynamics {inside}/>")
-
-
-def complete_limits(text: XmlText, robot: Robot) -> list[str]:
+def _complete_limits(root: Element, robot: Robot) -> list[str]:
     """Write efforts and velocities where the model has limits without: the robot's, 0 of joints that are held.
 
-    Args:
-        text: the URDF, edited here.
-        robot: the robot.
-
-    Returns:
-        A sentence with the joints concerned; none where all limits are complete.
+    Returns a sentence with the joints concerned; none where all limits are complete.
     """
     known = {"effort": robot.limits.torque, "velocity": robot.limits.velocity}
+    own = {
+        name: {word: float(values[k]) for word, values in known.items()}
+        for k, name in enumerate(robot.joint_names)
+    }
     found = []
-    for joint in text.root.named("joint"):
-        name = str(joint.attributes.get("name"))
-        for limit in joint.named("limit") if joint.attributes.get("type") in MOVING else ():
-            missing = [word for word in known if word not in limit.attributes]
-            if missing:
-                free = name in robot.joint_names
-                place = robot.joint_names.index(name) if free else 0
-                values = {word: number_text(float(known[word][place]) if free else 0.0) for word in missing}
-                text.set(limit, **values)
-                found.append(name)
+    for joint in root.findall("joint"):
+        name = str(joint.get("name"))
+        for limit in joint.findall("limit") if joint.get("type") in MOVING else ():
+            missing = [word for word in known if word not in limit.keys()]
+            limit.attrib.update({word: number_text(own.get(name, {}).get(word, 0.0)) for word in missing})
+            found += [name] * bool(missing)
     return (
         [f"limits of {', '.join(found)} lacked an effort or a velocity: the description's"] if found else []
     )

@@ -6,28 +6,23 @@ import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar
-from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
 
 from excite.arrays import Array
-from excite.errors import InputError
 from excite.export.models.model_format import (
     Body,
     Joint,
-    LoadedModel,
     ModelFormat,
     Rendered,
     Subject,
     Tree,
     described_tree,
-    with_friction,
 )
-from excite.export.models.verification import States, pinocchio_torques
-from excite.export.models.xml_text import moment_texts, number_text
+from excite.export.models.verification import Reading, States, read_pinocchio
+from excite.robot.robot import Robot
 from excite.robot.shapes.shape import Shape
-from excite.robot.urdf.tree import WORLD as _WORLD
 
 # USD as text, its own grammar: prims with metadata and attributes, and the shapes of a body.
 
@@ -147,7 +142,6 @@ _AGAIN = (
     ("velocity_limit", "newton:velocityLimit"),
     ("coulomb", "physxJointAxis:{axis}:staticFrictionEffort"),
 )
-_SCHEMAS = {"drive": "PhysicsDriveAPI", "physxJointAxis": "PhysxJointAxisAPI"}
 
 
 def unit_factor(term: str, *, slides: bool) -> float:
@@ -166,18 +160,17 @@ def prim_name(name: str, taken: Collection[str] = ()) -> str:
 
 # What the text says, read line by line: each statement has one of its own.
 
-_PRIM = re.compile(r'def (\w+) "([^"]*)"')
-_STATEMENT = re.compile(r"(?:[\w\[\]]+ )*([\w:]+) = (.*)")
+_LINE = re.compile(r'def (\w+) "([^"]*)"(?: \()?|(?:[\w\[\]]+ )*([\w:]+) = (.*)|(})')
 _NUMBER = re.compile(r"[-+]?(?:inf|nan|[\d.]+(?:e[-+]?\d+)?)")
 _JOINTS = {
-    "PhysicsRevoluteJoint": "revolute",
-    "PhysicsPrismaticJoint": "prismatic",
-    "PhysicsFixedJoint": "fixed",
+    "PhysicsRevoluteJoint": pin.JointModelRevoluteUnaligned,
+    "PhysicsPrismaticJoint": pin.JointModelPrismaticUnaligned,
+    "PhysicsFixedJoint": None,
 }
 
 
 @dataclass(eq=False)
-class _ReadPrim:
+class _Read:
     """A prim of a text: its type, its path, and what is said of it, as text by name."""
 
     kind: str
@@ -189,89 +182,65 @@ class _ReadPrim:
         found = [float(word) for word in _NUMBER.findall(self.says.get(name, default))]
         return np.array(found, dtype=np.float32).astype(float)
 
-    def rotation(self, name: str) -> Array:
-        """A rotation ``(3, 3)``."""
-        return np.asarray(pin.Quaternion(*self.numbers(name, "1 0 0 0")).normalized().matrix())
-
-    def has(self, schema: str) -> bool:
-        """Whether a schema is applied to it."""
-        return f'"{schema}"' in self.says.get("apiSchemas", "")
-
-    @property
-    def joint(self) -> str:
-        """Name of a joint as the robot's description has it."""
-        return self.says.get("excite:joint", self.path.rpartition("/")[2]).strip('"')
+    def pose(self, place: str, turn: str) -> pin.SE3:
+        """A pose of two attributes; where they are missing there is none."""
+        return pin.SE3(
+            pin.Quaternion(*self.numbers(turn, "1 0 0 0")).normalized().matrix(), self.numbers(place, "0 0 0")
+        )
 
 
-def _read_prims(text: str) -> list[_ReadPrim]:
-    if not text.startswith("#usda 1.0"):
-        raise InputError("is no USD text", source="written model")
-    found: list[_ReadPrim] = []
-    opened: list[_ReadPrim] = []
-    for line in map(str.strip, text.splitlines()):
-        if prim := _PRIM.match(line):
+def _read_prims(text: str) -> list[_Read]:
+    found: list[_Read] = []
+    opened: list[_Read] = []
+    for line in map(_LINE.fullmatch, map(str.strip, text.splitlines())):
+        if line and line[1]:
             above = opened[-1].path if opened else ""
-            opened.append(_ReadPrim(prim[1], f"{above}/{prim[2]}"))
+            opened.append(_Read(line[1], f"{above}/{line[2]}"))
             found.append(opened[-1])
-        elif line == "}" and opened:
+        elif line and line[5]:
             opened.pop()
-        elif opened and (statement := _STATEMENT.fullmatch(line)):
-            opened[-1].says[statement[1]] = statement[2]
+        elif line and opened:
+            opened[-1].says[line[3]] = line[4]
     return found
 
 
-def urdf_of(prims: Sequence[_ReadPrim]) -> bytes:
-    """The bodies and joints of an articulation as URDF: a link for each body, called by its path."""
-    robot = ElementTree.Element("robot", name="articulation")
-    ElementTree.SubElement(robot, "link", name=_WORLD)
-    for prim in prims:
-        if prim.has("PhysicsRigidBodyAPI"):
-            link = ElementTree.SubElement(robot, "link", name=prim.path)
-            # Without mass properties it is a base that is held, whose mass nothing feels.
-            if prim.has("PhysicsMassAPI"):
-                _add_inertial(link, prim)
+def read_articulation(robot: Robot, text: str, states: States) -> Reading:
+    """Bodies and joints of a USD text as a model of pinocchio, terms of its joints in SI; NaN where one is missing.
+
+    Raises:
+        InputError: its joints are not the robot's.
+    """
+    prims, model = _read_prims(text), pin.Model()
+    # By path of a body, the joint that carries it and its place there.
+    carried: dict[str, tuple[int, pin.SE3]] = {"": (0, pin.SE3.Identity())}
+    bodies = [prim for prim in prims if "PhysicsRigidBodyAPI" in prim.says.get("apiSchemas", "")]
+    if robot.floating:
+        free = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "root_joint")
+        carried[bodies[0].path] = free, pin.SE3.Identity()
+    terms: dict[str, list[float]] = {term: [] for term in UsdaFormat.held}
     for prim in (prim for prim in prims if prim.kind in _JOINTS):
-        outer, inner = (
-            pin.SE3(
-                prim.rotation(f"physics:localRot{side}"), prim.numbers(f"physics:localPos{side}", "0 0 0")
-            )
-            for side in (0, 1)
-        )
-        joint = ElementTree.SubElement(robot, "joint", name=prim.joint, type=_JOINTS[prim.kind])
-        for end, side in (("parent", 0), ("child", 1)):
-            path = prim.says.get(f"physics:body{side}", "").strip("<>")
-            ElementTree.SubElement(joint, end, link=path or _WORLD)
-        place = outer * inner.inverse()
-        rpy = pin.rpy.matrixToRpy(place.rotation)
-        ElementTree.SubElement(joint, "origin", xyz=number_text(*place.translation), rpy=number_text(*rpy))
-        if _JOINTS[prim.kind] != "fixed":
+        outer, inner = (prim.pose(f"physics:localPos{k}", f"physics:localRot{k}") for k in (0, 1))
+        parent, child = (prim.says.get(f"physics:body{k}", "").strip("<>") for k in (0, 1))
+        joint, place = carried[parent]
+        place, kind = place * outer * inner.inverse(), _JOINTS[prim.kind]
+        if kind is not None:
             along = inner.rotation[:, "XYZ".index(prim.says.get("physics:axis", "X").strip('"'))]
-            ElementTree.SubElement(joint, "axis", xyz=number_text(*along))
-            ElementTree.SubElement(joint, "limit", lower="0", upper="0", effort="0", velocity="0")
-    if not any(parent.get("link") == _WORLD for parent in robot.iter("parent")):
-        robot.remove(robot[0])
-    return ElementTree.tostring(robot)
-
-
-def _add_inertial(link: ElementTree.Element, prim: _ReadPrim) -> None:
-    turn = prim.rotation("physics:principalAxes")
-    inertia = turn @ np.diag(prim.numbers("physics:diagonalInertia")) @ turn.T
-    inertial = ElementTree.SubElement(link, "inertial")
-    ElementTree.SubElement(inertial, "origin", xyz=number_text(*prim.numbers("physics:centerOfMass")))
-    ElementTree.SubElement(inertial, "mass", value=number_text(*prim.numbers("physics:mass")))
-    ElementTree.SubElement(inertial, "inertia", moment_texts(inertia))
-
-
-def _read_term(joints: Sequence[_ReadPrim], term: str, attribute: str) -> Array:
-    """A term of all joints in SI; NaN where it or its schema is missing."""
-    found = []
-    for prim in joints:
-        slides = prim.kind == "PhysicsPrismaticJoint"
-        axis = "linear" if slides else "angular"
-        there = prim.has(f"{_SCHEMAS[attribute.partition(':')[0]]}:{axis}")
-        (value,) = prim.numbers(attribute.format(axis=axis)) if there else [np.nan]
-        found.append(float(value) / unit_factor(term, slides=slides))
-    return np.array(found)
+            name = prim.says.get("excite:joint", prim.path.rpartition("/")[2]).strip('"')
+            joint, place = model.addJoint(joint, kind(along), place, name), pin.SE3.Identity()
+            slides = kind is pin.JointModelPrismaticUnaligned
+            for term, attribute in UsdaFormat.held.items():
+                (value,) = prim.numbers(attribute.format(axis="linear" if slides else "angular"))
+                terms[term].append(float(value) / unit_factor(term, slides=slides))
+        carried[child] = joint, place
+    for prim in bodies:
+        # Without mass properties it is a base that is held, whose mass nothing feels.
+        if "PhysicsMassAPI" in prim.says["apiSchemas"]:
+            own = prim.pose("physics:centerOfMass", "physics:principalAxes")
+            moments = own.rotation @ np.diag(prim.numbers("physics:diagonalInertia")) @ own.rotation.T
+            (mass,) = prim.numbers("physics:mass")
+            joint, place = carried[prim.path]
+            model.appendBodyToJoint(joint, pin.Inertia(float(mass), own.translation, moments), place)
+    return read_pinocchio(robot, model, states, {term: np.array(values) for term, values in terms.items()})
 
 
 # USD as text: the robot as an articulation of USD physics, made anew.
@@ -328,16 +297,11 @@ class UsdaFormat(ModelFormat):
             joints.inside.append(_joint_prim(joint, taken[-1], paths))
         top.inside.append(joints)
         text = _HEAD.format(name=name) + "\n" + "\n".join(top.text()) + "\n"
-        return Rendered({f"{subject.stem}.usda": text.encode()}, tree.notes)
+        return Rendered({f"{subject.stem}.usda": text.encode()}, tree.notes, subject.changed_links)
 
-    def load(self, subject: Subject, rendered: Rendered, states: States) -> LoadedModel:
-        """Bodies and joints as URDF by pinocchio, terms by their attributes, in single precision where USD is."""
-        prims, robot = _read_prims(rendered.files[rendered.main].decode()), subject.robot
-        joints = {prim.joint: prim for prim in prims if prim.kind in _JOINTS}
-        own = [joints[name] for name in robot.joint_names]
-        terms = {term: _read_term(own, term, attribute) for term, attribute in self.held.items()}
-        bodies = pinocchio_torques(robot, urdf_of(prims), states)
-        return LoadedModel(with_friction(robot, bodies, states, terms), terms)
+    def read(self, subject: Subject, rendered: Rendered, states: States) -> Reading:
+        """Bodies and joints by pinocchio, terms by their attributes, in single precision where USD is."""
+        return read_articulation(subject.robot, rendered.files[rendered.main].decode(), states)
 
 
 def _prim_names(tree: Tree) -> list[str]:

@@ -1,4 +1,4 @@
-"""Proof that a simulator took the identified parameters: its inverse dynamics against their regression."""
+"""Models that were written, as readers that share nothing with the writers find them: pinocchio and MuJoCo."""
 
 from __future__ import annotations
 
@@ -13,12 +13,9 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.atomic import write_bytes
-from excite.errors import InputError, NoSolutionError
+from excite.errors import InputError
 from excite.formats.documents import elements_of
-from excite.mujoco_warnings import without_log_file
 from excite.regressor.kernels import joint_torque_regressor
-from excite.results import HIDDEN, Stated, stated
 from excite.robot.loading import model_file
 from excite.robot.robot import Robot
 from excite.robot.urdf.reading import parse_urdf, urdf_model
@@ -28,31 +25,28 @@ from excite.simulation.coordinates import position_to_mujoco, velocity_to_mujoco
 if TYPE_CHECKING:
     import mujoco
 
-TOLERANCE = 1e-9
-"""How far, relative to the largest torque, a written model's inverse dynamics may be off."""
-
-_FREE = "excite_root"
-
 
 @dataclass(frozen=True, eq=False)
 class States:
-    """Random states and the generalised forces that the identified parameters ask for there.
+    """Random states and the generalised forces that parameters ask for there.
 
     Attributes:
         q: ``(n, nq)``, v and a ``(n, nv)`` in the robot's layout.
         v: see ``q``.
         a: see ``q``.
-        torque: ``(n, nv)``, base in its own frame.
+        regressor: ``(n, nv, 10·n_segments)``, base in its own frame.
+        torque: ``(n, nv)``.
     """
 
     q: Array
     v: Array
     a: Array
+    regressor: Array
     torque: Array
 
     def error(self, torque: Array) -> float:
         """Largest difference from ``torque``, relative to the largest torque."""
-        return float(np.abs(torque - self.torque).max() / np.abs(self.torque).max())
+        return float(np.abs(torque - self.torque).max() / max(float(np.abs(self.torque).max()), 1e-9))
 
 
 def random_states(robot: Robot, parameters: Array) -> States:
@@ -63,7 +57,24 @@ def random_states(robot: Robot, parameters: Array) -> States:
         q[:, 3:7] = random.normal(size=(n, 4))
         q[:, 3:7] /= np.linalg.norm(q[:, 3:7], axis=1, keepdims=True)
     v, a = random.normal(size=(2, n, robot.model.nv))
-    return States(q, v, a, joint_torque_regressor(robot.model, q, v, a) @ parameters)
+    regressor = joint_torque_regressor(robot.model, q, v, a)
+    return States(q, v, a, regressor, regressor @ parameters)
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """A robot as it was read from files.
+
+    Attributes:
+        torques: inverse dynamics of its bodies alone, ``(n, nv)`` in the robot's layout.
+        inertial: ``(10·n_segments,)`` parameters of its segments, joint frames.
+        terms: of joints and servos that the files hold, ``(n_joints,)`` each in the robot's order; NaN where a joint
+            has none.
+    """
+
+    torques: Array
+    inertial: Array
+    terms: Mapping[str, Array] = field(default_factory=dict)
 
 
 def held_joints(robot: Robot) -> dict[str, float]:
@@ -77,13 +88,29 @@ def held_joints(robot: Robot) -> dict[str, float]:
     return held
 
 
-def pinocchio_torques(robot: Robot, text: bytes | str, states: States) -> Array:
-    """Inverse dynamics ``(n, nv)`` of the bodies of a URDF text, read by pinocchio alone.
+def read_urdf_text(
+    robot: Robot, text: bytes | str, states: States, terms: Mapping[str, tuple[str, str, float]] | None = None
+) -> Reading:
+    """A URDF text by pinocchio alone, joints that the robot holds still held.
+
+    Args:
+        robot: the robot.
+        text: the URDF.
+        states: in which its torques are asked for.
+        terms: by term the element of a joint, its attribute there, and what one that is missing stands for.
 
     Raises:
         InputError: the file's joints are not the robot's.
     """
-    root = _robot_element(text)
+    root: ElementTree.Element = elements_of(text)
+    drop_free_root(root)
+    hold_planar_root(root)
+    joints = {joint.get("name"): joint for joint in root.findall("joint")}
+    read = {}
+    for term, (tag, attribute, default) in (terms or {}).items():
+        elements = (joints[name].find(tag) for name in robot.joint_names)
+        values = [default if one is None else float(one.get(attribute, default)) for one in elements]
+        read[term] = np.array(values)
     for element in list(root.iter()):
         # No link is called like a joint: pinocchio reduces no model in which names stand twice.
         if element.tag == "link" and element.get("name"):
@@ -101,24 +128,23 @@ def pinocchio_torques(robot: Robot, text: bytes | str, states: States) -> Array:
     for name, value in held.items():
         posture[raw.joints[raw.getJointId(name)].idx_q] = value
     model = pin.buildReducedModel(raw, [raw.getJointId(name) for name in held], posture)
+    return read_pinocchio(robot, model, states, read)
+
+
+def read_pinocchio(robot: Robot, model: pin.Model, states: States, terms: Mapping[str, Array]) -> Reading:
+    """What a model of pinocchio holds; raises InputError where its joints are not the robot's."""
     if list(model.names) != list(robot.model.names):
         raise InputError("its joints are not the robot's", source="written model")
     model.gravity = robot.model.gravity
     data, rows = model.createData(), zip(states.q, states.v, states.a, strict=True)
-    return np.array([pin.rnea(model, data, *row) for row in rows])
-
-
-def _robot_element(text: bytes | str) -> ElementTree.Element:
-    """The ``robot`` element of a URDF text, what carries the robot as it is loaded."""
-    root: ElementTree.Element = elements_of(text)
-    drop_free_root(root)
-    hold_planar_root(root)
-    return root
+    torques = np.array([pin.rnea(model, data, *row) for row in rows])
+    inertial = [body.toDynamicParameters() for body in list(model.inertias)[1:]]
+    return Reading(torques, np.concatenate(inertial), terms)
 
 
 @dataclass(frozen=True, eq=False)
 class MujocoPlaces:
-    """Where a robot's coordinates stand in those of a MuJoCo model, whose names and order may be others.
+    """Where a robot's coordinates stand in those of a MuJoCo model, whose order may be another.
 
     Attributes:
         q: ``(nq,)`` places in ``qpos``.
@@ -139,27 +165,13 @@ class MujocoPlaces:
         qvel[self.v] = velocity_to_mujoco(q, v, floating=robot.floating)
         return qpos, qvel
 
-    def mujoco_acceleration(self, robot: Robot, q: Array, v: Array, a: Array) -> Array:
-        """MuJoCo's ``qacc`` likewise."""
-        base, qacc = a.copy(), np.zeros(self.n_dof)
-        if robot.floating:
-            base[:3] += np.cross(v[3:6], v[:3])
-        qacc[self.v] = velocity_to_mujoco(q, base, floating=robot.floating)
-        return qacc
 
-
-def mujoco_places(
-    robot: Robot,
-    model: mujoco.MjModel,
-    names: Mapping[str, str] | None = None,
-    source: object = "MuJoCo model",
-) -> MujocoPlaces:
+def mujoco_places(robot: Robot, model: mujoco.MjModel, source: object = "MuJoCo model") -> MujocoPlaces:
     """Find the robot's joints in a MuJoCo model.
 
     Args:
         robot: the robot.
         model: the model.
-        names: names of links and joints in it, where they are not the robot's.
         source: what to name in errors.
 
     Raises:
@@ -170,148 +182,51 @@ def mujoco_places(
     def joint(name: str) -> int:
         return int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name))
 
-    def lacking(what: str) -> InputError:
-        remedy = "give a model of the same robot, or map its names to the model's"
-        return InputError(f"has no {what} of robot {robot.name!r}", source=source, remedy=remedy)
-
-    names = names or {}
-    q: list[int] = []
-    v: list[int] = []
-    start = np.array(model.qpos0)
+    start, rows = np.array(model.qpos0), [joint(name) for name in robot.joint_names]
     for name, value in held_joints(robot).items():
         if joint(name) >= 0:
             start[model.jnt_qposadr[joint(name)]] += value
-    if robot.floating:
-        free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
-        base = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, names.get(robot.base_link, robot.base_link))
-        own = [index for index in free if model.jnt_bodyid[index] == base]
-        if not len(free):
-            raise lacking("free joint")
-        first = (own or free)[0]
-        q += range(model.jnt_qposadr[first], model.jnt_qposadr[first] + 7)
-        v += range(model.jnt_dofadr[first], model.jnt_dofadr[first] + 6)
-        start[q] = 0.0
-    for name in robot.joint_names:
-        index = joint(names.get(name, name))
-        if index < 0:
-            raise lacking(f"joint {names.get(name, name)!r}")
-        q.append(model.jnt_qposadr[index])
-        v.append(model.jnt_dofadr[index])
+    free = [] if not robot.floating else np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE).tolist()
+    lacking = [f"joint {name!r}" for name, row in zip(robot.joint_names, rows, strict=True) if row < 0]
+    lacking += ["free joint"] * (robot.floating and not free)
+    if lacking:
+        remedy = "give a model of the same robot, its joints called alike"
+        raise InputError(f"has no {lacking[0]} of robot {robot.name!r}", source=source, remedy=remedy)
+    q, v = [model.jnt_qposadr[row] for row in rows], [model.jnt_dofadr[row] for row in rows]
+    if free:
+        base = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, robot.base_link)
+        first = next((row for row in free if model.jnt_bodyid[row] == base), free[0])
+        q[:0], v[:0] = (
+            model.jnt_qposadr[first] + np.arange(7),
+            model.jnt_dofadr[first] + np.arange(6),
+        )
+        start[q[:7]] = 0.0
     return MujocoPlaces(np.array(q), np.array(v), start, int(model.nv))
 
 
-def mujoco_torques(
-    robot: Robot,
-    model: mujoco.MjModel,
-    states: States,
-    names: Mapping[str, str] | None = None,
-    *,
-    drives: bool = True,
-) -> Array:
-    """``mj_inverse`` of a compiled model ``(n, nv)``.
-
-    Dry friction, contacts and limits exert nothing; gravity is the robot's.
-
-    Args:
-        robot: the robot.
-        model: the model; its gravity, flags and, without ``drives``, joints' terms are changed.
-        states: positions, velocities and accelerations.
-        names: as for :func:`mujoco_places`.
-        drives: whether damping and rotor inertia exert theirs.
+def mujoco_torques(robot: Robot, model: mujoco.MjModel, states: States) -> Array:
+    """``mj_inverse`` of a compiled model's bodies alone, ``(n, nv)``; its gravity, flags and joints' terms change.
 
     Raises:
         InputError: a joint of the robot is not in the model.
     """
     import mujoco
 
-    place, data = mujoco_places(robot, model, names), mujoco.MjData(model)
+    place, data = mujoco_places(robot, model), mujoco.MjData(model)
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
     model.opt.gravity[:] = robot.model.gravity.linear
-    if not drives:
-        model.dof_damping[:] = model.dof_armature[:] = 0.0
+    model.dof_damping[:] = model.dof_armature[:] = 0.0
     torque = []
     for q, v, a in zip(states.q, states.v, states.a, strict=True):
         data.qpos[:], data.qvel[:] = place.mujoco_state(robot, q, v)
-        data.qacc[:] = place.mujoco_acceleration(robot, q, v, a)
+        base = a.copy()
+        if robot.floating:
+            base[:3] += np.cross(v[3:6], v[:3])
+        data.qacc[:] = 0.0
+        data.qacc[place.v] = velocity_to_mujoco(q, base, floating=robot.floating)
         mujoco.mj_inverse(model, data)
         force = data.qfrc_inverse[place.v].copy()
         if robot.floating:
             force[:3] = pin.Quaternion(q[3:7]).matrix().T @ force[:3]
         torque.append(force)
     return np.array(torque)
-
-
-def urdf_in_mujoco(robot: Robot, text: bytes) -> mujoco.MjModel:
-    """A URDF compiled by MuJoCo without its geometry, on a free joint where the robot's base floats.
-
-    Raises:
-        InputError: MuJoCo refuses it, as it does bodies that move and have no mass.
-    """
-    import mujoco
-
-    root = _robot_element(text)
-    for link in root.findall("link"):
-        for kind in ("visual", "collision"):
-            for element in link.findall(kind):
-                link.remove(element)
-    # Settings of MuJoCo's own that a URDF may hold: sizes of its memory, for one.
-    for extension in root.findall("mujoco"):
-        root.remove(extension)
-    for joint in root.findall("joint"):
-        for mimic in joint.findall("mimic"):
-            joint.remove(mimic)
-    if robot.floating:
-        ElementTree.SubElement(root, "link", name="world")
-        joint = ElementTree.SubElement(root, "joint", name=_FREE, type="floating")
-        ElementTree.SubElement(joint, "parent", link="world")
-        ElementTree.SubElement(joint, "child", link=robot.base_link)
-    try:
-        with without_log_file():
-            return mujoco.MjModel.from_xml_string(ElementTree.tostring(root, encoding="unicode"))
-    except ValueError as error:
-        raise InputError(
-            f"MuJoCo refuses it ({' '.join(str(error).split())})",
-            source="written model",
-            remedy="give every moving link mass",
-        ) from error
-
-
-# What is known of a model file that was written.
-
-
-@dataclass(frozen=True)
-class WrittenModel(Stated):
-    """A model file with identified inertials, and the proof that simulators read it so.
-
-    Attributes:
-        path: the file.
-        changed: links (or bodies) whose inertial was changed.
-        notes: what a user of the file should know, one sentence each.
-        pinocchio_error: largest difference between inverse dynamics of the file read by pinocchio and the
-            identified parameters' regression, relative to the largest torque; None where not checked.
-        mujoco_error: the same for the file read by MuJoCo.
-    """
-
-    path: Path = field(metadata=HIDDEN)
-    changed: tuple[str, ...]
-    notes: tuple[str, ...]
-    pinocchio_error: float | None
-    mujoco_error: float | None
-
-    @property
-    @stated
-    def file(self) -> str:
-        """Its name."""
-        return self.path.name
-
-
-def write_verified(content: bytes, model: WrittenModel) -> WrittenModel:
-    """Write a model's text where all that read it agree; raises NoSolutionError where one does not (a bug here)."""
-    for error in (model.pinocchio_error, model.mujoco_error):
-        if error is not None and not error <= TOLERANCE:
-            raise NoSolutionError(
-                f"{model.path} was not written: read back, its inverse dynamics is off by {error:.1e}",
-                remedy="report this with the model",
-            )
-    write_bytes(model.path, content)
-    return model

@@ -1,55 +1,24 @@
-"""Editing an XML text in place: attributes change, everything else stays byte for byte."""
+"""Editing an XML text in place: elements change, everything else stays byte for byte."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
+from xml.etree import ElementTree
 from xml.parsers import expat
 
 from excite.arrays import Array
 from excite.errors import RobotError
 from excite.formats.documents import parse_xml
 
-_ATTRIBUTE = re.compile(rb"\s+([^\s=/>]+)\s*=\s*(\"[^\"]*\"|'[^']*')")
+_ATTRIBUTE = re.compile(rb"\s+([^\s=/>]+)\s*=\s*([\"'])(.*?)\2", re.DOTALL)
 _TAG = re.compile(rb"<[^\s/>]+")
 
 
-@dataclass(frozen=True, eq=False)
-class Element:
-    """An element and where it stands.
-
-    Attributes:
-        tag: its name.
-        attributes: its attributes, entities resolved.
-        children: elements directly inside it, in order.
-        start: offset of its ``<``.
-        head: offset just after its start tag.
-        end: offset just after all of it.
-    """
-
-    tag: str
-    attributes: Mapping[str, str]
-    children: list[Element]
-    start: int
-    head: int
-    end: int
-
-    def named(self, tag: str) -> list[Element]:
-        """Children of that name."""
-        return [child for child in self.children if child.tag == tag]
-
-    def everywhere(self, tag: str) -> Iterator[Element]:
-        """Elements of that name at any depth below, in order."""
-        for child in self.children:
-            if child.tag == tag:
-                yield child
-            yield from child.everywhere(tag)
-
-
 class XmlText:
-    """An XML text, its elements' places, and the edits collected so far.
+    """An XML text and its elements: edit ``root``, and :meth:`edited` is the text with what changed in it.
+
+    Attributes of elements may change, and elements may be put in, each before those that its parent has.
 
     Args:
         content: the file, in UTF-8 or another encoding that contains ASCII.
@@ -60,62 +29,56 @@ class XmlText:
     """
 
     def __init__(self, content: bytes, source: Path | str):
-        self.source = source
+        if content[:2] in {b"\xff\xfe", b"\xfe\xff"}:
+            raise RobotError("is UTF-16", source=source, remedy="save it as UTF-8")
+        parse_xml(content, Path(source), RobotError)
         self._content = content
-        self._edits: list[tuple[int, int, bytes]] = []
-        self._attributes: dict[int, dict[str, str]] = {}
-        self.root = _parse_xml_text(content, source)
-        self._by_start = {element.start: element for element in [self.root, *_all_elements(self.root)]}
+        self._read: dict[ElementTree.Element, tuple[int, dict[str, str]]] = {}
+        builder, parser = ElementTree.TreeBuilder(), expat.ParserCreate()
 
-    def set(self, element: Element, **values: str) -> None:
-        """Give attributes new values; one that is absent is added behind the others."""
-        self._attributes.setdefault(element.start, {}).update(values)
+        def opened(tag: str, attributes: dict[str, str]) -> None:
+            self._read[builder.start(tag, attributes)] = parser.CurrentByteIndex, dict(attributes)
 
-    def insert_first(self, element: Element, text: str) -> None:
-        """Put a new element (one line) before the first child of ``element``, indented like its siblings."""
-        line = self._content.rfind(b"\n", 0, element.start) + 1
-        lead = self._content[line : element.start]
-        indent = lead if not lead.strip() else b""
-        new = b"\n" + indent + b"  " + text.encode("ascii")
-        if self._content[element.head - 2 : element.head] == b"/>":
-            closing = b">" + new + b"\n" + indent + b"</" + element.tag.encode() + b">"
-            self._edits.append((element.head - 2, element.head, closing))
-        else:
-            self._edits.append((element.head, element.head, new))
-
-    def remove_attribute(self, element: Element, name: str) -> None:
-        """Take an attribute away, with the space before it."""
-        for match in self._matches(element):
-            if match[1].decode() == name:
-                self._edits.append((match.start(), match.end(), b""))
+        parser.StartElementHandler = opened
+        parser.EndElementHandler = builder.end
+        parser.Parse(content, True)
+        self.root: ElementTree.Element = builder.close()
 
     def edited(self) -> bytes:
         """The text with all edits made."""
-        edits = [*self._edits]
-        for start, values in self._attributes.items():
-            edits += self._attribute_edits(self._by_start[start], values)
         content = self._content
-        for start, end, new in sorted(edits, key=lambda edit: (edit[0], edit[1]), reverse=True):
-            content = content[:start] + new + content[end:]
+        # From the end, so that places before an edit hold.
+        for element, (start, before) in reversed(self._read.items()):
+            new = [child for child in element if child not in self._read]
+            if not new and element.attrib == before:
+                continue
+            tag = _TAG.match(content, start)
+            last = start if tag is None else tag.end()
+            edits: list[tuple[int, int, bytes]] = []
+            while match := _ATTRIBUTE.match(content, last):
+                name, last = match[1].decode(), match.end()
+                if name not in element.attrib:
+                    edits.append((*match.span(), b""))
+                elif element.attrib[name] != before[name]:
+                    # Inside the quotes, which stay as they are.
+                    edits.append((*match.span(3), element.attrib[name].encode("ascii")))
+            more = (f' {name}="{value}"' for name, value in element.attrib.items() if name not in before)
+            edits.append((last, last, "".join(more).encode("ascii")))
+            if new:
+                lead = content[content.rfind(b"\n", 0, start) + 1 : start]
+                indent = b"\n" if lead.strip() else b"\n" + lead
+                inside = b"".join(
+                    indent + b"  " + ElementTree.tostring(child).replace(b" />", b"/>") for child in new
+                )
+                head = content.index(b">", last) + 1
+                if content[head - 2 : head] == b"/>":
+                    closing = b">" + inside + indent + b"</" + element.tag.encode() + b">"
+                    edits.append((head - 2, head, closing))
+                else:
+                    edits.append((head, head, inside))
+            for first, end, text in reversed(edits):
+                content = content[:first] + text + content[end:]
         return content
-
-    def _attribute_edits(self, element: Element, values: Mapping[str, str]) -> list[tuple[int, int, bytes]]:
-        edits, last = [], element.start + len(_start_tag(self._content, element.start))
-        found = set()
-        for match in self._matches(element):
-            name, last = match[1].decode(), match.end()
-            if name in values:
-                found.add(name)
-                # Inside the quotes, which stay as they are.
-                edits.append((match.start(2) + 1, match.end(2) - 1, values[name].encode("ascii")))
-        added = "".join(f' {name}="{value}"' for name, value in values.items() if name not in found)
-        return [*edits, (last, last, added.encode("ascii"))] if added else edits
-
-    def _matches(self, element: Element) -> Iterator[re.Match[bytes]]:
-        position = element.start + len(_start_tag(self._content, element.start))
-        while match := _ATTRIBUTE.match(self._content, position, element.head):
-            yield match
-            position = match.end()
 
 
 def number_text(*values: float) -> str:
@@ -132,47 +95,3 @@ UPPER = ([0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2])
 def moment_texts(inertia: Array) -> dict[str, str]:
     """Moments of an inertia ``(3, 3)`` as attributes."""
     return {name: number_text(value) for name, value in zip(MOMENTS, inertia[UPPER], strict=True)}
-
-
-def _all_elements(element: Element) -> Iterator[Element]:
-    for child in element.children:
-        yield child
-        yield from _all_elements(child)
-
-
-def _start_tag(content: bytes, start: int) -> bytes:
-    match = _TAG.match(content, start)
-    return match[0] if match else b"<"
-
-
-def _start_tag_end(content: bytes, start: int) -> int:
-    """Offset just after the start tag at ``start``; ``>`` may stand inside quotes."""
-    position = start + len(_start_tag(content, start))
-    while match := _ATTRIBUTE.match(content, position):
-        position = match.end()
-    return content.index(b">", position) + 1
-
-
-def _parse_xml_text(content: bytes, source: Path | str) -> Element:
-    if content[:2] in {b"\xff\xfe", b"\xfe\xff"}:
-        raise RobotError("is UTF-16", source=source, remedy="save it as UTF-8")
-    parse_xml(content, Path(source), RobotError)
-    top: list[Element] = []
-    stack: list[tuple[str, dict[str, str], int, list[Element]]] = []
-    parser = expat.ParserCreate()
-
-    def opened(tag: str, attributes: dict[str, str]) -> None:
-        stack.append((tag, attributes, parser.CurrentByteIndex, []))
-
-    def closed(_: str) -> None:
-        tag, attributes, start, children = stack.pop()
-        head = _start_tag_end(content, start)
-        empty = content[head - 2 : head] == b"/>"
-        end = head if empty else content.index(b">", parser.CurrentByteIndex) + 1
-        siblings = stack[-1][3] if stack else top
-        siblings.append(Element(tag, attributes, children, start, head, end))
-
-    parser.StartElementHandler = opened
-    parser.EndElementHandler = closed
-    parser.Parse(content, True)
-    return top[0]

@@ -19,6 +19,7 @@ from excite.motion.readers.reader import (
     MAX_FILE_BYTES,
     MotionReader,
     RawMotion,
+    joint_columns,
     named_joints,
     of_robot,
     stated_in_comments,
@@ -56,8 +57,7 @@ class OpenHrpReader(MotionReader):
             raise MotionError(
                 f"has {rows.shape[1] - 1} joints, not {len(names)}", source=file, remedy="check the robot"
             )
-        columns = {f"q.{joint}": rows[:, 1 + i] for i, joint in enumerate(names)}
-        return RawMotion({"time": rows[:, 0], **columns}, of_robot(said))
+        return RawMotion(joint_columns(rows[:, 0], names, q=rows[:, 1:]), of_robot(said))
 
 
 # Keyframes of MuJoCo that say which joints they are of.
@@ -86,18 +86,11 @@ class KeyframesReader(MotionReader):
         """See :class:`MotionReader`."""
         root = read_xml(path, error=MotionError)
         said = parse_json(root.find("custom/text").get("data", ""))  # type: ignore[union-attr]
-        names, places = said["joints"], {"qpos": said["qpos"], "qvel": said["qvel"]}
         keys = root.findall("keyframe/key")
-        columns: dict[str, NDArray[Any]] = {"time": _key_numbers(keys, "time")[:, 0]}
-        for channel, field in (("q", "qpos"), ("v", "qvel")):
-            values = _key_numbers(keys, field)
-            columns |= {
-                f"{channel}.{joint}": values[:, int(place)]
-                for joint, place in zip(names, places[field], strict=True)
-            }
-        for joint, zero in zip(names, said["zero"], strict=True):
-            columns[f"q.{joint}"] = columns[f"q.{joint}"] - float(zero)
-        return RawMotion(columns, of_robot(said))
+        time, qpos, qvel = (_key_numbers(keys, field) for field in ("time", "qpos", "qvel"))
+        q = qpos[:, [int(k) for k in said["qpos"]]] - np.array(said["zero"], dtype=float)
+        v = qvel[:, [int(k) for k in said["qvel"]]]
+        return RawMotion(joint_columns(time[:, 0], said["joints"], q=q, v=v), of_robot(said))
 
 
 def _key_numbers(keys: Sequence[Element], field: str) -> NDArray[Any]:
@@ -131,11 +124,8 @@ class UnitreeReader(MotionReader):
         values, names = np.array(rows, ndmin=2), [motors[place] for place in sorted(motors)]
         if not rows:
             raise MotionError("holds no commands", source=path, remedy="export it again")
-        n = len(names)
-        columns = {"time": values[:, 0]}
-        columns |= {f"q.{joint}": values[:, 1 + i] for i, joint in enumerate(names)}
-        columns |= {f"v.{joint}": values[:, 1 + n + i] for i, joint in enumerate(names)}
-        return RawMotion(columns, of_robot(said))
+        q, v = np.split(values[:, 1:], 2, axis=1)
+        return RawMotion(joint_columns(values[:, 0], names, q=q, v=v), of_robot(said))
 
 
 def _command_row(line: dict[str, Any], motors: dict[int, str]) -> list[float]:
@@ -175,6 +165,4 @@ class UrScriptReader(MotionReader):
                 f"holds no servoj of {len(names)} joints a line", source=path, remedy="export it again"
             )
         time = np.concatenate([[0.0], np.cumsum(steps[:-1])])
-        return RawMotion(
-            {"time": time, **{f"q.{joint}": q[:, i] for i, joint in enumerate(names)}}, of_robot(said)
-        )
+        return RawMotion(joint_columns(time, names, q=q), of_robot(said))

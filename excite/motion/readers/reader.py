@@ -89,3 +89,13 @@ def named_joints(said: Mapping[str, Any], joints: Sequence[str]) -> tuple[str, .
     if isinstance(names, list) and all(isinstance(name, str) for name in names):
         return tuple(names)
     return tuple(joints)
+
+
+def joint_columns(
+    time: NDArray[Any], joints: Sequence[str], **channels: NDArray[Any]
+) -> dict[str, NDArray[Any]]:
+    """Columns ``time``, ``q.JOINT``, ``v.JOINT`` … of matrices ``(n, n_joints)`` by channel."""
+    columns = {"time": time}
+    for channel, values in channels.items():
+        columns |= {f"{channel}.{joint}": values[:, i] for i, joint in enumerate(joints)}
+    return columns

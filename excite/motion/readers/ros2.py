@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field
 
 from excite.errors import MotionError
 from excite.formats.bags import open_bag
 from excite.formats.child import in_child
-from excite.formats.documents import read_yaml
+from excite.formats.documents import check_content, read_yaml
 from excite.formats.file import MAX_NUMBERS, check_file, first_bytes, unreadable
 from excite.motion.content import BASE_ACCELERATION, BASE_POSE, BASE_TWIST
 from excite.motion.readers.reader import (
@@ -111,20 +112,14 @@ def _stack_rows(rows: Sequence[Any], names: Sequence[str], what: str, path: Path
 
 def _base_columns(points: Sequence[Any]) -> dict[str, NDArray[Any]]:
     """Pose, twist and acceleration of the base, the first of each point."""
-    poses: list[tuple[float, ...]] = []
-    twists: list[tuple[float, ...]] = []
-    accelerations: list[tuple[float, ...]] = []
+    rows = []
     for point in points:
-        t, r = point.transforms[0].translation, point.transforms[0].rotation
-        poses.append((t.x, t.y, t.z, r.x, r.y, r.z, r.w))
-        for rows, twist in ((twists, point.velocities[0]), (accelerations, point.accelerations[0])):
-            linear, angular = twist.linear, twist.angular
-            rows.append((linear.x, linear.y, linear.z, angular.x, angular.y, angular.z))
-    found: dict[str, NDArray[Any]] = {}
-    for names, rows in ((BASE_POSE, poses), (BASE_TWIST, twists), (BASE_ACCELERATION, accelerations)):
-        values = np.array(rows, dtype=float).reshape(len(rows), len(names))
-        found |= {name: values[:, i] for i, name in enumerate(names)}
-    return found
+        pose, *rates = point.transforms[0], point.velocities[0], point.accelerations[0]
+        t, r = pose.translation, pose.rotation
+        vectors = [vector for rate in rates for vector in (rate.linear, rate.angular)]
+        rows.append([t.x, t.y, t.z, r.x, r.y, r.z, r.w, *(x for v in vectors for x in (v.x, v.y, v.z))])
+    names = (*BASE_POSE, *BASE_TWIST, *BASE_ACCELERATION)
+    return dict(zip(names, np.array(rows, dtype=float).reshape(-1, len(names)).T, strict=True))
 
 
 # Joint trajectories as YAML: goals of FollowJointTrajectory, and the message alone.
@@ -184,57 +179,36 @@ def read_goals(path: Path) -> dict[str, NDArray[Any]]:
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
+class _Duration(BaseModel):
+    model_config = ConfigDict(strict=True)
+
+    sec: int = 0
+    nanosec: int = 0
+
+
+class _Point(BaseModel):
+    model_config = ConfigDict(strict=True)
+
+    positions: list[float]
+    velocities: list[float] = []
+    accelerations: list[float] = []
+    time_from_start: _Duration
+
+
+class _Trajectory(BaseModel):
+    """The message ``trajectory_msgs/msg/JointTrajectory``, as far as it is a motion."""
+
+    model_config = ConfigDict(strict=True)
+
+    joint_names: list[str]
+    points: list[_Point] = Field(min_length=1)
+
+
 def read_goal(path: Path) -> dict[str, NDArray[Any]]:
     """Columns of a goal or message; raises MotionError that names the point at fault."""
     content = read_yaml(path, error=MotionError, limit=_MOST_BYTES, most_nodes=_MOST_NODES)
-    trajectory = content.get("trajectory", content)
-    names = trajectory.get("joint_names") if isinstance(trajectory, Mapping) else None
-    points = trajectory.get("points") if isinstance(trajectory, Mapping) else None
-    if not isinstance(names, list) or not isinstance(points, list) or not points:
-        raise MotionError(
-            "has no joint_names and points", source=path, field="trajectory", remedy="give a joint trajectory"
-        )
-    if not all(isinstance(point, Mapping) for point in points):
-        raise MotionError("holds a point that is no mapping", source=path, remedy="name its fields")
-    columns: dict[str, NDArray[Any]] = {
-        "time": np.array([_point_time(k, p, path) for k, p in enumerate(points)])
-    }
-    for prefix, field in _FIELDS.items():
-        if prefix != "q" and not any(point.get(field) for point in points):
-            continue
-        rows = np.array([_point_row(k, point, field, len(names), path) for k, point in enumerate(points)])
-        columns |= {f"{prefix}.{joint}": rows[:, i] for i, joint in enumerate(names)}
-    return columns
-
-
-def _point_time(number: int, point: Mapping[str, Any], path: Path) -> float:
-    stamp = point.get("time_from_start")
-    parts = [stamp.get(name, 0) for name in ("sec", "nanosec")] if isinstance(stamp, Mapping) else []
-    if not parts or not all(isinstance(part, int) for part in parts):
-        raise MotionError(
-            f"of point {number} is no sec and nanosec",
-            source=path,
-            field="time_from_start",
-            remedy="write {sec: 0, nanosec: 0}",
-        )
-    return float(parts[0]) + 1e-9 * float(parts[1])
-
-
-def _point_row(number: int, point: Mapping[str, Any], field: str, width: int, path: Path) -> list[float]:
-    row = point.get(field)
-    if not isinstance(row, list) or len(row) != width:
-        found = len(row) if isinstance(row, list) else "no"
-        raise MotionError(
-            f"point {number} has {found} {field} for {width} names",
-            source=path,
-            remedy="write one number a joint",
-        )
-    for value in row:
-        if not isinstance(value, int | float) or isinstance(value, bool):
-            raise MotionError(
-                f"of point {number} holds {str(value)[:40]!r}",
-                source=path,
-                field=field,
-                remedy="write numbers, with a point before the exponent",
-            )
-    return [float(value) for value in row]
+    remedy = "give a joint trajectory; write numbers with a point before the exponent"
+    message = check_content(
+        _Trajectory, content.get("trajectory", content), path, remedy=remedy, error=MotionError
+    )
+    return _trajectory_columns("", JOINT_TRAJECTORY, message, path)
