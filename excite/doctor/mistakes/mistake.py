@@ -4,73 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Generic, Protocol, TypeVar
+from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from excite.arrays import Array
 from excite.doctor.channel_mapping import Reading
 from excite.doctor.doubt import Doubt
-from excite.doctor.inertial_prior import Judgement
 
-
-class Samples(Protocol):
-    """Samples of a log that say how well a reading of its channels agrees with the nominal model."""
-
-    @property
-    def joints(self) -> tuple[str, ...]:
-        """The log's joints."""
-
-    @property
-    def measured_name(self) -> str:
-        """What was measured, in a word."""
-
-    @property
-    def channels(self) -> tuple[str, ...]:
-        """What is predicted: joints with a torque, or components of the wrench on the base."""
-
-    @property
-    def first(self) -> NDArray[np.int64]:
-        """Where a sample's trial begins among all that was logged, ``(n,)``; ``last``: where it ends."""
-
-    @property
-    def last(self) -> NDArray[np.int64]:
-        """See ``first``."""
-
-    @property
-    def rate_hz(self) -> float:
-        """Rate of what was logged [Hz]."""
-
-    def slides(self, joint: int) -> bool:
-        """Whether a joint, by its index among ``joints``, slides instead of turning."""
-
-    def tells(self, reading: Reading) -> NDArray[np.bool_]:
-        """Which channels the model's bodies make a good share of, ``(n_channels,)``; the rest is friction."""
-
-    def left(self, reading: Reading) -> Array:
-        """Half the logarithm of the share of each channel's power that nothing explains, ``(n_channels,)``."""
-
-    def by_zero(self, reading: Reading, joint: int) -> Callable[[Array], Array]:
-        """What is left where a joint's zero is moved, as a function of angles ``(k,)`` [rad]: ``(k, n_channels)``."""
-
-    def by_gravity(self, reading: Reading) -> Callable[[Array], Array]:
-        """What is left, as a function of gravities ``(k, 3)`` [m/s²]: ``(k, n_channels)``."""
-
-    def judged(self, reading: Reading, counts: Array | None = None) -> Judgement:
-        """The same beside the likeliest bodies, by so many effective samples a channel; slower."""
-
-
-S = TypeVar("S", bound=Samples, contravariant=True)
-
-
-def _untouched(reading: Reading) -> Reading:
-    """The reading as it is."""
-    return reading
-
-
-# What is asked for where a unit is none that is known.
 THE_UNIT = "find the unit; what follows is in the log's"
+"""What is asked for where a unit is none that is known."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,14 +39,14 @@ class Correction:
     changes: int = 1
     surprise: float | None = None
     ask: str = ""
-    as_logged: Callable[[Reading], Reading] = _untouched
+    as_logged: Callable[[Reading], Reading] = lambda reading: reading
     along: tuple[str, ...] = ()
     certain: bool = True
     mends: str = ""
 
 
 @dataclass(frozen=True)
-class Mistake(Generic[S]):
+class Mistake:
     """A way to call channels wrongly: a row of a table.
 
     Attributes:
@@ -119,7 +59,7 @@ class Mistake(Generic[S]):
     """
 
     name: str
-    corrections: Callable[[S, Reading], Iterable[Correction]]
+    corrections: Callable[[Any, Reading], Iterable[Correction]]
     leaves: frozenset[Doubt] = frozenset()
     of_posture: bool = False
     may_surprise: bool = False
