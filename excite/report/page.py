@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from html import escape
 from pathlib import Path, PosixPath
 
 from excite.atomic import write_text
 from excite.report.folder import Findings, read_folder
-from excite.report.html import body_scripts, content_policy, html_paragraph, read_asset
+from excite.report.html import Shown, body_scripts, content_policy, html_paragraph, html_section, read_asset
 from excite.report.sections import answers, diagnosed, identified, motions
-from excite.report.sections.section import Section
 from excite.report.theme import css_variables
 
 # Headings of pages, by the document that a page is about, the last step first.
@@ -52,19 +52,16 @@ def report(folder: str | Path, out: str | Path | None = None) -> Page:
 
 def render_page(findings: Findings) -> str:
     """The page as text, the same bytes for the same findings."""
-    built = [(part, part.build(findings)) for part in SECTIONS]
-    shown = [(part, html) for part, html in built if html]
-    links = "".join(
-        f'<a href="#{part.identifier}">{escape(part.title)}</a>' for part, _ in shown if part.title
-    )
+    built = [(name, title, html_section(name, title, show(findings))) for name, title, show in SECTIONS]
+    shown = [one for one in built if one[2]]
+    links = "".join(f'<a href="#{name}">{escape(title)}</a>' for name, title, _ in shown if title)
     robot = robot_title(findings)
     what = next((title for name, title in _TITLES.items() if getattr(findings, name) is not None), "Results")
-    title = f"{robot}: {what[0].lower()}{what[1:]}"
     body = (
         f"<header><p>{what}</p><h1>{escape(robot)}</h1><nav>{links}</nav></header>\n"
-        f"<main>{''.join(html for _, html in shown)}</main>\n{_page_footer(findings)}\n"
+        f"<main>{''.join(html for *_, html in shown)}</main>\n{_page_footer(findings)}\n"
     )
-    return html_page(title, body)
+    return html_page(f"{robot}: {what[0].lower()}{what[1:]}", body)
 
 
 def html_page(title: str, body: str) -> str:
@@ -97,35 +94,36 @@ def _page_footer(findings: Findings) -> str:
     return f"<footer>{said}{read}</footer>"
 
 
-# The sections in the order of the page. A new one is one file beside this one and one line here.
+# The sections in the order of the page: anchor, heading (the text of its link, too; empty for a part without), content.
+# A new one is a function in a file of ``sections`` and a line here.
 
-SECTIONS: tuple[Section, ...] = (
-    answers.show_answer,
-    diagnosed.show_verdict,
-    answers.show_overview,
-    diagnosed.show_log_findings,
-    diagnosed.show_torques_beside_model,
-    motions.show_moving,
-    diagnosed.show_effects,
-    diagnosed.show_budget_by_channel,
-    diagnosed.show_gap_by_channel,
-    diagnosed.show_trivial,
-    diagnosed.show_where,
-    diagnosed.show_baseline,
-    diagnosed.show_curves,
-    diagnosed.show_record,
-    motions.show_motions,
-    motions.show_refused,
-    motions.show_safety,
-    motions.show_assumed,
-    motions.show_excitation,
-    answers.show_certainty,
-    identified.show_forces,
-    identified.show_masses,
-    identified.show_person,
-    answers.show_differences,
-    identified.show_parameters,
-    identified.show_sessions,
-    identified.show_signals,
-    answers.show_stages,
+SECTIONS: tuple[tuple[str, str, Callable[[Findings], Shown]], ...] = (
+    ("answer", "", answers.show_answer),
+    ("verdict", "", diagnosed.show_verdict),
+    ("overview", "", answers.show_overview),
+    ("findings", "Findings", diagnosed.show_log_findings),
+    ("beside-model", "Torques beside the model", diagnosed.show_torques_beside_model),
+    ("moving", "The trial in motion", motions.show_moving),
+    ("effects", "Effects", diagnosed.show_effects),
+    ("budget", "Where the gap goes", diagnosed.show_budget_by_channel),
+    ("gap", "Gap by channel", diagnosed.show_gap_by_channel),
+    ("trivial", "Beside simple predictors", diagnosed.show_trivial),
+    ("where", "Where it lies", diagnosed.show_where),
+    ("baseline", "What the baseline was fitted to", diagnosed.show_baseline),
+    ("curves", "A trial before and after", diagnosed.show_curves),
+    ("record", "What to do, and what to keep in mind", diagnosed.show_record),
+    ("motions", "Motions", motions.show_motions),
+    ("refused", "What refuses candidates", motions.show_refused),
+    ("safety", "Safety", motions.show_safety),
+    ("assumed", "Assumed", motions.show_assumed),
+    ("excitation", "Excitation", motions.show_excitation),
+    ("certainty", "Certainty", answers.show_certainty),
+    ("forces", "Prediction of forces", identified.show_forces),
+    ("masses", "Masses", identified.show_masses),
+    ("person", "Person", identified.show_person),
+    ("differences", "Differences", answers.show_differences),
+    ("parameters", "Parameters", identified.show_parameters),
+    ("sessions", "Sessions", identified.show_sessions),
+    ("signals", "Signals", identified.show_signals),
+    ("stages", "Time taken", answers.show_stages),
 )
