@@ -159,7 +159,7 @@ def find_wrench_sign(samples: WrenchSamples, reading: Reading) -> Iterable[Corre
     for sensors, names in _groups(samples):
         for what, mask in parts.items():
             other = reading.with_wrenches(sensors, np.diag(1.0 - 2.0 * mask))
-            text = f"the sign of the {what} of {' and '.join(names)} looks turned: what the ground feels"
+            text = f"the {what} of {' and '.join(names)} has the opposite sign: what the ground feels, not the robot"
             yield Correction(other, text, names)
 
 
@@ -169,7 +169,7 @@ def find_wrench_order(samples: WrenchSamples, reading: Reading) -> Iterable[Corr
         order = np.arange(len(samples.sensors))
         order[[i, j]] = j, i
         names = (samples.sensors[i], samples.sensors[j])
-        text = f"wrenches of {names[0]} and {names[1]} look exchanged"
+        text = f"wrenches of {names[0]} and {names[1]} are exchanged"
         other = replace(reading, sensor_of=reading.sensor_of[order], wrench_map=reading.wrench_map[order])
         yield Correction(other, text, names)
 
@@ -179,7 +179,7 @@ def find_wrench_axes(samples: WrenchSamples, reading: Reading) -> Iterable[Corre
     for sensors, names in _groups(samples):
         for said, matrix in _axes():
             other = reading.with_wrenches(sensors, np.asarray(np.kron(np.eye(2), matrix), dtype=float))
-            text = f"axes of {' and '.join(names)} look exchanged: x, y, z are columns {said}"
+            text = f"axes of {' and '.join(names)} are exchanged: x, y, z are columns {said}"
             yield Correction(other, text, names)
 
 
@@ -202,7 +202,7 @@ def find_wrench_unit(samples: WrenchSamples, reading: Reading) -> Iterable[Corre
     if factor <= 0.0 or is_near_one(factor, THRESHOLD.scale_off):
         for lever, metres in _LEVERS.items():
             if metres != 1.0:
-                text = f"moments of {' and '.join(sensors)} look like N·{lever}"
+                text = f"moments of {' and '.join(sensors)} are probably in N·{lever}"
                 yield Correction(scaled(1.0, metres), text, sensors, {"newton_metres": metres})
         return
     surprise = abs(float(np.log(factor)))
@@ -211,13 +211,13 @@ def find_wrench_unit(samples: WrenchSamples, reading: Reading) -> Iterable[Corre
         other = scaled(newtons, metres)
         # The moments' unit is told by how the fit is; a price keeps the one that goes with the force.
         worse = float(samples.left(other)[3:].sum())
-        text = f"wrenches weigh {factor:.3g} times what the robot does: they look like {force} and {force}·{lever}"
+        text = f"wrenches carry {factor:.3g} times the robot's weight: they are probably in {force} and {force}·{lever}"
         figures = {"newtons": newtons, "newton_metres": newtons * metres}
         yield Correction(other, text, sensors, figures, surprise=surprise - 0.01 * worse)
     if not near:
         yield Correction(
             scaled(1.0 / factor, 1.0),
-            f"wrenches weigh {factor:.3g} times what the robot does: another unit, or another robot",
+            f"wrenches carry {factor:.3g} times the robot's weight: another unit, or another robot",
             sensors,
             {"factor": factor},
             surprise=surprise,
@@ -239,8 +239,8 @@ def find_zeroed_wrenches(samples: WrenchSamples, reading: Reading) -> Iterable[C
     added = samples.best_constants(reading)
     weight = float(np.linalg.norm(added[:, :3].sum(axis=0)))
     text = (
-        f"wrenches weigh {ratio:.2g} times what the robot does, and its weight with constants of together "
-        f"{weight:.0f} N: they were zeroed under load"
+        f"wrenches carry {ratio:.2g} times the robot's weight, and all of it with constants of "
+        f"{weight:.0f} N in sum: they were zeroed under load"
     )
     yield Correction(
         replace(reading, wrench_added=reading.wrench_added + added),

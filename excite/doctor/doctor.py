@@ -73,7 +73,7 @@ def _with_weight(robot: Robot, chart: Chart, gravity: tuple[float, float, float]
         still = np.zeros((len(q), mechanics.model.nv))
         weight = inverse_dynamics(mechanics.model, q, still, still)[:, columns]
         trials.append(trial if trial.tau is None else replace(trial, tau=trial.tau + weight))
-    added = "the nominal weight was added to the torques; log them as measured"
+    added = "the nominal weight was added to the torques; log the measured torques"
     findings = [replace(one, remedy=added) if one.kind == "compensated" else one for one in chart.findings]
     return replace(
         chart, log=replace(chart.log, header=header, trials=tuple(trials)), findings=tuple(findings)

@@ -97,7 +97,7 @@ class Chart(Examination):
         found = super().summary()
         if self.healthy:
             return found
-        last = "what is said to be repaired is so for identify and diagnose, too"
+        last = "identify and diagnose make the same repairs"
         return f"{found}\n{last if self.repaired is None else f'repaired log written to {self.repaired}'}"
 
 

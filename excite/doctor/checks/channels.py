@@ -97,9 +97,9 @@ def _report_other_model(case: Case, found: Found, what: str, other: OtherMachine
     before, after = (percent(min(100.0, 100.0 * share)) for share in (found[0].before, other.share))
     size = "" if other.length == 1.0 else f", about {other.length:.2g} times as long"
     text = (
-        f"the model looks like another machine's: with bodies anywhere near what it says {before} of the "
-        f"{what}' power is left, with other bodies on its joints{size}, {after}, and it would take "
-        f"{len(found)} mistakes in the log at once ({list_names(kinds)}) to explain as much"
+        f"the model is probably that of another machine: with bodies near its own {before} of the {what}' "
+        f"power is unexplained, with other bodies on its joints{size} {after}; the only other explanation is "
+        f"{len(found)} mistakes in the log at once ({list_names(kinds)})"
     )
     figures = {"left_before": found[0].before, "left_after": other.share, "length": other.length}
     case.add(
@@ -113,16 +113,16 @@ def _report_other_model(case: Case, found: Found, what: str, other: OtherMachine
 def _report_misreading(case: Case, item: Misreading, what: str) -> None:
     one = item.correction
     before, after = (percent(min(100.0, 100.0 * share)) for share in (item.before, item.after))
-    right = "" if one.certain else f" as far as the {what} tell"
+    right = "" if one.certain else f" as far as the {what} determine it"
     case.add(
         item.mistake.name,
-        f"{one.text} (likely bodies leave {before} of the {what}' power as it is, {after} then)",
+        f"{one.text} (with bodies near the model's {before} of the {what}' power is unexplained, {after} corrected)",
         {**one.figures, "left_before": item.before, "left_after": item.after},
         one.places,
         severity="spoils",
         sure=item.sure,
         repaired=not one.ask,
-        remedy=one.ask or one.mends or f"it was put right{right or ' for what follows'}; correct the log",
+        remedy=one.ask or one.mends or f"it was corrected{right}; correct the log as well",
     )
 
 
@@ -147,9 +147,9 @@ def find_other_machine(case: Case) -> None:
     if bad.any():
         names = tuple(np.array(case.log.header.torque_joints)[bad])
         text = (
-            f"what the trials to learn from say of {list_names(names)} does not hold in the trials to judge by: "
-            "another machine, another load, channels put together otherwise, or something that acts in their "
-            "postures alone, such as a stop"
+            f"what the identification trials say of {list_names(names)} does not hold in the validation trials: "
+            "another machine, another load, other channels, or something that acts in their postures only, "
+            "such as a stop"
         )
         trials = tuple(trial.name for trial in judges)
         case.add("other_machine", text, {"worse_nat": float(worse.sum())}, names, trials=trials)

@@ -29,7 +29,7 @@ def find_rate(case: Case) -> None:
     _set_seconds(case)
     rate, stated = median_rate(case.log.trials), case.log.header.rate_hz
     if not is_near_one(rate / stated, THRESHOLD.rate_off):
-        text = f"time stamps run at {rate:.4g} Hz, log.yaml says {stated:g} Hz: one of them is wrong"
+        text = f"time stamps run at {rate:.4g} Hz, log.yaml states {stated:g} Hz: one of them is wrong"
         case.add("rate", text, {"factor": rate / stated}, ("time",))
     if rate < THRESHOLD.least_rate_hz:
         text = f"{rate:.3g} rows a second are too few for velocities and accelerations"
@@ -54,8 +54,8 @@ def _set_seconds(case: Case) -> None:
             THRESHOLD.slowest_share < share / seconds < THRESHOLD.fastest_share
             and THRESHOLD.slowest_hz < rate / seconds < THRESHOLD.fastest_hz
         ):
-            text = f"time stamps run at {rate:.3g} Hz, at which the robot would hardly move: they look like {unit}"
-            remedy = "they were taken as such; write seconds, and rate_hz to match"
+            text = f"time stamps run at {rate:.3g} Hz, at which the robot would hardly move: they are probably {unit}"
+            remedy = "they were read in that unit; write seconds, and rate_hz to match"
             case.add("time_unit", text, {"seconds": seconds}, ("time",), remedy=remedy)
             _scale_clock(case, seconds, rate / seconds, from_zero=True)
             return
@@ -86,7 +86,7 @@ def find_held_rows(case: Case) -> None:
         return
     rows, before = sum(count.values()), median_rate(case.log.trials)
     text = (
-        f"{rows} rows repeat the row before, in {_list_counts(count)}: the logger read the same packet twice"
+        f"{rows} rows repeat the row before, in {_list_counts(count)}: the logger wrote the same packet twice"
     )
     case.add("repeated_rows", text, {"rows": float(rows)}, trials=tuple(count))
     case.change_trials(lambda trial: trial.rows(~held[trial.name]) if trial.name in count else trial)
@@ -140,7 +140,7 @@ def held_rows(time: Array, values: Array) -> NDArray[np.bool_]:
 
 _COUNTED = (
     ("repeated_stamps", "repeated_rows", "rows repeat a time stamp", "the logger wrote a packet twice"),
-    ("reordered_rows", "reordered_rows", "time stamps go back", "packets overtook each other"),
+    ("reordered_rows", "reordered_rows", "time stamps go back", "packets arrived out of order"),
     ("missing_rows", "missing_rows", "rows are missing", "packets were lost"),
 )
 
@@ -155,7 +155,7 @@ def find_counted_rows(case: Case) -> None:
             case.add(kind, text, {"rows": float(rows)}, trials=tuple(count))
     units = {t.name: t.cleaning.time_unit for t in case.log.trials if t.cleaning.time_unit}
     if units:
-        text = f"time stamps are {next(iter(units.values()))}, as rate_hz of log.yaml tells"
+        text = f"time stamps are {next(iter(units.values()))}, as rate_hz in log.yaml shows"
         case.add("time_unit", text, trials=tuple(units))
 
 
@@ -177,9 +177,9 @@ def find_jitter(case: Case) -> None:
         if steady is not None:
             even[trial.name] = steady
     said = {
-        "late_stamps": "stamps jitter by {:.0f} % of a step, the positions do not: they were taken when packets "
-        "arrived, not when they were measured",
-        "jitter": "the sampling interval jitters by up to {:.0f} %: no real-time priority",
+        "late_stamps": "stamps jitter by {:.0f} % of a step, the positions do not: they are the times at "
+        "which packets arrived, not those of the measurement",
+        "jitter": "the sampling interval jitters by up to {:.0f} %: the logger had no real-time priority",
     }
     for kind, found in shares.items():
         if found:
@@ -241,9 +241,9 @@ def find_velocity_errors(case: Case) -> None:
     if odd.any():
         worst = float(ratio[odd][0])
         turned = worst < 0.0 and is_near_one(-worst, THRESHOLD.odd_velocity)
-        cause = "its sign is turned" if turned else "another joint's, or another unit"
+        cause = "its sign is turned" if turned else "columns of another joint, or another unit"
         names = case.joints(odd)
-        text = f"logged velocities of {list_names(names)} are {worst:.3g} times the slope of the positions: {cause}"
+        text = f"logged velocities of {list_names(names)} are {worst:.3g} times the positions' derivative: {cause}"
         case.add("velocity", text, {"ratio": worst}, names)
 
 
@@ -251,18 +251,18 @@ def _explain_common_ratio(case: Case, tick: float, unit: str | None) -> None:
     """All velocities in a unit that velocities have, or else a clock that is wrong."""
     if unit is not None:
         text = (
-            f"logged velocities are {1 / tick:.3g} times the slope of the positions at all joints: they look like "
+            f"logged velocities are {1 / tick:.3g} times the positions' derivative at all joints: they are probably in "
             f"{unit}"
         )
-        remedy = "velocities are taken from positions; write v.* in rad/s"
+        remedy = "velocities are computed from the positions; write v.* in rad/s"
         case.add("velocity", text, {"ratio": 1.0 / tick}, ("v",), remedy=remedy)
         return
     text = (
-        f"all joints move {1.0 / tick:.3g} times as fast by their logged velocities as by positions and stamps: "
+        f"logged velocities of all joints are {1.0 / tick:.3g} times the positions' derivatives: "
         f"the clock is {'fast' if tick < 1.0 else 'slow'}, or velocities are in another unit"
     )
     case.add(
-        "clock", text, {"tick": tick}, ("time",), remedy=f"a second of the stamps is taken as {tick:.4g} s"
+        "clock", text, {"tick": tick}, ("time",), remedy=f"one second of the stamps was taken as {tick:.4g} s"
     )
     case.doubts.add(Doubt.CLOCK)
     _scale_clock(case, tick, case.log.header.rate_hz / tick)

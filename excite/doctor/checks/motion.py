@@ -34,10 +34,10 @@ def find_standing(case: Case) -> None:
     """Trials in which nothing moves: they show gravity, not inertia."""
     still = tuple(trial.name for trial in case.log.trials if not _moves(trial))
     if still and {trial.name for trial in case.log.role("identification")} <= set(still):
-        text = "no joint ever moves in the trials to learn from"
+        text = "no joint ever moves in the identification trials"
         case.add("nothing_moves", text, {}, ("q",), trials=still)
     elif still:
-        text = f"nothing moves in {list_names(still)}: standing trials show gravity alone"
+        text = f"nothing moves in {list_names(still)}: standing trials show only the effect of gravity"
         case.add("standing", text, {"trials": float(len(still))}, trials=still)
 
 
@@ -73,8 +73,8 @@ def find_whole_turns(case: Case) -> None:
     if found:
         joints = tuple(case.log.header.joints[j] for j in sorted(found))
         text = (
-            f"positions of {list_names(joints)} jump by whole turns: counters that pass their end, or angles kept "
-            "within a turn"
+            f"positions of {list_names(joints)} jump by whole turns: an encoder's count that overflows, or "
+            "angles that are wrapped to one turn"
         )
         case.add("whole_turns", text, {"joints": float(len(joints))}, joints)
 
@@ -98,8 +98,8 @@ def find_jumps(case: Case) -> None:
     if bad.any():
         names, most = case.joints(bad), float(share.max())
         text = (
-            f"positions of {list_names(names)} leap from row to row and stand between ({100 * most:.0f} % of their "
-            "way): steps instead of motion"
+            f"positions of {list_names(names)} jump from row to row and stand still between ({100 * most:.0f} % "
+            "of their travel): steps instead of motion"
         )
         case.add("steps", text, {"share": most}, names)
 
@@ -113,13 +113,13 @@ def find_unison(case: Case) -> None:
     alike = np.abs(v.T @ v) / len(v) > THRESHOLD.unison * np.outer(size, size)
     pairs = np.triu(alike & np.outer(moving, moving), 1)
     if pairs.any():
-        joints = case.joints(pairs.any(axis=0) | pairs.any(axis=1))
+        joints = case.joints((pairs | pairs.T).any(axis=0))
         places = [case.robot.model.getJointId(joint) for joint in joints]
         links = {segment.joint: segment.link for segment in reversed(case.robot.segments)}
         moved = [links.get(place, joint) for place, joint in zip(places, joints, strict=True)]
         unknown = [f"{name}({link})" for link in moved for name in ("m·c", "I")]
         text = (
-            f"{list_names(joints)} move in unison: this log cannot tell their parameters apart, "
+            f"{list_names(joints)} move in unison: their parameters are not identifiable one by one: "
             f"{list_names(unknown, 6)} only in sums"
         )
         case.add("unison", text, {"pairs": float(pairs.sum())}, joints)
@@ -147,7 +147,8 @@ def find_command_errors(case: Case) -> None:
         pairs = [(getattr(trial, measured), getattr(trial, attribute)) for trial in case.log.trials]
         known = [pair for pair in pairs if pair[0] is not None and pair[1] is not None]
         if known:
-            _compare_commands(case, *(np.concatenate(side) for side in zip(*known, strict=True)), what)
+            y, x = (np.concatenate(side) for side in zip(*known, strict=True))
+            _compare_commands(case, y, x, what)
 
 
 def _compare_commands(case: Case, y: Array, x: Array, what: str) -> None:
@@ -164,7 +165,7 @@ def _compare_commands(case: Case, y: Array, x: Array, what: str) -> None:
     if moved.any():
         text = (
             f"{what} of {list_names(tuple(names[moved]))} follow the commanded {what} of "
-            f"{list_names(tuple(names[order[moved]]))}: the joints stand in another order in one of them"
+            f"{list_names(tuple(names[order[moved]]))}: one of them has its joints in another order"
         )
         figures = {"own_miss": float(own[moved].max()), "other_miss": float(best[moved].max())}
         case.add("command_order", text, figures, tuple(names[moved]))
@@ -235,8 +236,8 @@ def find_degrees(case: Case) -> None:
         return
     names, far = case.joints(which), float(furthest[which].max())
     text = (
-        f"positions of {list_names(names)} reach {far:.4g}, far beyond their limits in radians and inside them in "
-        "degrees: they look like degrees"
+        f"positions of {list_names(names)} reach {far:.4g}, far beyond their limits in radians and within them in "
+        "degrees: they are probably degrees"
     )
     case.add("degrees", text, {"largest": far}, names)
     case.change_trials(lambda trial: _in_radians(trial, which))
@@ -292,7 +293,7 @@ def find_beyond_limits(case: Case) -> None:
         names = case.joints(beyond)
         excess = float(np.maximum(reach.lower - reach.low, reach.high - reach.upper)[beyond].max())
         text = (
-            f"positions of {list_names(names)} lie {excess:.3g} rad outside the limits: wrong order of joints, sign or "
-            "zero, or limits that are not this robot's"
+            f"positions of {list_names(names)} lie {excess:.3g} rad outside the limits: wrong joint order, sign or "
+            "zero, or limits of another robot"
         )
         case.add("beyond_limits", text, {"excess_rad": excess}, names)

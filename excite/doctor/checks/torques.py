@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.display import span
@@ -71,7 +72,7 @@ def find_motor_side(case: Case) -> None:
     if outer >= (0.0 if 2 * rubbing > len(joints) else THRESHOLD.rotor_share):
         text = (
             f"torques are called link_side, yet they hold rotor inertia ({outer:.2g} times the links' own at the outer "
-            f"joints) and friction ({rubbing} joints): they look motor-side"
+            f"joints) and friction ({rubbing} joints): they are probably motor-side"
         )
         case.add("torque_side", text, {"rotor_share": outer, "joints": float(rubbing)}, joints)
 
@@ -114,18 +115,18 @@ def of_unknown_unit(samples: TorqueSamples, reading: Reading) -> ModelParts | No
 
 
 def _report_unknown_unit(case: Case, samples: TorqueSamples, parts: ModelParts, reading: Reading) -> None:
-    gains, _ = samples.gains(reading)
+    gains = samples.gains(reading)[0]
     ratios = np.sort(1.0 / gains[parts.told & (gains > 0.0)])
     likely = f"{span(f'{ratios[0]:.0f}', f'{ratios[-1]:.0f}', ' to ')} to 1" if len(ratios) else ""
     gears = f" of about {likely} by the nominal masses" if likely else ""
     text = (
-        f"torques hold next to nothing of what the nominal masses need ({parts.said()}): they are torques before "
-        f"gears{gears}, currents, another unit, or external torques, off which a driver has taken the model"
+        f"torques contain almost nothing of what the nominal masses need ({parts.said()}): they are torques before "
+        f"gears{gears}, currents, another unit, or external torques, from which a driver has subtracted its model"
     )
     factors = ", ".join(f"tau.{joint}: RATIO" for joint in samples.channels[:2])
     remedy = (
         f"state the joints' gear ratios or torque constants (scale: {{{factors}, …}} in map.yaml), or log "
-        "torques as measured; what follows is in the log's unit, and no weight"
+        "torques as measured; results are in the log's unit and give no weights"
     )
     case.add("torque_scale", text, parts.figures(), samples.channels, remedy=remedy)
     case.doubts.add(Doubt.SIZE)
@@ -144,11 +145,11 @@ def find_torque_ends(case: Case) -> None:
     samples = sum(len(trial.time) for trial in log.trials)
     silent = [j for j in rows if j not in held and samples - rows[j] < THRESHOLD.least_within * samples]
     lost = [joint for joint in rows if joint not in (*held, *silent)]
-    clipped = "clipped at the sensor's range, as the torque was larger than that; "
+    clipped = "clipped at the sensor's range: by the motion the torque was larger; "
     for finding, joints, share, what in (
-        ("drive_limit", held, "", "at the drive's limit, as the motion agrees with no more torque"),
+        ("drive_limit", held, "", "at the drive's limit: the motion agrees with this torque"),
         ("clipped", lost, f" of {samples}", f"{clipped}these rows of their joints are left out"),
-        ("clipped", silent, f" of {samples}", f"{clipped}they are taken as no_torque"),
+        ("clipped", silent, f" of {samples}", f"{clipped}these joints are treated as no_torque"),
     ):
         if joints:
             said = list_names([f"{kind}.{joint} in {rows[joint]}{share} rows" for joint in joints])
@@ -163,7 +164,7 @@ def find_torque_ends(case: Case) -> None:
         case.ignore_torques(silent)
 
 
-def _flags(flags: Array) -> Array | None:
+def _flags(flags: NDArray[np.bool_]) -> NDArray[np.bool_] | None:
     return flags if flags.any() else None
 
 

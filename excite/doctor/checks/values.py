@@ -74,7 +74,7 @@ def find_constants(case: Case) -> None:
     """Channels that never change over the whole log; a torque that does not is declared to mean nothing."""
     header, trials = case.log.header, case.log.trials
     if _is_unforced(case.log):
-        text = "no torque, no current and no command was recorded: nothing tells what moved the joints"
+        text = "no torque, no current and no command was recorded: nothing shows what moved the joints"
         case.add("no_torques", text, {"channels": 0.0})
         return
     dead: dict[str, str] = {}
@@ -98,12 +98,12 @@ def find_constants(case: Case) -> None:
         case.add("no_torques", text, figures, places, remedy=remedy)
         return
     text = (
-        f"{list_names(places)} never change: a dead channel, or a joint that was locked; its "
-        "parameters say nothing"
+        f"{list_names(places)} never change: a dead channel, or a locked joint, whose parameters "
+        "are not identifiable"
     )
-    more = {"severity": "spoils"} if torques or places[0].startswith("wrench") else {}
+    more: dict[str, object] = {"severity": "spoils"} if torques or places[0].startswith("wrench") else {}
     if torques:
-        remedy = "joints whose torque never changes are taken as no_torque"
+        remedy = "joints whose torque never changes are treated as no_torque"
         more |= {"repaired": len(torques) == len(dead), "remedy": remedy}
         case.ignore_torques(torques)
     case.add("constant", text, figures, places, **more)

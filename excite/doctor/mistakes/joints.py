@@ -31,14 +31,14 @@ def find_unit(samples: Samples, reading: Reading, *, unit: float, name: str) -> 
     slides = [samples.slides(joint) for joint in range(len(samples.joints))]
     turning = tuple(joint for joint, slide in zip(samples.joints, slides, strict=True) if not slide)
     if turning and (reading.unit == 1.0).all():
-        text = f"positions look like {name}; convert them to radians"
+        text = f"positions are probably in {name}; convert them to radians"
         yield Correction(reading.in_units(unit, slides), text, turning)
 
 
 def find_position_sign(samples: Samples, reading: Reading) -> Iterable[Correction]:
     """A joint's position counts the other way, its torque does not."""
     for j, joint in enumerate(samples.joints):
-        text = f"the sign of the position of {joint} looks turned"
+        text = f"the position of {joint} has the opposite sign"
         yield Correction(reading.with_position(j, sign=-1.0), text, (joint,))
 
 
@@ -46,7 +46,7 @@ def find_turned_joints(samples: TorqueSamples, reading: Reading) -> Iterable[Cor
     """The model's axis and the robot's point opposite ways: position and torque count the other way."""
     for j, joint in enumerate(samples.channels):
         turned = reading.with_position(int(samples.measured[j]), sign=-1.0).with_torque([j], -1.0)
-        text = f"{joint} looks turned about: signs of its position and its torque"
+        text = f"{joint} counts the other way: its position and its torque have the opposite sign"
         yield Correction(turned, text, (joint,), changes=2)
 
 
@@ -54,7 +54,7 @@ def find_base_frame(samples: WrenchSamples, reading: Reading) -> Iterable[Correc
     """Quaternions in another order or of the inverse, positions in millimetres: weights then stand askew."""
     for pose in BasePose if reading.pose is BasePose.STATED else ():
         if pose is not BasePose.STATED:
-            text = f"the base pose looks otherwise than stated: {pose.value}"
+            text = f"the base pose is not what the format states: {pose.value}"
             yield Correction(replace(reading, pose=pose), text, ("base",))
 
 
@@ -94,26 +94,26 @@ def find_clock(samples: TorqueSamples, reading: Reading) -> Iterable[Correction]
     best = float(np.exp(minimize_near(left, 0.5 * (low + high), 0.5 * (high - low), 0.003)))
     if is_near_one(best, THRESHOLD.least_clock):
         return
-    text = f"the clock looks {'fast' if best < 1.0 else 'slow'}: a second of the stamps is {best:.3g} s by the torques"
+    text = f"the clock is {'fast' if best < 1.0 else 'slow'}: one second of the stamps is {best:.3g} s by the torques"
     stated = samples.rate_hz / samples.stated_hz
     if is_near_one(best / stated, THRESHOLD.least_clock) and not samples.speeds:
         text += f", {stated:.4g} s by rate_hz"
         yield Correction(replace(reading, tick=stated), text, ("time",), {"tick": stated})
         return
     ask = (
-        f"the stamps are believed; if they are wrong, scale them (scale: {{time: {best:.3g}}} in map.yaml) and "
+        f"the time stamps are used; if they are wrong, scale them (scale: {{time: {best:.3g}}} in map.yaml) and "
         "correct rate_hz; if the torques are commands, leave them out (log: {torque: none})"
     )
     text += (
-        "; logged velocities agree with the stamps, and a controller's commands or wrong lengths look so, too"
+        "; but logged velocities agree with the stamps, and commands or wrong link lengths have the same effect"
         if samples.speeds
-        else "; nothing but the torques says so, and wrong inertias or lengths or commands look so, too"
+        else "; only the torques show it, and wrong inertias, wrong lengths or commands have the same effect"
     )
     # A best clock this near to the slowest that is tried asks for a slower one still: no inertial forces at all.
     if best > THRESHOLD.no_inertia_clock:
         text = (
-            "the torques carry weight alone, and none of the inertial forces of this motion: what moves the robot "
-            "is not in them, as where a person guides it by hand, or they are a gravity compensation's commands"
+            "the torques contain the weight and none of the inertial forces of this motion: something else moves the "
+            "robot, as where a person guides it by hand, or they are the commands of a gravity compensation"
         )
         ask = (
             "record motion under the robot's own controller, with measured torques; if these are commands, leave "
@@ -159,7 +159,7 @@ def find_gravity(samples: Samples, reading: Reading) -> Iterable[Correction]:
     along = _angle_between(nearest, best) < THRESHOLD.along_axis_rad
     best = nearest if along else best
     x, y, z = (float(value) + 0.0 for value in np.round(_G * best, 12))
-    off = f"looks {np.degrees(angle):.0f}° off what" if stated.any() else "is not nought as"
+    off = f"is {np.degrees(angle):.0f}° off what" if stated.any() else "is not zero as"
     text = f"gravity {off} the log says: write [{x:.2f}, {y:.2f}, {z:.2f}]"
     figures = {"angle_rad": angle, "x": x, "y": y, "z": z}
     yield Correction(replace(reading, gravity=_G * best), text, ("gravity",), figures, certain=along)
@@ -183,7 +183,7 @@ def find_torque_order(samples: TorqueSamples, reading: Reading) -> Iterable[Corr
         there, holds = (list_names([joints[i] for i in part]) for part in (chosen, taken[list(chosen)]))
         yield Correction(
             replace(reading, torque_of=reading.torque_of[taken]),
-            f"torques look exchanged: those of {there} fit columns {holds}",
+            f"torques are exchanged: those of {there} are in the columns of {holds}",
             tuple(joints[i] for i in chosen),
             {"joints": float(len(chosen))},
             changes=len(chosen) - 1,
@@ -214,7 +214,7 @@ def find_order(samples: TorqueSamples, reading: Reading) -> Iterable[Correction]
         moved = tuple(joints[i] for i in np.flatnonzero(order != np.arange(n)))
         if moved:
             real = ", ".join(joints[i] for i in order)
-            text = f"joints look exchanged: the {what} explain the torques far better in the order {real}"
+            text = f"joints are exchanged: the {what} explain the torques far better in the order {real}"
             figures = {"joints": float(len(moved))}
             yield Correction(taken(order), text, moved, figures, changes=len(moved) - 1)
 
@@ -259,7 +259,7 @@ def find_exchanged_positions(samples: Samples, reading: Reading) -> Iterable[Cor
     for i, j in combinations(range(len(samples.joints)), 2):
         names = (samples.joints[i], samples.joints[j])
         other = replace(reading, position_of=_exchange(reading.position_of, i, j))
-        text = f"positions of {names[0]} and {names[1]} look exchanged"
+        text = f"positions of {names[0]} and {names[1]} are exchanged"
         yield Correction(other, text, names, {"joints": 2.0})
 
 
@@ -273,6 +273,7 @@ def _exchange(order: Order, i: int, j: int) -> Order:
 # links: quarter turns apart.
 
 _QUARTER = 0.5 * np.pi
+_QUARTERS = np.array([0.0, 0.5, 1.0, 1.5]) * np.pi
 _COARSE = np.pi / 12
 
 
@@ -295,7 +296,7 @@ def find_zeros(samples: Samples, reading: Reading, *, together: int = 2) -> Iter
         if best is not None:
             yield _move_zeros(samples, reading, {j: best})
         # What an upright first axis turns to from is in no torque: as one of two its zero would come for nothing.
-        if np.ptp(by_zero(_QUARTER * np.arange(4.0)).sum(axis=1)) > THRESHOLD.felt_quarter:
+        if np.ptp(by_zero(_QUARTERS).sum(axis=1)) > THRESHOLD.felt_quarter:
             felt.append(j)
     for j, k in ((j, k) for j in felt for k in felt if 0 < k - j <= together):
         for a, b in product((1, -1, 2), repeat=2):
@@ -321,7 +322,7 @@ def _move_zeros(samples: Samples, reading: Reading, added: Mapping[int, float]) 
     exact = all(abs(angle / _QUARTER - round(angle / _QUARTER)) < 1e-9 for angle in added.values())
     moved = ", ".join(f"{np.degrees(angle):+.0f}° to {joint}" for joint, angle in names.items())
     off = "quarter turns off" if exact else "off"
-    text = f"zeros of positions look {off} the model's: add {moved}"
+    text = f"zeros of positions are {off} the model's: add {moved}"
     figures = {f"add_{joint}_rad": float(angle) for joint, angle in names.items()}
     for j, angle in added.items():
         reading = reading.with_position(j, zero=angle)

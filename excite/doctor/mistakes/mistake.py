@@ -9,7 +9,7 @@ from typing import Any
 from excite.doctor.channel_mapping import Reading
 from excite.doctor.doubt import Doubt
 
-THE_UNIT = "find the unit; what follows is in the log's"
+THE_UNIT = "find the unit; results are in the log's unit"
 """What is asked for where a unit is none that is known."""
 
 

@@ -139,7 +139,7 @@ class Load(NamedTuple):
     def sentence(self) -> str:
         """What it is, in words."""
         size = f"a body of {self.mass:.3g} kg" if self.mass > 0.0 else "a body"
-        return f"{size} beyond {self.joint} that the model does not have leaves {percent(100.0 * self.left)} of them"
+        return f"{size} beyond {self.joint} that the model does not have leaves {percent(100.0 * self.left)} unexplained"
 
     def shares(self, samples: TorqueSamples, reading: Reading) -> dict[str, float]:
         """RMS of its torque per that of what the nominal bodies need, by joint."""
@@ -234,7 +234,7 @@ class ModelParts(NamedTuple):
         ]
         friction = span(f"{np.nanmin(self.friction):.2g}", f"{np.nanmax(self.friction):.2g}", " to ")
         return (
-            f"shares of the nominal weight and inertial forces in them: {list_names(told, 3)}; "
+            f"shares of the nominal weight and inertial forces in each: {list_names(told, 3)}; "
             f"friction: {friction} times what the nominal bodies need there"
         )
 
@@ -288,14 +288,14 @@ def find_missing_weight(samples: TorqueSamples, reading: Reading) -> Iterable[Co
         return
     bare, figures = replace(reading, weightless=True), parts.figures()
     text, load = (
-        f"a driver has taken the weight off the torques ({parts.said()})",
+        f"a driver has subtracted the weight from the torques ({parts.said()})",
         carried_load(samples, bare),
     )
     if load is not None:
-        text += f"; of a payload, it has not: {load.sentence()}"
+        text += f"; the weight of a payload is still in them: {load.sentence()}"
         figures |= load.shares(samples, reading)
     mends = (
-        "gravity is taken as [0, 0, 0], and what the rest tells is identified; "
+        "gravity is taken as [0, 0, 0], and only what the remaining torques determine is identified; "
         "`excite doctor LOG --repair DIR` adds the nominal weight instead"
     )
     yield Correction(bare, text, ("gravity",), figures, mends=mends)
@@ -428,7 +428,7 @@ def find_delay(samples: Samples, reading: Reading) -> Iterable[Correction]:
     best = minimize_near(left, best, step, 5e-4)
     if not is_usual(best, best):
         which = "late" if best > 0.0 else "early"
-        text = f"{samples.what} look {1e3 * abs(best):.0f} ms {which} beside the positions"
+        text = f"{samples.what} are {1e3 * abs(best):.0f} ms {which} relative to the positions"
         yield Correction(
             replace(reading, late_s=best), text, (samples.what,), {"late_s": best}, certain=False
         )
@@ -450,9 +450,9 @@ def find_torque_sign(samples: TorqueSamples, reading: Reading) -> Iterable[Corre
     for places in sorted(chosen):
         names = tuple(joints[j] for j in places)
         text = (
-            "the sign of all torques looks turned: reaction instead of action"
+            "all torques have the opposite sign: reaction instead of action"
             if len(names) == len(joints) > 1
-            else f"the sign of the torque of {list_names(names)} looks turned"
+            else f"the torque of {list_names(names)} has the opposite sign"
         )
         along = tuple(joints[j] for j in places if j not in telling)
         figures = {"joints": float(len(names))}

@@ -112,7 +112,7 @@ class Picture(NamedTuple):
             LineCollection(bones, colors=IDENTIFIED.light, lw=1.7, capstyle="round", zorder=2.0)
         )
         joints = np.unique(np.round([bone[0] for bone in bones], 4), axis=0)
-        axes.plot(*joints.T, "o", ms=2.2, mec="none", color=INK.light, zorder=2.0)
+        axes.plot(*joints.T, "o", ms=2.2, mew=0.0, color=INK.light, zorder=2.0)
         if self.com is not None:
             axes.plot(
                 *(self.com + offset), "o", ms=3.6, mec=PAPER.light, mew=0.6, color=NOMINAL.light, zorder=2.0
