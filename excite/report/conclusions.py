@@ -91,7 +91,7 @@ def _listed(names: Sequence[str], rest: str) -> str:
 def of_campaign(campaign: Document, findings: Findings) -> Conclusion:
     """Of ``campaign.json``."""
     steps, target = campaign["iterations"], campaign["target_rsd_percent"]
-    found, last = "Nothing is recorded yet, and so nothing is known", {"not_met": [], "helped": None}
+    found, last = "Nothing is recorded yet, and so nothing is known", Document(not_met=[], helped=None)
     if steps:
         last, motions = steps[-1], sum(step["n_motions"] for step in steps)
         judged = {*last["rsd_percent"], *last["not_met"]}
@@ -228,7 +228,8 @@ def _describe_rest(found: Document) -> str:
     if most is None or left[most] <= 0.0:
         return ""
     channel, follows = found["budget"][most], ""
-    strange = max(channel["unnamed"], key=lambda item: item["share"] or 0.0, default={"share": None})
+    unnamed: list[Document] = [*channel["unnamed"], {"share": None, "follows": ""}]
+    strange = max(unnamed, key=lambda item: item["share"] or 0.0)
     if 2.0 * (strange["share"] or 0.0) * (channel["weight"] or 0.0) > left[most]:
         what = strange["follows"]
         follows = ", where it " + (what if what.startswith("does") else f"follows {what} and has no name")
@@ -259,7 +260,8 @@ def of_doctor(found: Document, findings: Findings) -> Conclusion:
         verdict = "Nothing wrong was found in the log"
     source, header = found["repaired"] or log_words(found, findings), _log_header(findings)
     # Of a fixed base nothing can be identified from commands alone.
-    command, purpose = ("diagnose", source, "--out", "diagnosis"), "diagnose it"
+    command: tuple[object, ...] = ("diagnose", source, "--out", "diagnosis")
+    purpose = "diagnose it"
     if header is None or header.measures_forces:
         command = ("identify", robot_of_result(found, findings), source, "--out", "result")
         purpose = "identify from it"

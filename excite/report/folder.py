@@ -234,7 +234,9 @@ def _folder_motions(
         if plan is None
         else [one["motion"] for one in plan["selected"]]
     )
-    for file in filter(None, files if robot is not None else ()):
+    for file in filter(None, files):
+        if robot is None:
+            break
         try:
             motion = load_motion(folder / file, robot)
         except ExciteError as error:

@@ -139,7 +139,8 @@ class Load(NamedTuple):
     def sentence(self) -> str:
         """What it is, in words."""
         size = f"a body of {self.mass:.3g} kg" if self.mass > 0.0 else "a body"
-        return f"{size} beyond {self.joint} that the model does not have leaves {percent(100.0 * self.left)} unexplained"
+        left = percent(100.0 * self.left)
+        return f"{size} beyond {self.joint} that the model does not have leaves {left} unexplained"
 
     def shares(self, samples: TorqueSamples, reading: Reading) -> dict[str, float]:
         """RMS of its torque per that of what the nominal bodies need, by joint."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -63,15 +63,15 @@ def draw_bars(bars: Bars) -> Figure:
         ):
             axes.barh(rows, values - start, height, start, color=role.light, label=label)
         if bars.half_width is not None and bars.strong is not None:
-            look = {"ecolor": INK.light, "elinewidth": 1.1, "label": bars.labels[2]}
+            look: dict[str, Any] = {"ecolor": INK.light, "elinewidth": 1.1, "label": bars.labels[2]}
             axes.errorbar(bars.strong, rows, xerr=bars.half_width, fmt="none", **look)
         if bars.ticks is not None:
             axes.plot(bars.ticks, rows, "|", ms=12.0, mew=2.2, color=TRUE.light, label=bars.labels[-1])
         axes.axvline(start, color=INK.light, lw=1.0)
         axes.set_yticks(rows, [shorten_name(name) for name in bars.names])
-        for text, name in zip(axes.get_yticklabels(), bars.names, strict=True):
-            text.set(color=(INK if name in bars.bold else MUTED).light)
-            text.set_fontweight("bold" if name in bars.bold else "normal")
+        for tick, name in zip(axes.get_yticklabels(), bars.names, strict=True):
+            tick.set(color=(INK if name in bars.bold else MUTED).light)
+            tick.set_fontweight("bold" if name in bars.bold else "normal")
         for text, row, x in zip(bars.texts, rows, np.nan_to_num(ends, nan=start).max(axis=0), strict=False):
             axes.annotate(text, (x, row), (4.0, 0.0), textcoords="offset points", va="center", fontsize=7.0)
         axes.set(ylim=(len(rows) - 0.4, -0.6), xlabel=bars.axis)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 from collections.abc import Iterator, Sequence
 from html import escape
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -75,16 +75,16 @@ def plot_rsd(iterations: Sequence[Document], target_percent: float | None = None
         axes, labels = figure.subplots(), []
         for x, step in enumerate(iterations):
             rsd, missed = step["rsd_percent"], set(step.get("not_met", ()))
-            names = sorted(rsd, key=lambda name, rsd=rsd: (rsd[name] or np.inf, name))
-            values = np.array([rsd[name] or np.nan for name in names], dtype=float)
-            met = np.array([name not in missed for name in names], dtype=bool)
+            ordered = sorted(rsd.items(), key=lambda item: (item[1] or np.inf, item[0]))
+            values = np.array([value or np.nan for _, value in ordered], dtype=float)
+            met = np.array([name not in missed for name, _ in ordered], dtype=bool)
             # Points that lie close in value are spread sideways by their rank: the golden ratio never aligns them.
-            at = x + 0.56 * ((np.arange(len(names)) * 0.6180339887498949) % 1.0 - 0.5)
+            at = x + 0.56 * ((np.arange(len(ordered)) * 0.6180339887498949) % 1.0 - 0.5)
             for which, marker, role, label in (
                 (met, "o", IDENTIFIED, "meets the target"),
                 (~met, "x", NOMINAL, "does not"),
             ):
-                look = {"ms": 3.6, "mew": 1.0, "color": role.light, "alpha": 0.75}
+                look: dict[str, Any] = {"ms": 3.6, "mew": 1.0, "color": role.light, "alpha": 0.75}
                 axes.plot(at[which], values[which], marker, label=label, **look)
             if np.isfinite(values).any():
                 axes.plot(
@@ -96,7 +96,7 @@ def plot_rsd(iterations: Sequence[Document], target_percent: float | None = None
             )
         if target_percent is not None:
             axes.axhline(target_percent, color=INK.light, lw=0.9, ls=(0, (5, 3)))
-            place = {"transform": axes.get_yaxis_transform(), "va": "bottom", "ha": "right"}
+            place: dict[str, Any] = {"transform": axes.get_yaxis_transform(), "va": "bottom", "ha": "right"}
             axes.text(1.0, target_percent, f"target {target_percent:g} %", **place)
         axes.set(yscale="log", ylabel="relative standard deviation [%]", xlim=(-0.6, len(iterations) - 0.4))
         axes.set_xticks(range(len(iterations)), labels)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from html import escape
 from typing import Any, NamedTuple
 
@@ -16,6 +17,7 @@ from excite.report.conclusions import VERDICTS
 from excite.report.folder import Document, Findings
 from excite.report.html import (
     Columns,
+    Said,
     Shown,
     columns_table,
     folded_content,
@@ -124,7 +126,7 @@ def show_baseline(findings: Findings) -> Shown:
 
 def _interval_text(texts: Iterable[str]) -> str:
     ends = list(texts)
-    return span(*ends, " to ") if ends else "–"
+    return span(ends[0], ends[1], " to ") if ends else "–"
 
 
 # Where each channel's gap goes: noise floor, named effects with their intervals, unnamed shares, the rest.
@@ -355,12 +357,7 @@ def show_where(findings: Findings) -> Shown:
     columns: Columns = {
         "channel": lambda row: channel_label(row["channel"]),
         "share of the gap": lambda row: percent_cell(row["share"], shaded=True),
-        **{
-            name.replace("_", " "): lambda row, name=name: percent_cell(
-                row["dependence"].get(name), shaded=True
-            )
-            for name in what
-        },
+        **{name.replace("_", " "): partial(_dependence_cell, name) for name in what},
         "band [Hz]": lambda row: " to ".join("–" if end is None else f"{end:.2g}" for end in row["band_hz"]),
     }
     return [
@@ -369,6 +366,10 @@ def show_where(findings: Findings) -> Shown:
         "that judge is no part of Where the gap goes. The band holds the middle 80 % of the gap's power.",
         columns_table(found["where"], columns),
     ]
+
+
+def _dependence_cell(name: str, row: Document) -> Said:
+    return percent_cell(row["dependence"].get(name), shaded=True)
 
 
 # A trial as it was measured, and as the model tells it before and after the effects.
@@ -396,7 +397,7 @@ def show_curves(findings: Findings) -> Shown:
             ("the model", data.nominal, NOMINAL, True),
             ("with the effects", data.identified, IDENTIFIED, False),
         )
-        lines = [Line(said, values[:, i], *look) for said, values, *look in models[: 1 + closed]]
+        lines = [Line(said, at[:, i], role, dashed) for said, at, role, dashed in models[: 1 + closed]]
         left = (Line(line.label, measured - line.values, line.role, line.dashed) for line in lines)
         panels.append(Panel(label, unit, (Line("measured", measured, INK), *lines)))
         panels.append(Panel(f"{label}, measured less modelled", unit, tuple(left)))
