@@ -25,8 +25,14 @@ from excite.doctor.checks.motion import (
     find_unison,
     find_whole_turns,
 )
-from excite.doctor.checks.torques import find_motor_side, find_torque_ends, find_weak_torques
-from excite.doctor.checks.values import find_coarse_steps, find_constants, find_range_ends
+from excite.doctor.checks.values import (
+    find_coarse_steps,
+    find_constants,
+    find_motor_side,
+    find_range_ends,
+    find_torque_ends,
+    find_weak_torques,
+)
 from excite.doctor.doubt import Doubt
 from excite.errors import IllLogError
 from excite.finding import Examination, merge_findings, worst_first

@@ -24,8 +24,7 @@ from excite.report.plots.postures import (
     project,
 )
 from excite.report.replay.scene import shape_triangles
-from excite.report.sections.answers import plot_rsd
-from excite.report.sections.identified import draw_masses
+from excite.report.sections.identified import draw_masses, plot_rsd
 from excite.report.sections.motions import activity_table, draw_conditioning
 from excite.report.theme import ROLES, to_png, to_svg
 from excite.robot.shapes.shape import Shape

@@ -13,7 +13,7 @@ from excite.display import percent
 from excite.doctor.case import Case
 from excite.doctor.channel_errors import OF_TORQUES, OF_WRENCHES, Misreading, misreadings
 from excite.doctor.channel_mapping import Reading
-from excite.doctor.checks.torques import of_unknown_unit
+from excite.doctor.checks.values import of_unknown_unit
 from excite.doctor.inertial_prior import STRONG_ODDS, Judgement
 from excite.doctor.mistakes.torques import OtherMachine, carried_load, other_machine
 from excite.doctor.samples import Samples

@@ -12,8 +12,7 @@ from scipy.optimize import minimize_scalar
 
 from excite.arrays import Array, assign_rows
 from excite.doctor.channel_mapping import BasePose, Reading
-from excite.doctor.mistakes.mistake import Correction
-from excite.doctor.samples import Samples
+from excite.doctor.samples import Correction, Samples
 from excite.doctor.thresholds import THRESHOLD, is_near_one
 from excite.doctor.torque_samples import TorqueSamples
 from excite.doctor.wrench_samples import WrenchSamples

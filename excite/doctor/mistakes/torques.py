@@ -17,9 +17,8 @@ from excite.doctor.doubt import Doubt
 from excite.doctor.inertial_prior import half_log
 from excite.doctor.limit_shares import share_of_limits
 from excite.doctor.mistakes.joints import minimize_near
-from excite.doctor.mistakes.mistake import THE_UNIT, Correction, Mistake
 from excite.doctor.model_comparison import drive_fit, remove_drives
-from excite.doctor.samples import Samples
+from excite.doctor.samples import THE_UNIT, Correction, Mistake, Samples
 from excite.doctor.thresholds import THRESHOLD, is_near_one
 from excite.doctor.torque_samples import TorqueSamples
 from excite.finding import list_names

@@ -1,14 +1,16 @@
-"""Sections of an identification: masses, prediction of the sensors, parameters, signal processing, sessions."""
+"""Sections of an identification: masses, prediction of the sensors, parameters and their certainty, sessions."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from excite.display import span
+from excite.display import count, span
+from excite.export.models.parameters import find_differences
 from excite.identification.judgement.judgement import said_rsd
 from excite.logs.signals.trace import SignalTrace, trace_from_json
 from excite.report.comparisons import MassComparison
@@ -35,7 +37,7 @@ from excite.report.plots.curves import (
     draw_panels,
     show_panels,
 )
-from excite.report.theme import IDENTIFIED, NOMINAL, save_png, to_svg
+from excite.report.theme import IDENTIFIED, INK, NOMINAL, draw_figure, save_png, to_svg
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -214,10 +216,10 @@ def show_sessions(findings: Findings) -> Shown:
     varying, rest = (
         [item for item in found["parameters"] if item["varies"] is flag] for flag in (True, False)
     )
-    count = f"{len(varying)} of {len(found['parameters'])}" if varying else "None"
+    many = f"{len(varying)} of {len(found['parameters'])}" if varying else "None"
     why = ": friction that warms up, a load, a zero that was set anew" if varying else ""
     lead = (
-        f"{count} of the base parameters differ{'s' if len(varying) == 1 else ''} between {len(found['names'])} "
+        f"{many} of the base parameters differ{'s' if len(varying) == 1 else ''} between {len(found['names'])} "
         f"sessions ({', '.join(found['names'][:_COLUMNS])}) by more than their own intervals allow{why}."
     )
     columns: dict[str, Any] = {"base parameter (SI)": "name"}
@@ -315,4 +317,109 @@ def show_parameters(findings: Findings) -> Shown:
         *(html_paragraph(text, "note") for text in found["warnings"]),
         html_table(("physical consistency of the standard parameters", ""), rows) if rows else "",
         folded_content(f"{len(base)} base parameters", columns_table(base, _BASE_PARAMETERS)),
+    ]
+
+
+# How certain the base parameters became, iteration by iteration.
+
+
+def plot_rsd(iterations: Sequence[Document], target_percent: float | None = None) -> Figure:
+    """A column of points an iteration: dots meet their target, crosses do not; the bar is the median.
+
+    Args:
+        iterations: the campaign file's ``iterations``.
+        target_percent: drawn as a line where given [%].
+    """
+
+    def paint(figure: Figure) -> None:
+        axes, labels = figure.subplots(), []
+        for x, step in enumerate(iterations):
+            rsd, missed = step["rsd_percent"], set(step.get("not_met", ()))
+            ordered = sorted(rsd.items(), key=lambda item: (item[1] or np.inf, item[0]))
+            values = np.array([value or np.nan for _, value in ordered], dtype=float)
+            met = np.array([name not in missed for name, _ in ordered], dtype=bool)
+            # Points that lie close in value are spread sideways by their rank: the golden ratio never aligns them.
+            at = x + 0.56 * ((np.arange(len(ordered)) * 0.6180339887498949) % 1.0 - 0.5)
+            for which, marker, role, label in (
+                (met, "o", IDENTIFIED, "meets the target"),
+                (~met, "x", NOMINAL, "does not"),
+            ):
+                look: dict[str, Any] = {"ms": 3.6, "mew": 1.0, "color": role.light, "alpha": 0.75}
+                axes.plot(at[which], values[which], marker, label=label, **look)
+            if np.isfinite(values).any():
+                axes.plot(
+                    [x - 0.34, x + 0.34], [np.nanmedian(values)] * 2, color=INK.light, lw=2.0, label="median"
+                )
+            labels.append(
+                f"iteration {x + 1}\n{count(step.get('n_motions', 0), 'motion')}\n"
+                f"{int(met.sum())} of {len({*rsd, *missed})} parameters meet it"
+            )
+        if target_percent is not None:
+            axes.axhline(target_percent, color=INK.light, lw=0.9, ls=(0, (5, 3)))
+            place: dict[str, Any] = {"transform": axes.get_yaxis_transform(), "va": "bottom", "ha": "right"}
+            axes.text(1.0, target_percent, f"target {target_percent:g} %", **place)
+        axes.set(yscale="log", ylabel="relative standard deviation [%]", xlim=(-0.6, len(iterations) - 0.4))
+        axes.set_xticks(range(len(iterations)), labels)
+        axes.grid(axis="x", visible=False)
+        handles, names = axes.get_legend_handles_labels()
+        unique = dict(zip(names, handles, strict=True))
+        figure.legend(list(unique.values()), list(unique), loc="outside upper left", ncols=3)
+
+    return draw_figure(paint, height_in=3.6)
+
+
+def show_certainty(findings: Findings) -> Shown:
+    """Relative standard deviations per iteration, and which parameters miss the target."""
+    if findings.campaign is None or not findings.campaign["iterations"]:
+        return ""
+    iterations, target = findings.campaign["iterations"], findings.campaign["target_rsd_percent"]
+    last = iterations[-1]
+    rsd, why = last["rsd_percent"], last["reasons"] or {}
+    missed = sorted(last["not_met"], key=lambda name: -(rsd.get(name) or np.inf))
+    rows = [(name, Said(rsd.get(name), said_rsd(rsd.get(name))), why.get(name, "")) for name in missed]
+    listing = html_table(("base parameter", "RSD", "why"), rows)
+    said = "Relative standard deviation of each base parameter per iteration"
+    return [
+        "Each point is one base parameter: with every iteration the points should sink, and those that "
+        "stay above their target are the ones that new motions are made for, where more motion can help.",
+        inline_figure(to_svg(plot_rsd(iterations, target), "rsd", said)),
+        folded_content(f"{count(len(missed), 'parameter')} above the target at the end", listing)
+        if missed
+        else "",
+    ]
+
+
+# The table nominal → identified.
+
+_DIFFERENCES: Columns = {
+    "link": lambda row: row.segment,
+    "parameter": lambda row: f"{row.parameter} [{row.unit}]",
+    "nominal": lambda row: row.nominal,
+    "identified": lambda row: row.identified,
+    "change": lambda row: row.change,
+    "±": lambda row: row.std,
+    "from data [%]": lambda row: None if row.determined is None else 100.0 * row.determined,
+}
+
+
+def show_differences(findings: Findings) -> Shown:
+    """Parameters that clearly changed in the open, all of them behind a fold."""
+    rows = find_differences((findings.identification or {}).get("standard_parameters") or {}).rows
+    if not rows:
+        return ""
+    clear = [row for row in rows if row.clear]
+    said = (
+        f"{len(clear)} of {len(rows)} were determined mostly by the data and moved by more than "
+        "two standard deviations:"
+        if clear
+        else "No single parameter is determined by the data and more than two deviations off."
+    )
+    strongest = sorted(clear, key=lambda row: -abs(row.change) / max(row.std or 0.0, 1e-300))[:20]
+    return [
+        "Inertial parameters about the joint frames (SI), as supplied and as identified, with one standard "
+        "deviation. Where little comes from data the value is the nominal model's and the constraints' "
+        "choice: the motions, or the robot's joints, do not tell it from its neighbours'.",
+        html_paragraph(said),
+        columns_table([row for row in rows if row in strongest], _DIFFERENCES) if clear else "",
+        folded_content(f"All {len(rows)} parameters", columns_table(rows, _DIFFERENCES)),
     ]
