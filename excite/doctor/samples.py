@@ -127,6 +127,11 @@ THE_UNIT = "find the unit; results are in the log's unit"
 """What is asked for where a unit is none that is known."""
 
 
+def _as_read(reading: Reading) -> Reading:
+    """The reading as it is."""
+    return reading
+
+
 @dataclass(frozen=True, eq=False)
 class Correction:
     """A log read otherwise.
@@ -153,7 +158,7 @@ class Correction:
     changes: int = 1
     surprise: float | None = None
     ask: str = ""
-    as_logged: Callable[[Reading], Reading] = lambda reading: reading
+    as_logged: Callable[[Reading], Reading] = _as_read
     along: tuple[str, ...] = ()
     certain: bool = True
     mends: str = ""
