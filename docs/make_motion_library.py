@@ -33,6 +33,7 @@ from excite.motion.generators.mixture import plan_candidates
 from excite.motion.motion import Motion, jerk_peaks
 from excite.regressor.base_parameters import structural_base_parameters
 from excite.report.plots.postures import choose_motions, draw_snapshots
+from excite.report.theme import to_png
 from excite.results import write_json
 from excite.robot.robot import Robot
 from excite.safety.check import check_motion
@@ -204,7 +205,7 @@ def _draw(robot: Robot, motions: list[Motion], path: Path) -> None:
     """The picture, as fine as its size allows."""
     sketch = draw_snapshots(robot, choose_motions(motions, 3))
     for dpi in range(110, 40, -10):
-        drawn = Image.open(BytesIO(sketch.to_png(dpi))).convert("RGB")
+        drawn = Image.open(BytesIO(to_png(sketch, dpi))).convert("RGB")
         stream = BytesIO()
         drawn.quantize(64).save(stream, format="png", optimize=True)
         if stream.tell() <= LARGEST_PICTURE:

@@ -16,6 +16,7 @@ from excite.atomic import atomic_path, write_text
 from excite.report.folder import read_folder
 from excite.report.plots.postures import choose_motions, draw_snapshots
 from excite.report.sections.identified import draw_masses
+from excite.report.theme import to_png
 
 ROOT = Path(__file__).resolve().parents[1]
 IMAGES = ROOT / "docs" / "images"
@@ -46,8 +47,8 @@ def draw_pictures(results: Path) -> None:
     if findings.robot is None or findings.data.masses is None:
         raise SystemExit(f"{results} holds no motions or no masses")
     pictures = {
-        "motions.png": draw_snapshots(findings.robot, choose_motions(findings.motions, 3)).to_png(dpi=130),
-        "masses.png": draw_masses(findings.data.masses).to_png(dpi=130),
+        "motions.png": to_png(draw_snapshots(findings.robot, choose_motions(findings.motions, 3)), dpi=130),
+        "masses.png": to_png(draw_masses(findings.data.masses), dpi=130),
     }
     for name, content in pictures.items():
         with atomic_path(IMAGES / name) as temporary:

@@ -1,4 +1,9 @@
-"""Errors in the naming of channels, found by comparison with the nominal model, and the log without them."""
+"""Errors in the naming of channels, found by comparison with the nominal model, and the log without them.
+
+Nominal inertias are off by some tenths and friction is not known; a turned sign, an exchanged joint or a wrong clock
+spoils the prediction by far more. Every mistake is undone in turn; the one that brings most is believed where it brings
+much, and the search goes on from there: mistakes come in company.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +11,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import combinations, permutations, product
-from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,41 +18,24 @@ from numpy.typing import NDArray
 from excite.arrays import Array
 from excite.doctor.channel_mapping import Reading
 from excite.doctor.doubt import Doubt
-from excite.doctor.inertial_prior import FLOOR, STRONG_ODDS, Judgement
+from excite.doctor.inertial_prior import STRONG_ODDS, Judgement
 from excite.doctor.mistakes.joints import (
     find_base_frame,
     find_clock,
-    find_degrees,
     find_exchanged_positions,
     find_gravity,
     find_order,
     find_position_sign,
-    find_revolutions,
     find_torque_order,
     find_turned_joints,
+    find_unit,
     find_zeros,
 )
-from excite.doctor.mistakes.mistake import THE_UNIT, Correction, Mistake, Samples
 from excite.doctor.mistakes.torques import TORQUE_SCALE, find_delay, find_missing_weight, find_torque_sign
-from excite.doctor.torque_samples import TorqueSamples
+from excite.doctor.samples import THE_UNIT, Correction, Mistake, Samples
+from excite.doctor.thresholds import THRESHOLD, is_near_one
 from excite.doctor.wrench_samples import WrenchSamples
 from excite.logs.units import size_of
-
-# Which mistakes a log's channels betray beside the nominal model, and the reading without them.
-#
-# Nominal inertias are off by some tenths and friction is not known; a turned sign, an exchanged joint or a
-# wrong clock spoils the prediction by far more. Every mistake is undone in turn; the one that brings most is
-# believed where it brings much, and the search goes on from there: mistakes come in company.
-
-# A channel that gains from a change has to be explained by it; more than this share of its power left is none.
-_EXPLAINED = 0.5
-_GAINS = 0.3
-_MOST = 6
-# Corrections of each mistake that are looked at closely.
-_PROMISING = 3
-
-
-S = TypeVar("S", bound=Samples)
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +52,7 @@ class Misreading:
     """
 
     correction: Correction
-    mistake: Mistake[Any]
+    mistake: Mistake
     before: float
     after: float
     gain: float
@@ -73,7 +60,7 @@ class Misreading:
 
 
 def misreadings(
-    samples: S, reading: Reading, mistakes: Sequence[Mistake[S]]
+    samples: Samples, reading: Reading, mistakes: Sequence[Mistake]
 ) -> tuple[Reading, tuple[Misreading, ...]]:
     """Undo mistakes one after the other, each time the one that brings most.
 
@@ -90,50 +77,43 @@ def misreadings(
     """
     found: list[Misreading] = []
     left = samples.judged(reading)
-    while len(found) < _MOST:
-        best: tuple[float, Correction, Mistake[S], Judgement] | None = None
-        surprising: list[tuple[float, Correction, Mistake[S], Judgement]] = []
+    while len(found) < THRESHOLD.most_mistakes:
         # Where hardly anything is left there is nothing to gain.
-        gainable = float(left.counts @ (left.left - 0.5 * np.log(FLOOR))) + left.cost > STRONG_ODDS
-        asked = mistakes if gainable else [mistake for mistake in mistakes if mistake.may_surprise]
-        tried, promising = _promising(samples, reading, asked)
+        spare = left.left - 0.5 * np.log(THRESHOLD.least_share)
+        gainable = float(left.counts @ spare) + left.cost > STRONG_ODDS
+        believed: list[tuple[float, Correction, Mistake, Judgement]] = []
+        surprising: list[tuple[float, Correction, Mistake, Judgement]] = []
+        tried, promising = _promising(samples, reading, [m for m in mistakes if gainable or m.may_surprise])
         for mistake, correction in promising:
             then = samples.judged(correction.reading, left.counts)
             merit = left.posterior(then, tried=tried, changes=correction.changes)
-            if (
-                merit > STRONG_ODDS
-                and (best is None or merit > best[0])
-                and _explains(samples, correction, left, then)
-            ):
-                best = (merit, correction, mistake, then)
+            if merit > STRONG_ODDS and _explains(samples, correction, left, then):
+                believed.append((merit, correction, mistake, then))
             elif correction.surprise is not None:
                 surprising.append((correction.surprise, correction, mistake, then))
-        if best is None and surprising:
-            best = max(surprising, key=lambda item: item[0])
-        if best is None:
+        if not believed and not surprising:
             break
-        merit, correction, mistake, then = best
+        merit, correction, mistake, then = max(believed or surprising, key=lambda item: item[0])
         # To the three digits of documents, in which only what was counted is certain.
         sure = min(float(1.0 / (1.0 + np.exp(-merit))), 0.999)
-        shares = [float(np.exp(2.0 * values.left.mean())) for values in (left, then)]
-        found.append(Misreading(correction, mistake, shares[0], shares[1], left.odds(then), sure))
+        before, after = (float(np.exp(2.0 * values.left.mean())) for values in (left, then))
+        found.append(Misreading(correction, mistake, before, after, left.odds(then), sure))
         reading, left = correction.reading, samples.judged(correction.reading)
     return reading, tuple(found)
 
 
 def _promising(
-    samples: S, reading: Reading, mistakes: Sequence[Mistake[S]]
-) -> tuple[int, list[tuple[Mistake[S], Correction]]]:
+    samples: Samples, reading: Reading, mistakes: Sequence[Mistake]
+) -> tuple[int, list[tuple[Mistake, Correction]]]:
     """How many corrections there are, and the best of each mistake by the nominal bodies alone, which are quick."""
-    start = float(samples.left(reading).sum())
     chosen, tried = [], 0
     for mistake in mistakes:
-        gains = [
-            (start - float(samples.left(item.reading).sum()), k, item)
+        scored = [
+            (-float(samples.left(item.reading).sum()), k, item)
             for k, item in enumerate(mistake.corrections(samples, reading))
         ]
-        tried += len(gains)
-        chosen += [(mistake, item) for _, _, item in sorted(gains, reverse=True)[:_PROMISING]]
+        tried += len(scored)
+        chosen += [(mistake, item) for *_, item in sorted(scored, reverse=True)[:3]]
     return tried, chosen
 
 
@@ -154,18 +134,15 @@ def explained(before: Array, after: Array, changed: NDArray[np.bool_]) -> bool:
         before: ``(n,)`` half the logarithm of what is left of each channel, ``after``: by the other reading.
         changed: ``(n,)`` channels that the other reading changes.
     """
-    good = after < 0.5 * np.log(_EXPLAINED)
-    return bool(good[(before - after > _GAINS) | changed].all() and good.any())
+    good = after < 0.5 * np.log(THRESHOLD.explained)
+    return bool(good[(before - after > THRESHOLD.gains) | changed].all() and good.any())
 
 
 # Contact wrenches under another name: turned signs, exchanged feet and axes, another unit.
 
-_COMPONENTS = "xyz"
 # Units of force in newtons, and of moments per force in metres, that loggers write.
-_FORCES = {unit: size_of(unit) for unit in ("N", "kgf", "kN", "lbf")}
+_FORCES = {unit: size_of(unit) for unit in ("kgf", "kN", "lbf")}
 _LEVERS = {unit: size_of(unit) for unit in ("m", "mm", "cm")}
-# A robot weighs what its model says within this factor, loads and all; a unit is near by its logarithm.
-_SCALE_OFF, _NEAR = 1.6, 0.3
 
 
 def _groups(samples: WrenchSamples) -> list[tuple[tuple[int, ...], tuple[str, ...]]]:
@@ -181,20 +158,19 @@ def find_wrench_sign(samples: WrenchSamples, reading: Reading) -> Iterable[Corre
     for sensors, names in _groups(samples):
         for what, mask in parts.items():
             other = reading.with_wrenches(sensors, np.diag(1.0 - 2.0 * mask))
-            text = f"the sign of the {what} of {' and '.join(names)} looks turned: what the ground feels"
+            text = f"the {what} of {' and '.join(names)} has the opposite sign: what the ground feels, not the robot"
             yield Correction(other, text, names)
 
 
 def find_wrench_order(samples: WrenchSamples, reading: Reading) -> Iterable[Correction]:
     """Two sensors' columns exchanged: the other foot's."""
     for i, j in combinations(range(len(samples.sensors)), 2):
-        order = reading.sensor_of.copy()
-        order[[i, j]] = order[[j, i]]
-        maps = reading.wrench_map.copy()
-        maps[[i, j]] = maps[[j, i]]
+        order = np.arange(len(samples.sensors))
+        order[[i, j]] = j, i
         names = (samples.sensors[i], samples.sensors[j])
-        text = f"wrenches of {names[0]} and {names[1]} look exchanged"
-        yield Correction(replace(reading, sensor_of=order, wrench_map=maps), text, names)
+        text = f"wrenches of {names[0]} and {names[1]} are exchanged"
+        other = replace(reading, sensor_of=reading.sensor_of[order], wrench_map=reading.wrench_map[order])
+        yield Correction(other, text, names)
 
 
 def find_wrench_axes(samples: WrenchSamples, reading: Reading) -> Iterable[Correction]:
@@ -202,46 +178,46 @@ def find_wrench_axes(samples: WrenchSamples, reading: Reading) -> Iterable[Corre
     for sensors, names in _groups(samples):
         for said, matrix in _axes():
             other = reading.with_wrenches(sensors, np.asarray(np.kron(np.eye(2), matrix), dtype=float))
-            text = f"axes of {' and '.join(names)} look exchanged: x, y, z are columns {said}"
+            text = f"axes of {' and '.join(names)} are exchanged: x, y, z are columns {said}"
             yield Correction(other, text, names)
 
 
 def _axes() -> Iterator[tuple[str, Array]]:
     """Orders and signs of three axes but for the one as it is and that with all signs turned."""
     for order, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3)):
-        if order == (0, 1, 2) and len(set(signs)) == 1:
-            continue
-        matrix = np.zeros((3, 3))
-        matrix[range(3), order] = signs
-        said = ", ".join(("-" if s < 0.0 else "") + _COMPONENTS[k] for k, s in zip(order, signs, strict=True))
-        yield said, matrix
+        if order != (0, 1, 2) or len(set(signs)) > 1:
+            said = ", ".join(("-" if s < 0.0 else "") + "xyz"[k] for k, s in zip(order, signs, strict=True))
+            yield said, np.eye(3)[list(order)] * np.array(signs)[:, None]
 
 
 def find_wrench_unit(samples: WrenchSamples, reading: Reading) -> Iterable[Correction]:
     """Forces and moments in units other than newtons and metres: the whole weight is known to some tenths."""
-    everywhere = tuple(range(len(samples.sensors)))
+    everywhere, sensors = tuple(range(len(samples.sensors))), samples.sensors
     factor = samples.weight_ratio(reading)
-    if factor <= 0.0 or 1.0 / _SCALE_OFF < factor < _SCALE_OFF:
-        yield from _of_moments(samples, reading)
+
+    def scaled(newtons: float, metres: float) -> Reading:
+        return reading.with_wrenches(everywhere, np.diag(np.repeat([newtons, newtons * metres], 3)))
+
+    if factor <= 0.0 or is_near_one(factor, THRESHOLD.scale_off):
+        for lever, metres in _LEVERS.items():
+            if metres != 1.0:
+                text = f"moments of {' and '.join(sensors)} are probably in N·{lever}"
+                yield Correction(scaled(1.0, metres), text, sensors, {"newton_metres": metres})
         return
     surprise = abs(float(np.log(factor)))
-    near = {name: n for name, n in _FORCES.items() if n > 1.0 and abs(np.log(factor * n)) < _NEAR}
-    for force, newtons in near.items():
-        for lever, metres in _LEVERS.items():
-            other = reading.with_wrenches(everywhere, _scaled(newtons, metres))
-            # The moments' unit is told by how the fit is; a price keeps the one that goes with the force.
-            worse = float(samples.left(other)[3:].sum())
-            unit = f"{force} and {force}·{lever}"
-            text = f"wrenches weigh {factor:.3g} times what the robot does: they look like {unit}"
-            figures = {"newtons": newtons, "newton_metres": newtons * metres}
-            yield Correction(other, text, samples.sensors, figures, surprise=surprise - 0.01 * worse)
+    near = {name: n for name, n in _FORCES.items() if abs(np.log(factor * n)) < THRESHOLD.near_unit}
+    for (force, newtons), (lever, metres) in product(near.items(), _LEVERS.items()):
+        other = scaled(newtons, metres)
+        # The moments' unit is told by how the fit is; a price keeps the one that goes with the force.
+        worse = float(samples.left(other)[3:].sum())
+        text = f"wrenches carry {factor:.3g} times the robot's weight: they are probably in {force} and {force}·{lever}"
+        figures = {"newtons": newtons, "newton_metres": newtons * metres}
+        yield Correction(other, text, sensors, figures, surprise=surprise - 0.01 * worse)
     if not near:
-        text = f"wrenches weigh {factor:.3g} times what the robot does: another unit, or another robot"
-        other = reading.with_wrenches(everywhere, np.eye(6) / factor)
         yield Correction(
-            other,
-            text,
-            samples.sensors,
+            scaled(1.0 / factor, 1.0),
+            f"wrenches carry {factor:.3g} times the robot's weight: another unit, or another robot",
+            sensors,
             {"factor": factor},
             surprise=surprise,
             ask=THE_UNIT,
@@ -250,25 +226,11 @@ def find_wrench_unit(samples: WrenchSamples, reading: Reading) -> Iterable[Corre
         )
 
 
-def _of_moments(samples: WrenchSamples, reading: Reading) -> Iterator[Correction]:
-    """Moments alone in another unit."""
-    for lever, metres in _LEVERS.items():
-        if metres != 1.0:
-            other = reading.with_wrenches(range(len(samples.sensors)), _scaled(1.0, metres))
-            text = f"moments of {' and '.join(samples.sensors)} look like N·{lever}"
-            yield Correction(other, text, samples.sensors, {"newton_metres": metres})
-
-
-def _scaled(newtons: float, metres: float) -> Array:
-    """What turns a wrench in a unit into one in newtons and newton metres."""
-    return np.diag(np.repeat([newtons, newtons * metres], 3))
-
-
-# Contact wrenches that were zeroed while the robot stood on the sensors: what they carried then is off them.
-
-
 def find_zeroed_wrenches(samples: WrenchSamples, reading: Reading) -> Iterable[Correction]:
-    """Constants that bring the nominal weight back; how sensors share it is told as far as their levers change."""
+    """Contact wrenches that were zeroed while the robot stood on the sensors: what they carried then is off them.
+
+    Constants bring the nominal weight back; how sensors share it is told as far as their levers change.
+    """
     ratio = samples.weight_ratio(reading)
     # Nearer to no weight than to all of it.
     if reading.wrench_added.any() or abs(ratio) > 0.5:
@@ -276,12 +238,11 @@ def find_zeroed_wrenches(samples: WrenchSamples, reading: Reading) -> Iterable[C
     added = samples.best_constants(reading)
     weight = float(np.linalg.norm(added[:, :3].sum(axis=0)))
     text = (
-        f"wrenches weigh {ratio:.2g} times what the robot does, and its weight with constants of together "
-        f"{weight:.0f} N: they were zeroed under load"
+        f"wrenches carry {ratio:.2g} times the robot's weight, and all of it with constants of "
+        f"{weight:.0f} N in sum: they were zeroed under load"
     )
-    other = replace(reading, wrench_added=reading.wrench_added + added)
     yield Correction(
-        other,
+        replace(reading, wrench_added=reading.wrench_added + added),
         text,
         samples.sensors,
         {"weight_ratio": ratio, "added_n": weight},
@@ -292,18 +253,16 @@ def find_zeroed_wrenches(samples: WrenchSamples, reading: Reading) -> Iterable[C
 
 # All mistakes in how channels are called, by the equations that betray them.
 
-# Which rows are tried is told by what they need; each yields what it finds and what it changes.
-
-_UNITS_AND_SIGNS: tuple[Mistake[Samples], ...] = (
-    Mistake("degrees", find_degrees, of_posture=True),
-    Mistake("revolutions", find_revolutions, of_posture=True),
+_UNITS_AND_SIGNS = (
+    Mistake("degrees", partial(find_unit, unit=np.pi / 180.0, name="degrees"), of_posture=True),
+    Mistake("revolutions", partial(find_unit, unit=2.0 * np.pi, name="revolutions"), of_posture=True),
     Mistake("position_sign", find_position_sign, of_posture=True),
 )
-_DELAY = Mistake[Samples]("torque_late", find_delay, leaves=frozenset({Doubt.DELAY}))
-_GRAVITY = Mistake[Samples]("gravity", find_gravity, leaves=frozenset({Doubt.GRAVITY}))
-_ZERO = Mistake[Samples]("zero_position", find_zeros, leaves=frozenset({Doubt.POSITION}), of_posture=True)
+_DELAY = Mistake("torque_late", find_delay, leaves=frozenset({Doubt.DELAY}))
+_GRAVITY = Mistake("gravity", find_gravity, leaves=frozenset({Doubt.GRAVITY}))
+_ZERO = Mistake("zero_position", find_zeros, leaves=frozenset({Doubt.POSITION}), of_posture=True)
 
-OF_TORQUES: tuple[Mistake[TorqueSamples], ...] = (
+OF_TORQUES: tuple[Mistake, ...] = (
     Mistake("torque_sign", find_torque_sign),
     Mistake("torque_order", find_torque_order),
     TORQUE_SCALE,
@@ -317,7 +276,7 @@ OF_TORQUES: tuple[Mistake[TorqueSamples], ...] = (
     _DELAY,
 )
 
-OF_WRENCHES: tuple[Mistake[WrenchSamples], ...] = (
+OF_WRENCHES: tuple[Mistake, ...] = (
     Mistake("wrench_sign", find_wrench_sign),
     Mistake("wrench_order", find_wrench_order),
     Mistake("wrench_axes", find_wrench_axes),

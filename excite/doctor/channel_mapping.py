@@ -25,14 +25,10 @@ class BasePose(Enum):
 
     def read(self, pose: Array) -> Array:
         """Poses as the log's format has them, ``(n, 7)``, from columns that are meant this way."""
-        made = np.array(pose)
-        if self is BasePose.SCALAR_FIRST:
-            made[:, 3:] = pose[:, [4, 5, 6, 3]]
-        elif self is BasePose.INVERSE:
-            made[:, 3:6] = -pose[:, 3:6]
-        elif self is BasePose.MILLIMETRES:
-            made[:, :3] = 1e-3 * pose[:, :3]
-        return made
+        order = [0, 1, 2, 4, 5, 6, 3] if self is BasePose.SCALAR_FIRST else list(range(7))
+        places = 1e-3 if self is BasePose.MILLIMETRES else 1.0
+        turned = -1.0 if self is BasePose.INVERSE else 1.0
+        return np.asarray(pose[:, order] * [*[places] * 3, *[turned] * 3, 1.0])
 
 
 # How a log's channels are read: which column is whose, with which sign, unit, zero and clock.
@@ -133,75 +129,62 @@ class Reading:
 
     def of(self, log: Log) -> Log:
         """The log with its channels put right."""
-        columns = [log.header.joints.index(joint) for joint in log.header.torque_joints]
         # Without weight torques are those of a robot that has none: what they tell is identified so.
         gravity = np.zeros(3) if self.weightless else self.gravity
         header = log.header.model_copy(update={"gravity": tuple(float(x) for x in gravity)})
+        columns = [log.header.joints.index(joint) for joint in log.header.torque_joints]
         sensors = tuple(sensor.name for sensor in log.header.sensors)
         trials = tuple(self._trial(trial, columns, sensors) for trial in log.trials)
         return replace(log, header=header, trials=trials)
 
     def _trial(self, trial: Trial, columns: list[int], sensors: tuple[str, ...]) -> Trial:
-        factor = self.position_sign * self.unit
+        time, factor = trial.time, self.position_sign * self.unit
+        at = time + self.late_s / self.tick
 
-        def turned(values: Array | None, zero: Array | float = 0.0) -> Array | None:
+        def moved(values: Array | None, zero: Array | float = 0.0) -> Array | None:
             return None if values is None else values[:, self.position_of] * factor + zero
 
-        q = trial.q[:, self.position_of] * factor + self.zero
+        def shifted(values: Array) -> Array:
+            if self.late_s == 0.0:
+                return values
+            return np.column_stack([np.interp(at, time, column) for column in values.T])
 
-        def forces(values: Array | None) -> Array | None:
+        def forces(values: Array | None, factors: Array | float = 1.0) -> Array | None:
             if values is None:
                 return None
-            found = values.copy()
-            found[:, columns] = values[:, columns][:, self.torque_of] * self.torque_factor
-            return self._shifted(trial.time, found)
+            found = values.astype(float)
+            found[:, columns] = found[:, columns][:, self.torque_of] * factors
+            return shifted(found)
 
-        def marks(flags: NDArray[np.bool_] | None) -> NDArray[np.bool_] | None:
-            if flags is None:
-                return None
-            found = flags.copy()
-            found[:, columns] = flags[:, columns][:, self.torque_of]
-            return self._shifted(trial.time, found.astype(float)) > 0.0
-
+        q = trial.q[:, self.position_of] * factor + self.zero
+        marked = forces(trial.beyond)  # type: ignore[arg-type]
+        # Of sensors that the log does not describe readings stay as they are.
+        wrenches = dict(trial.wrenches)
+        for name, other, matrix, added in zip(
+            sensors, self.sensor_of, self.wrench_map, self.wrench_added, strict=True
+        ):
+            if sensors[other] in trial.wrenches:
+                wrenches[name] = trial.wrenches[sensors[other]] @ matrix.T + added
         read = replace(
             trial,
-            time=trial.time if self.tick == 1.0 else trial.time[0] + self.tick * (trial.time - trial.time[0]),
+            time=time if self.tick == 1.0 else time[0] + self.tick * (time - time[0]),
             q=q,
-            q_cmd=_nearer(trial.q_cmd, turned(trial.q_cmd, self.zero), q),
-            v=turned(trial.v),
-            a=turned(trial.a),
-            tau=forces(trial.tau),
-            current=forces(trial.current),
-            beyond=marks(trial.beyond),
+            q_cmd=_nearer(trial.q_cmd, moved(trial.q_cmd, self.zero), q),
+            v=moved(trial.v),
+            a=moved(trial.a),
+            tau=forces(trial.tau, self.torque_factor),
+            current=forces(trial.current, self.torque_factor),
+            beyond=None if marked is None else marked > 0.0,
             base=None if trial.base is None else self.pose.read(trial.base),
-            wrenches={
-                name: self._shifted(trial.time, values)
-                for name, values in self._wrenches(trial, sensors).items()
-            },
+            wrenches={name: shifted(values) for name, values in wrenches.items()},
         )
-        at = trial.time + self.late_s / self.tick
-        logged = (at >= trial.time[0]) & (at <= trial.time[-1])
+        logged = (at >= time[0]) & (at <= time[-1])
         return read if logged.all() or logged.mean() < OWN_SHARE else read.rows(logged)
 
-    def _wrenches(self, trial: Trial, sensors: tuple[str, ...]) -> dict[str, Array]:
-        """Readings by sensor; those of sensors that the log does not describe as they are."""
-        found = dict(trial.wrenches)
-        read = zip(sensors, self.sensor_of, self.wrench_map, self.wrench_added, strict=True)
-        for name, other, matrix, added in read:
-            if sensors[other] in trial.wrenches:
-                found[name] = trial.wrenches[sensors[other]] @ matrix.T + added
-        return found
 
-    def _shifted(self, time: Array, values: Array) -> Array:
-        if self.late_s == 0.0:
-            return values
-        at = time + self.late_s / self.tick
-        return np.column_stack([np.interp(at, time, column) for column in values.T])
-
-
-def _nearer(as_logged: Array | None, turned: Array | None, q: Array) -> Array | None:
+def _nearer(as_logged: Array | None, moved: Array | None, q: Array) -> Array | None:
     """Commands as they were logged or read as the positions are: each joint's column that is nearer to its position."""
-    if as_logged is None or turned is None:
+    if as_logged is None or moved is None:
         return None
-    miss = [((values - q) ** 2).mean(axis=0) for values in (as_logged, turned)]
-    return np.where(miss[0] < miss[1], as_logged, turned)
+    miss = [((values - q) ** 2).mean(axis=0) for values in (as_logged, moved)]
+    return np.where(miss[0] < miss[1], as_logged, moved)

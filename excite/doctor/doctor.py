@@ -8,10 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from excite.doctor.examine import Chart, examine
-from excite.finding import Finding
 from excite.logs.files import save_log
 from excite.logs.load_with_robot import robot_and_log
-from excite.logs.log import Log, Trial
+from excite.logs.log import Log
 from excite.logs.robot import robot_in_log
 from excite.regressor.kernels import inverse_dynamics
 from excite.robot.load import RobotLike
@@ -68,19 +67,14 @@ def _with_weight(robot: Robot, chart: Chart, gravity: tuple[float, float, float]
         return chart
     mechanics = robot_in_log(robot, header, chart.log.folder)
     columns = [mechanics.n_base_v + mechanics.joint_index(joint) for joint in header.joints]
-
-    def weighed(trial: Trial) -> Trial:
-        if trial.tau is None:
-            return trial
+    trials = []
+    for trial in chart.log.trials:
         q = in_configurations(mechanics, header.joints, trial.q)
         still = np.zeros((len(q), mechanics.model.nv))
         weight = inverse_dynamics(mechanics.model, q, still, still)[:, columns]
-        return replace(trial, tau=trial.tau + weight)
-
-    def said(found: Finding) -> Finding:
-        if found.kind != "compensated":
-            return found
-        return replace(found, remedy="the nominal weight was added to the torques; log them as measured")
-
-    log = replace(chart.log, header=header, trials=tuple(weighed(trial) for trial in chart.log.trials))
-    return replace(chart, log=log, findings=tuple(said(found) for found in chart.findings))
+        trials.append(trial if trial.tau is None else replace(trial, tau=trial.tau + weight))
+    added = "the nominal weight was added to the torques; log the measured torques"
+    findings = [replace(one, remedy=added) if one.kind == "compensated" else one for one in chart.findings]
+    return replace(
+        chart, log=replace(chart.log, header=header, trials=tuple(trials)), findings=tuple(findings)
+    )

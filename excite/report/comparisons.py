@@ -133,8 +133,9 @@ class PathComparison:
     horizon_s: Scalar | None = None
 
 
-# The arrays that a report shows and that no JSON file holds: ``report_data.npz``, of a log
-# ``doctor_data.npz``.
+# The arrays that a report shows and that no JSON file holds: ``report_data.npz``, of a log ``doctor_data.npz``.
+
+DOCTOR_DATA = "doctor_data.npz"
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,15 +154,7 @@ class ReportData:
     torques: ForceComparison | None = None
 
 
-DOCTOR_DATA = "doctor_data.npz"
-_PARTS: dict[str, type] = {
-    "forces": ForceComparison,
-    "masses": MassComparison,
-    "conditioning": ConditioningComparison,
-    "gap": ForceComparison,
-    "path": PathComparison,
-    "torques": ForceComparison,
-}
+_PARTS: dict[str, type] = {name: get_args(hint)[0] for name, hint in get_type_hints(ReportData).items()}
 # numpy's kinds of what is stored.
 _KINDS = {"text": "U", "texts": "U", "numbers": "fiu", "flags": "b"}
 # A condition number is a quotient of two numbers, each rounded.
@@ -170,13 +163,12 @@ _ROUNDING = 1e-9
 
 def save_report_data(data: ReportData, path: Path) -> Path:
     """Write the arrays under the names ``PART/FIELD``; appears only when complete, and not at all without any."""
-    contents = {part: getattr(data, part) for part in _PARTS}
+    parts = {name: vars(part) for name in _PARTS if (part := getattr(data, name)) is not None}
     arrays = {
-        f"{part}/{one.name}": np.asarray(value)
-        for part, content in contents.items()
-        if content is not None
-        for one in fields(content)
-        if (value := getattr(content, one.name)) is not None
+        f"{name}/{one}": np.asarray(value)
+        for name, part in parts.items()
+        for one, value in part.items()
+        if value is not None
     }
     path = Path(path)
     if not arrays:
@@ -189,20 +181,11 @@ def save_report_data(data: ReportData, path: Path) -> Path:
 
 def save_diagnosis_curves(result: Diagnosis, out: Path) -> None:
     """Write the curves that a page of a diagnosis shows, where there are any."""
-    curves, rollouts = result.curves, result.simulation
-    path = None if rollouts is None else rollouts.path
-    gap = None
+    curves, path = result.curves, None if result.simulation is None else result.simulation.path
+    gap = moved = None
     if curves is not None:
-        gap = ForceComparison(
-            curves.trial,
-            curves.channels,
-            curves.units,
-            curves.time,
-            curves.measured,
-            curves.before,
-            curves.after,
-        )
-    moved = None
+        models = (curves.measured, curves.before, curves.after)
+        gap = ForceComparison(curves.trial, curves.channels, curves.units, curves.time, *models)
     if path is not None:
         moved = PathComparison(path.trial, path.joints, path.time, path.recorded, path.before, path.after)
     if gap is not None or moved is not None:
@@ -213,9 +196,8 @@ def save_doctor_torques(seen: BesideModel | None, out: Path) -> None:
     """Write the torques that a page of a log shows, those of the model beside them; None of a log without use."""
     shown = None
     if seen is not None:
-        shown = ForceComparison(
-            seen.trial, seen.joints, seen.units, seen.time, seen.model, seen.logged, seen.repaired
-        )
+        curves = (seen.model, seen.logged, seen.repaired)
+        shown = ForceComparison(seen.trial, seen.joints, seen.units, seen.time, *curves)
     save_report_data(ReportData(torques=shown), out / DOCTOR_DATA)
 
 
@@ -232,50 +214,52 @@ def load_report_data(path: Path) -> ReportData:
 
 
 def _read_part(part: str, kind: type, arrays: Mapping[str, NDArray], path: Path) -> Any:
-    found = {one: arrays[f"{part}/{one.name}"] for one in fields(kind) if f"{part}/{one.name}" in arrays}
-    if not found:
+    if not any(name.startswith(f"{part}/") for name in arrays):
         return None
     sizes: dict[str, int] = {}
     values, hints = {}, get_type_hints(kind, include_extras=True)
     for one in fields(kind):
-        if one in found:
-            hint = hints[one.name]
+        name, hint = f"{part}/{one.name}", hints[one.name]
+        fault = "is missing" if one.default is MISSING else ""
+        if name in arrays:
             # Of a field that may be None the other part of its type.
             what, axes = (hint if get_origin(hint) is Annotated else get_args(hint)[0]).__metadata__[0]
-            values[one.name], fault = _read_field(what, axes, found[one], part == "conditioning", sizes)
-        else:
-            fault = "is missing" if one.default is MISSING else ""
+            fault = _array_fault(what, axes, arrays[name], sizes)
+            if not fault:
+                values[one.name] = value = _as_used(what, axes, arrays[name])
+                fault = _number_fault(value, part == "conditioning") if what == "numbers" else ""
+            if not fault and "text" in what and not all(map(str.isprintable, np.ravel(arrays[name]))):
+                fault = "holds characters that cannot be shown"
         if fault:
-            raise InputError(fault, source=path, field=f"{part}/{one.name}", remedy="write it again")
+            raise InputError(fault, source=path, field=name, remedy="write it again")
     return kind(**values)
 
 
-def _read_field(
-    kind: str, axes: str, value: NDArray, is_condition: bool, sizes: dict[str, int]
-) -> tuple[Any, str]:
-    """A field as it is used, and what is wrong with it; lengths of axes by their letters stand in ``sizes``."""
+def _as_used(kind: str, axes: str, value: NDArray) -> Any:
+    with np.errstate(over="ignore"):  # What double precision cannot hold is infinite, and refused as such.
+        found = value.astype(float, copy=False) if kind == "numbers" else value
+    if axes:
+        return tuple(map(str, found)) if kind == "texts" else found
+    return found.item()
+
+
+def _array_fault(kind: str, axes: str, value: NDArray, sizes: dict[str, int]) -> str:
+    """What is wrong with an array's kind and shape; lengths of axes by their letters stand in ``sizes``."""
     if value.dtype.kind not in _KINDS[kind] or value.ndim != len(axes):
         wanted = f"{kind} of {len(axes)} dimensions" if axes else f"a {kind}"
-        return None, f"is {value.ndim}-dimensional {value.dtype}, not {wanted}"
+        return f"is {value.ndim}-dimensional {value.dtype}, not {wanted}"
     expected = tuple(sizes.setdefault(axis, n) for axis, n in zip(axes, value.shape, strict=True))
     if value.shape != expected:
-        return None, f"has shape {value.shape}, not {expected}"
+        return f"has shape {value.shape}, not {expected}"
     if not 0 < sizes.get("c", 1) <= MOST_CHANNELS or not sizes.get("n", 1):
         rows = f" and {sizes['n']} rows, not one or more" if "n" in sizes else ""
-        return None, f"has {sizes.get('c', 1)} names, not 1 to {MOST_CHANNELS}{rows}"
-    if kind in {"text", "texts"}:
-        texts = tuple(str(item) for item in value.ravel())
-        fault = "" if all(map(str.isprintable, texts)) else "holds characters that cannot be shown"
-        return (texts if axes else texts[0]), fault
-    if kind == "flags":
-        return value, ""
-    with np.errstate(over="ignore"):  # What double precision cannot hold is infinite, and refused as such.
-        numbers = value.astype(float, copy=False)
-    return (numbers if axes else float(numbers)), _number_fault(numbers, is_condition)
+        return f"has {sizes.get('c', 1)} names, not 1 to {MOST_CHANNELS}{rows}"
+    return ""
 
 
-def _number_fault(value: NDArray, is_condition: bool) -> str:
+def _number_fault(value: Any, is_condition: bool) -> str:
     """Finite ones that figures can show; condition numbers are 1 or more, infinite where nothing excites a segment."""
+    value = np.asarray(value)
     if np.isnan(value).any() or (np.isinf(value).any() and not is_condition):
         return "holds NaN or infinity"
     if is_condition and (value < 1.0 - _ROUNDING).any():

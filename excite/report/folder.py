@@ -129,30 +129,26 @@ def read_folder(folder: Path) -> Findings:
     if not folder.is_dir():
         raise InputError("is no folder", source=folder, remedy=_HELP)
     documents = {name: _folder_document(folder / f"{name}.json") for name in _KINDS}
-    made = {
-        name: _document_origin(folder / f"{name}.json", made)
-        for name, made in documents.items()
-        if made is not None
-    }
-    arrays = folder / "report_data.npz"
     files = [f"{name}.json" for name, content in documents.items() if content is not None]
+    made = {
+        name: _document_origin(folder / f"{name}.json", content)
+        for name, content in documents.items()
+        if content is not None
+    }
     if documents["identification"] is None and documents["campaign"] is not None:
         documents["identification"] = documents["campaign"]["identification"]
     # A diagnosis, or a look through a log, stands by itself: what belongs to excitation is not missed beside it.
-    single = documents["diagnosis"] or documents["doctor"]
-    alone = single is not None and not any(documents[name] for name in _ABSENT)
-    left_out = [
-        _ABSENT[name] for name in documents if documents[name] is None and name in _ABSENT and not alone
-    ]
+    alone = bool(documents["diagnosis"] or documents["doctor"]) and not any(
+        documents[name] for name in _ABSENT
+    )
+    left_out = [] if alone else [text for name, text in _ABSENT.items() if documents[name] is None]
+    data, arrays = ReportData(), folder / "report_data.npz"
     if os.path.lexists(arrays):
         data = load_report_data(arrays)
         files.append(arrays.name)
-    else:
-        data = ReportData()
+    elif documents["diagnosis"] is not None or not alone:
         what = "measured forces, masses and the conditioning before and after"
-        what = "curves of a trial" if alone else what
-        if documents["diagnosis"] is not None or not alone:
-            left_out.append(f"{what} (report_data.npz)")
+        left_out.append(f"{'curves of a trial' if alone else what} ({arrays.name})")
     if documents["doctor"] is not None and os.path.lexists(folder / DOCTOR_DATA):
         data = replace(data, torques=load_report_data(folder / DOCTOR_DATA).torques)
         files.append(DOCTOR_DATA)
@@ -168,7 +164,7 @@ def read_folder(folder: Path) -> Findings:
         data=data,
         robot=robot,
         record=record,
-        motions=_folder_motions(folder, _motion_files(documents), robot, left_out),
+        motions=_folder_motions(folder, documents, robot, left_out),
         files=tuple(files),
         made=made,
         left_out=tuple(left_out),
@@ -228,21 +224,19 @@ def _folder_record(folder: Path, documents: dict[str, Document | None], left_out
     return record
 
 
-def _motion_files(documents: dict[str, Document | None]) -> list[str]:
-    """Files of the plan's chosen motions, else of those that were checked, relative to the folder."""
-    plan, check = documents["plan"], documents["check"]
-    if plan is not None:
-        return [entry["motion"] for entry in plan["selected"]]
-    return [] if check is None else [entry["file"] for entry in check["motions"] if entry["file"]]
-
-
 def _folder_motions(
-    folder: Path, files: list[str], robot: Robot | None, left_out: list[str]
+    folder: Path, documents: dict[str, Document | None], robot: Robot | None, left_out: list[str]
 ) -> tuple[Motion, ...]:
-    if robot is None:
-        return ()
-    motions = []
-    for file in files:
+    """The plan's chosen motions, else those that were checked."""
+    plan, check, motions = documents["plan"], documents["check"] or {"motions": ()}, []
+    files = (
+        [one["file"] for one in check["motions"]]
+        if plan is None
+        else [one["motion"] for one in plan["selected"]]
+    )
+    for file in filter(None, files):
+        if robot is None:
+            break
         try:
             motion = load_motion(folder / file, robot)
         except ExciteError as error:

@@ -35,6 +35,8 @@ class Said:
 Cell = str | float | int | bool | Said | None
 Columns = Mapping[str, str | Callable[[Any], Cell]]
 """By their headers, what is in the columns of a table: a key of its rows, or what is made of a row."""
+Shown = Sequence[str] | str
+"""What is in a section: the sentence that says what to see, and what is below it; or HTML of its own; or nothing."""
 
 
 def format_number(value: float | None, digits: int = 3) -> str:
@@ -146,12 +148,13 @@ def html_paragraph(text: str, kind: str = "") -> str:
     return f'<p class="{kind}">{said}</p>' if kind else f"<p>{said}</p>"
 
 
-def html_section(identifier: str, title: str, lead: str, *content: str) -> str:
-    """A titled section that starts with the sentence that says what to see in it."""
-    body = "".join(part for part in content if part)
-    return (
-        f'<section id="{identifier}"><h2>{escape(title)}</h2>{html_paragraph(lead, "lead")}{body}</section>'
-    )
+def html_section(identifier: str, title: str, shown: Shown) -> str:
+    """A titled section that starts with the sentence that says what to see in it, or what has HTML of its own."""
+    if isinstance(shown, str):
+        return shown
+    lead, *content = shown
+    head = f"<h2>{escape(title)}</h2>{html_paragraph(lead, 'lead')}"
+    return f'<section id="{identifier}">{head}{"".join(content)}</section>'
 
 
 def inline_figure(svg: str) -> str:

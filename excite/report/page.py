@@ -1,15 +1,30 @@
-"""The report: one HTML file that needs no network."""
+"""The report: one HTML file that needs no network, its first sections, and the list of all."""
 
 from __future__ import annotations
 
+import shlex
+from collections.abc import Callable, Iterator
 from html import escape
 from pathlib import Path, PosixPath
 
 from excite.atomic import write_text
-from excite.report.folder import Findings, read_folder
-from excite.report.html import body_scripts, content_policy, html_paragraph, read_asset
-from excite.report.sections import answers, diagnosed, identified, motions
-from excite.report.sections.section import Section
+from excite.display import count
+from excite.report.conclusions import draw_conclusion
+from excite.report.folder import Findings, Origin, read_folder
+from excite.report.html import (
+    Columns,
+    Shown,
+    body_scripts,
+    columns_table,
+    condition_value,
+    content_policy,
+    format_number,
+    html_paragraph,
+    html_section,
+    key_figure,
+    read_asset,
+)
+from excite.report.sections import diagnosed, identified, motions
 from excite.report.theme import css_variables
 
 # Headings of pages, by the document that a page is about, the last step first.
@@ -52,19 +67,16 @@ def report(folder: str | Path, out: str | Path | None = None) -> Page:
 
 def render_page(findings: Findings) -> str:
     """The page as text, the same bytes for the same findings."""
-    built = [(part, part.build(findings)) for part in SECTIONS]
-    shown = [(part, html) for part, html in built if html]
-    links = "".join(
-        f'<a href="#{part.identifier}">{escape(part.title)}</a>' for part, _ in shown if part.title
-    )
+    built = [(name, title, html_section(name, title, show(findings))) for name, title, show in SECTIONS]
+    shown = [one for one in built if one[2]]
+    links = "".join(f'<a href="#{name}">{escape(title)}</a>' for name, title, _ in shown if title)
     robot = robot_title(findings)
     what = next((title for name, title in _TITLES.items() if getattr(findings, name) is not None), "Results")
-    title = f"{robot}: {what[0].lower()}{what[1:]}"
     body = (
         f"<header><p>{what}</p><h1>{escape(robot)}</h1><nav>{links}</nav></header>\n"
-        f"<main>{''.join(html for _, html in shown)}</main>\n{_page_footer(findings)}\n"
+        f"<main>{''.join(html for *_, html in shown)}</main>\n{_page_footer(findings)}\n"
     )
-    return html_page(title, body)
+    return html_page(f"{robot}: {what[0].lower()}{what[1:]}", body)
 
 
 def html_page(title: str, body: str) -> str:
@@ -97,35 +109,156 @@ def _page_footer(findings: Findings) -> str:
     return f"<footer>{said}{read}</footer>"
 
 
-# The sections in the order of the page. A new one is one file beside this one and one line here.
+# What was found, whether it is good enough, and what to do next: the first thing on the page.
 
-SECTIONS: tuple[Section, ...] = (
-    answers.show_answer,
-    diagnosed.show_verdict,
-    answers.show_overview,
-    diagnosed.show_log_findings,
-    diagnosed.show_torques_beside_model,
-    motions.show_moving,
-    diagnosed.show_effects,
-    diagnosed.show_budget_by_channel,
-    diagnosed.show_gap_by_channel,
-    diagnosed.show_trivial,
-    diagnosed.show_where,
-    diagnosed.show_baseline,
-    diagnosed.show_curves,
-    diagnosed.show_record,
-    motions.show_motions,
-    motions.show_refused,
-    motions.show_safety,
-    motions.show_assumed,
-    motions.show_excitation,
-    answers.show_certainty,
-    identified.show_forces,
-    identified.show_masses,
-    identified.show_person,
-    answers.show_differences,
-    identified.show_parameters,
-    identified.show_sessions,
-    identified.show_signals,
-    answers.show_stages,
+
+def show_answer(findings: Findings) -> Shown:
+    """One sentence, the next command, and a line a command with all that it wrote."""
+    answer = draw_conclusion(findings)
+    if answer is None:
+        return ""
+    line = " ".join(["excite", *(shlex.quote(str(word)) for word in answer.command)])
+    command = f"<code>{escape(line)}</code> · " if answer.command else ""
+    following = f'<p class="next">Next: {command}{escape(answer.purpose)}</p>' if answer.purpose else ""
+    by: dict[Origin, list[str]] = {}
+    for name, made in findings.made.items():
+        by.setdefault(made, []).append(f"{name}.json")
+    lines = "".join(f'<p class="made">{_command_line(names, made)}</p>' for made, names in by.items())
+    mark = {True: " yes", False: " no", None: ""}[answer.good]
+    said = html_paragraph(answer.found, "verdict")
+    return f'<section id="answer" class="answer{mark}">{said}{following}{lines}</section>'
+
+
+def _command_line(names: list[str], made: Origin) -> str:
+    listed = " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
+    if not made.command:
+        return f"{listed} written {made.written}"
+    command = f"<code>{escape(made.command)}</code>, excite {escape(made.version)}, seed {made.seed}"
+    return f"{listed} made by {command}, {made.written}"
+
+
+# The figures that say at a glance how it went.
+
+# A segment of whose mass the data tell less is as the nominal model has it.
+_TOLD = 0.5
+
+
+def show_overview(findings: Findings) -> Shown:
+    """A row of key figures, each only where the folder holds it."""
+    tiles = "".join(_overview_tiles(findings))
+    return f'<div class="tiles" id="overview">{tiles}</div>' if tiles else ""
+
+
+def _overview_tiles(findings: Findings) -> Iterator[str]:
+    plan, check, campaign = findings.plan, findings.check, findings.campaign
+    if plan is not None:
+        accepted, generated = plan["candidates"]["accepted"], plan["candidates"]["generated"]
+        yield key_figure(f"{accepted} of {generated}", "candidate motions accepted")
+        seconds = sum(entry["duration_s"] for entry in plan["selected"])
+        yield key_figure(count(len(plan["selected"]), "motion"), f"chosen, {seconds:.0f} s in all")
+    if check is not None:
+        safe = [motion["safe"] for motion in check["motions"]]
+        yield _share_figure(sum(safe), len(safe), "motions pass the independent check")
+    yield from _conditioning_tiles(findings)
+    if campaign is not None and campaign["iterations"]:
+        last = campaign["iterations"][-1]
+        n = len({*last["rsd_percent"], *last["not_met"]})
+        met = n - len(last["not_met"])
+        yield _share_figure(met, n, "parameters meet their certainty target", campaign["targets_met"])
+    channels = ((findings.identification or {}).get("validation") or {}).values()
+    better = [
+        row["rmse"] < row["reference_rmse"]
+        for row in channels
+        if None not in (row["reference_rmse"], row["rmse"])
+    ]
+    if better:
+        label = "validation channels are predicted better than by the nominal model"
+        yield _share_figure(sum(better), len(better), label)
+    yield from _mass_tiles(findings)
+
+
+def _share_figure(n: int, of: int, label: str, good: bool | None = None) -> str:
+    return key_figure(f"{n} of {of}", label, good=n == of if good is None else good)
+
+
+def _conditioning_tiles(findings: Findings) -> Iterator[str]:
+    change, planned = findings.data.conditioning, (findings.plan or {}).get("conditioning")
+    what = "condition number of the base columns"
+    if change is None:
+        if planned is not None:
+            yield key_figure(format_number(condition_value(planned["full"])), what)
+        return
+    before, after = change.full_before, change.full_after
+    if after == before:
+        label = f"{what}, of {change.before_label} and {change.after_label} alike"
+        yield key_figure(format_number(after), label)
+        return
+    label = f"{what}: {change.before_label} → {change.after_label}"
+    if after > before:
+        # Motions are chosen for single segments: the whole may come out a little worse.
+        better = int((change.after < change.before).sum())
+        label += f"; they are chosen by segment, and {better} of {len(change.after)} segments are better so"
+    yield key_figure(f"{format_number(before)} → {format_number(after)}", label)
+
+
+def _mass_tiles(findings: Findings) -> Iterator[str]:
+    masses = findings.data.masses
+    if masses is None:
+        return
+    total, nominal = float(masses.identified.sum()), f"nominal {masses.nominal.sum():.2f} kg"
+    true = 0.0 if masses.true is None else float(masses.true.sum())
+    label = f"total mass of the identified model; {nominal}"
+    if true:
+        off = f"{100.0 * (total - true) / true:+.2f} %".replace("+0.00", "0.00").replace("-0.00", "0.00")
+        label = f"total mass identified; true {true:.2f} kg, {nominal} ({off})".replace("-", "−")
+    elif masses.determined is not None and masses.determined.min() < _TOLD:
+        label += "; not all of it is told by the data, see Masses"
+    yield key_figure(f"{total:.2f} kg", label)
+
+
+# How long each stage of the plan took.
+
+
+def show_stages(findings: Findings) -> Shown:
+    """Seconds by stage."""
+    stages = (findings.plan or {}).get("stages")
+    if not stages:
+        return ""
+    columns: Columns = {"stage": "stage", "time [s]": lambda one: round(float(one["seconds"]), 2)}
+    total = ("all", sum(float(entry["seconds"]) for entry in stages))
+    return ["The plan's stages in the order in which they ran.", columns_table(stages, columns, total)]
+
+
+# The sections in the order of the page: anchor, heading (the text of its link, too; empty for a part without), content.
+# A new one is a function in a file of ``sections`` and a line here.
+
+SECTIONS: tuple[tuple[str, str, Callable[[Findings], Shown]], ...] = (
+    ("answer", "", show_answer),
+    ("verdict", "", diagnosed.show_verdict),
+    ("overview", "", show_overview),
+    ("findings", "Findings", diagnosed.show_log_findings),
+    ("beside-model", "Torques beside the model", diagnosed.show_torques_beside_model),
+    ("moving", "The trial in motion", motions.show_moving),
+    ("effects", "Effects", diagnosed.show_effects),
+    ("budget", "Where the gap goes", diagnosed.show_budget_by_channel),
+    ("gap", "Gap by channel", diagnosed.show_gap_by_channel),
+    ("trivial", "Beside simple predictors", diagnosed.show_trivial),
+    ("where", "Where it lies", diagnosed.show_where),
+    ("baseline", "What the baseline was fitted to", diagnosed.show_baseline),
+    ("curves", "A trial before and after", diagnosed.show_curves),
+    ("record", "What to do, and what to keep in mind", diagnosed.show_record),
+    ("motions", "Motions", motions.show_motions),
+    ("refused", "What refuses candidates", motions.show_refused),
+    ("safety", "Safety", motions.show_safety),
+    ("assumed", "Assumed", motions.show_assumed),
+    ("excitation", "Excitation", motions.show_excitation),
+    ("certainty", "Certainty", identified.show_certainty),
+    ("forces", "Prediction of forces", identified.show_forces),
+    ("masses", "Masses", identified.show_masses),
+    ("person", "Person", identified.show_person),
+    ("differences", "Differences", identified.show_differences),
+    ("parameters", "Parameters", identified.show_parameters),
+    ("sessions", "Sessions", identified.show_sessions),
+    ("signals", "Signals", identified.show_signals),
+    ("stages", "Time taken", show_stages),
 )

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 
-from excite.atomic import atomic_path
 from excite.human.identified import IdentifiedPerson
 from excite.human.plates import AXES, UNITS
 from excite.human.segment_table import STATED, SegmentTable
@@ -42,8 +41,7 @@ def save_person_figures(found: IdentifiedPerson, wearing: SegmentTable | None, t
         texts=[f"{share:.0f} %" for share in 100.0 * identified / nominal],
         ticks=None if wearing is None else np.array([row.identified for row in wearing.rows]),
     )
-    with atomic_path(out / MASSES) as temporary:
-        temporary.write_bytes(draw_bars(bars).to_png())
+    save_png(draw_bars(bars), out / MASSES)
     shown = found.reactions[-1]
     curves = ForceComparison(
         trial=f"{shown.trial} ({shown.role})",

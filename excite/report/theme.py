@@ -13,6 +13,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -45,9 +46,8 @@ BODY = Role("body", "#b3bfcb", "#8a9aaa")
 ROLES = (INK, MUTED, GRID, PAPER, IDENTIFIED, NOMINAL, TRUE, PALE, GROUND, BODY)
 
 WIDTH_IN = 9.6
-FONT = "'DejaVu Sans', sans-serif"
-# Points an inch: what SVG counts in.
-_SVG_DPI = 72
+# Height of a line in figures [inch].
+LINE_IN = 0.2
 # Half of the width at the size of labels.
 _LONGEST_LABEL = 60
 _STYLE: dict[Any, Any] = {
@@ -85,13 +85,22 @@ _STYLE: dict[Any, Any] = {
 }
 
 
+@contextmanager
+def _common_style() -> Iterator[None]:
+    """Figures' style, without remarks on letters that the font lacks (the reader's has them) and on narrow panels."""
+    import matplotlib
+
+    with matplotlib.rc_context(_STYLE), warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        yield
+
+
 def draw_figure(paint: Callable[[Figure], None], height_in: float, width_in: float = WIDTH_IN) -> Figure:
     """A figure of that size [inch] in the common style, painted by ``paint``; no display is needed."""
-    import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    with matplotlib.rc_context(_STYLE), _without_font_warnings():
+    with _common_style():
         figure = Figure(figsize=(width_in, height_in), layout="constrained")
         FigureCanvasAgg(figure)
         paint(figure)
@@ -112,19 +121,10 @@ def _label_logarithms(figure: Figure) -> None:
         def __call__(self, x: float, pos: int | None = None) -> str:
             return format_number(x, 1) if super().__call__(x, pos) else ""
 
-    for axes in figure.axes:
-        for axis in (axes.xaxis, axes.yaxis):
-            if isinstance(axis.get_major_formatter(), LogFormatterSciNotation):
-                axis.set_major_formatter(Label())
-                axis.set_minor_formatter(Label(labelOnlyBase=False))
-
-
-@contextmanager
-def _without_font_warnings() -> Iterator[None]:
-    """Without matplotlib's remarks on letters that its font lacks (the reader's has them) and on narrow panels."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)
-        yield
+    for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
+        if isinstance(axis.get_major_formatter(), LogFormatterSciNotation):
+            axis.set_major_formatter(Label())
+            axis.set_minor_formatter(Label(labelOnlyBase=False))
 
 
 _DECIMALS = re.compile(r"-?\d+\.\d{3,}")
@@ -138,14 +138,16 @@ def to_svg(figure: Figure, name: str, description: str) -> str:
         name: unique on the page; prefixes the element's ids.
         description: what is to be seen, for readers who cannot see it.
     """
-    import matplotlib
     from matplotlib.backends.backend_svg import FigureCanvasSVG
 
     buffer = io.StringIO()
-    with matplotlib.rc_context(_STYLE), _without_font_warnings():
-        figure.set_dpi(_SVG_DPI)
-        _lay_out(figure)
-        # Not by savefig, which draws all of a figure that was ever laid out once more.
+    with _common_style():
+        # SVG counts in points. Room for labels is left now: what saves a figure draws all of it once more for that.
+        figure.set_dpi(72)
+        engine = figure.get_layout_engine()
+        if engine is not None:
+            engine.execute(figure)
+            figure.set_layout_engine("none")
         FigureCanvasSVG(figure).print_svg(buffer, metadata={"Date": None, "Creator": None})
     svg = buffer.getvalue()
     svg = svg[svg.index("<svg") :]
@@ -157,23 +159,13 @@ def to_svg(figure: Figure, name: str, description: str) -> str:
     svg = re.sub(r"<[^>]*>", lambda tag: _DECIMALS.sub(lambda place: f"{float(place[0]):.2f}", tag[0]), svg)
     for role in ROLES:
         svg = svg.replace(role.light, f"var(--{role.name})")
-    return svg.replace("<svg ", f'<svg role="img" aria-label="{description}" ', 1)
-
-
-def _lay_out(figure: Figure) -> None:
-    """Leave room for labels now: what saves a figure draws all of it once more for that."""
-    engine = figure.get_layout_engine()
-    if engine is not None:
-        engine.execute(figure)
-        figure.set_layout_engine("none")
+    return svg.replace("<svg ", f'<svg role="img" aria-label="{escape(description)}" ', 1)
 
 
 def to_png(figure: Figure, dpi: int = 150) -> bytes:
     """The figure as a PNG on white paper."""
-    import matplotlib
-
     buffer = io.BytesIO()
-    with matplotlib.rc_context(_STYLE), _without_font_warnings():
+    with _common_style():
         figure.savefig(buffer, format="png", dpi=dpi, facecolor=PAPER.light, metadata={"Software": None})
     return buffer.getvalue()
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass
 from html import escape
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -129,28 +130,29 @@ def read_thing(path: Path, robot: str | None = None) -> Thing:
         RobotError: the robot's model is malformed.
     """
     path = Path(path)
-    for name, read in {
-        "diagnosis.json": _read_diagnosis,
-        "log.yaml": _read_log,
-        "plan.json": _read_plan,
-    }.items():
+    readers = {"diagnosis.json": _read_diagnosis, "log.yaml": _read_log, "plan.json": _read_plan}
+    for name, read in readers.items():
         if path.name == name or (path / name).exists():
             return read(path if path.is_dir() else path.parent, robot)
     if not os.path.lexists(path):
-        raise InputError(
-            "is not there", source=path, remedy="give a motion, or the folder of a plan, log or diagnosis"
-        )
+        remedy = "give a motion, or the folder of a plan, log or diagnosis"
+        raise InputError("is not there", source=path, remedy=remedy)
     return _read_motions(path, robot)
 
 
 def _read_motions(path: Path, robot: str | None) -> Thing:
-    if path.is_dir() and not is_motion(path) and not _holds_motions(path):
+    files = []
+    with suppress(InputError) if path.is_dir() else nullcontext():
+        files = list(motion_paths([path]))
+    if not files and not is_motion(path):
         raise InputError(
             "holds no motion, plan, log or diagnosis",
             source=path,
             remedy="give a folder that excite plan, export, simulate, convert or diagnose wrote with --out",
         )
-    name = robot or _robot_name(path)
+    # The robot that motions are for, if all say the same: bundled, or kept beside their plan.
+    names = {robot} if robot else {robot_beside(file, motion_robot(file)) for file in files}
+    name = names.pop() if len(names) == 1 else ""
     if not name:
         raise InputError(
             "does not say which robot it is for", source=path, remedy="name it with --robot ROBOT"
@@ -159,28 +161,13 @@ def _read_motions(path: Path, robot: str | None) -> Thing:
     return _of_motions(path.name, loaded, load_motions([path], loaded))
 
 
-def _robot_name(path: Path) -> str:
-    """The robot that motions are for, if all say the same: bundled, or kept beside their plan; empty for none."""
-    names = {robot_beside(file, motion_robot(file)) for file in motion_paths([path])}
-    return names.pop() if len(names) == 1 else ""
-
-
-def _holds_motions(folder: Path) -> bool:
-    """Whether there are files of motions in a folder, or in ``motions/`` in it."""
-    try:
-        return bool(motion_paths([folder]))
-    except InputError:
-        return False
-
-
 def _read_plan(folder: Path, robot: str | None) -> Thing:
-    plan = read_document(folder / "plan.json", PlanDocument, remedy="write it again with excite plan")
+    file = folder / "plan.json"
+    plan = read_document(file, PlanDocument, remedy="write it again with excite plan")
+    if not plan.selected:
+        raise InputError("holds no chosen motion", source=file, remedy="plan with more candidates")
     loaded = load_robot(robot or (str(folder / plan.robot_file) if plan.robot_file else plan.robot))
     motions = [load_motion(folder / entry.motion, loaded) for entry in plan.selected]
-    if not motions:
-        raise InputError(
-            "holds no chosen motion", source=folder / "plan.json", remedy="plan with more candidates"
-        )
     return _of_motions(f"{folder.name}: plan of {plan.robot}", loaded, motions)
 
 
@@ -190,23 +177,24 @@ def _of_motions(title: str, robot: Robot, motions: Iterable[Motion]) -> Thing:
 
 def _read_log(folder: Path, robot: str | None) -> Thing:
     log = load_log(folder)
-    loaded = nominal_robot(log) if robot is None else robot_for_log(robot, folder)
-    clips = {
-        name: clip for one in log.trials for name, clip in recorded_track(Record(loaded, log), one).items()
-    }
-    return Thing(f"{folder.name}: log of {loaded.name}", loaded, clips)
+    record = Record(nominal_robot(log) if robot is None else robot_for_log(robot, folder), log)
+    clips = [recorded_track(record, trial) for trial in log.trials]
+    title = f"{folder.name}: log of {record.robot.name}"
+    return Thing(title, record.robot, {name: clip for one in clips for name, clip in one.items()})
 
 
 def _read_diagnosis(folder: Path, robot: str | None) -> Thing:
-    file, arrays = folder / "diagnosis.json", folder / "report_data.npz"
-    document = read_document(
-        file, model_of(Diagnosis), remedy="write it again with excite diagnose"
-    ).content()
+    file, arrays, again = (
+        folder / "diagnosis.json",
+        folder / "report_data.npz",
+        "write it again with excite diagnose",
+    )
+    document = read_document(file, model_of(Diagnosis), remedy=again).content()
     if robot is not None and os.path.exists(robot):
         document["robot_file"] = os.path.relpath(robot, folder)
     record = read_record(folder, document)
     if not isinstance(record, Record):
-        why = record or "it names no log; write it again with excite diagnose LOG --out DIR"
+        why = record or f"it names no log; {again} LOG --out DIR"
         raise InputError(f"shows no robot: {why}", source=file)
     data = load_report_data(arrays) if arrays.exists() else ReportData()
     title = f"{folder.name}: {document['sentence'] or document['verdict']}"

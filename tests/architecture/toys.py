@@ -285,16 +285,12 @@ class Toy(Source):
     "report section": Toy(
         "report/sections/toy.py",
         """
-from excite.report.sections.section import section, section_content
-
-
-@section("toy", "A toy")
 def show_toy(findings):
-    return section_content("Nobody needs it.")
+    return ["Nobody needs it."]
 """,
         (
             ("report/page.py", "from excite.", "from excite.report.sections.toy import show_toy"),
-            ("report/page.py", "    answers.show_stages,", "    show_toy,"),
+            ("report/page.py", '    ("stages", ', '    ("toy", "A toy", show_toy),'),
         ),
     ),
 }

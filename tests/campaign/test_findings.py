@@ -91,7 +91,7 @@ def test_a_trial_in_motion_shows_where_both_models_take_the_robot(tmp_path: Path
     assert identified < 0.2 * supplied
 
     findings = SimpleNamespace(record=Record(robot, log), data=data, diagnosis=None)
-    assert_ghost(show_moving.build(findings), path)  # type: ignore[arg-type]
+    assert_ghost("".join(show_moving(findings)), path)  # type: ignore[arg-type]
 
 
 def assert_ghost(page: str, path: PathComparison) -> None:

@@ -34,4 +34,4 @@ def test_findings_stand_as_notes(tmp_path):
     run = CliRunner().invoke(app, ["identify", "ur10", str(folder), "--method", "wls"])
     assert run.exit_code == 0, run.output
     notes = [line for line in run.stdout.splitlines() if line.startswith("note: ")]
-    assert any("sign of all torques looks turned" in line for line in notes)
+    assert any("all torques have the opposite sign" in line for line in notes)

@@ -11,7 +11,7 @@ import pytest
 
 from excite.diagnosis.diagnose import diagnose
 from excite.doctor.doctor import doctor
-from excite.doctor.examine import CHECKS, examine
+from excite.doctor.examine import FOUND, examine
 from excite.errors import IllLogError
 from excite.identification.identify import identify
 from excite.logs.files import load_log, save_log
@@ -140,4 +140,4 @@ def test_a_log_that_nothing_can_save_says_why(logs: dict[str, tuple[Robot, Log]]
 
 def test_every_kind_is_in_the_manual() -> None:
     listed = set(re.findall(r"`(\w+)`", (ROOT / "docs" / "doctor.md").read_text(encoding="utf-8")))
-    assert {kind for check in CHECKS for kind in check.kinds} <= listed
+    assert listed >= FOUND

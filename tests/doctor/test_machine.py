@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 import excite
-from excite.doctor.examine import OtherMachine
+from excite.doctor.examine import examine
 from excite.finding import Finding
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log, Trial
@@ -27,7 +27,7 @@ def simulated(folder: Path, *inject: str) -> Log:
 
 
 def found(log: Log) -> tuple[Finding, ...]:
-    return OtherMachine().examine(nominal_robot(log), log).findings
+    return tuple(one for one in examine(nominal_robot(log), log).findings if one.kind == "other_machine")
 
 
 def test_a_strong_spring_is_no_other_machine(tmp_path: Path) -> None:

@@ -8,8 +8,7 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
-from excite.doctor.channel_errors import OF_TORQUES, OF_WRENCHES
-from excite.doctor.examine import CHECKS
+from excite.doctor.examine import FOUND
 from excite.safety.check import CHECKS as SAFETY_CHECKS
 from excite.simulation.rehearsal import AT_LIMIT, FELL, SLIPPED, TOUCHED
 
@@ -82,9 +81,7 @@ def _loop_codes(loop: ast.For, tree: ast.Module) -> Iterator[str]:
 @cache
 def in_the_program() -> set[str]:
     codes = {code for path in (ROOT / "excite").rglob("*.py") for code in made_in(path)}
-    codes |= {kind for check in CHECKS for kind in check.kinds}
-    codes |= {mistake.name for mistake in (*OF_TORQUES, *OF_WRENCHES)}
-    return codes | {AT_LIMIT, FELL, SLIPPED, TOUCHED}
+    return codes | FOUND | {AT_LIMIT, FELL, SLIPPED, TOUCHED}
 
 
 def test_every_code_of_the_program_is_on_the_page_and_no_other() -> None:

@@ -87,7 +87,7 @@ def test_the_page_is_well_formed_and_needs_no_network(page):
 def test_every_section_and_every_figure_is_there(page):
     outline = _outline(page)
     # A campaign is of a robot; pages of a person and of a log are looked at elsewhere.
-    assert {part.identifier for part in SECTIONS} - {"person", "moving", "findings", "beside-model"} <= set(
+    assert {name for name, *_ in SECTIONS} - {"person", "moving", "findings", "beside-model"} <= set(
         outline.ids
     )
     assert outline.drawings == 9

@@ -17,7 +17,7 @@ from excite.report.replay.scene import (
     merge_corners,
     robot_scene,
     solid_triangles,
-    trial_frames,
+    trial_track,
     visible_bodies,
 )
 from excite.report.replay.tracks import (
@@ -108,7 +108,9 @@ def test_the_line_between_the_nearest_bodies_is_as_long_as_they_are_apart(watche
         pin.forwardKinematics(robot.model, data, shown.motion.q[row])
         ends = [
             data.oMi[int(joint)].act(point)
-            for joint, point in zip(shown.closest[row], shown.points[row].reshape(2, 3), strict=True)
+            for joint, point in zip(
+                shown.nearest.joints[row], shown.nearest.points[row].reshape(2, 3), strict=True
+            )
         ]
         assert np.linalg.norm(ends[1] - ends[0]) == pytest.approx(margin.values[row], abs=1e-5)
 
@@ -183,15 +185,15 @@ def test_a_trial_has_its_robot_and_its_ghost(g1):
     measured = np.sin(time[:, None] * [1.0, 2.0, 3.0, 4.0]) * 0.1
     base = np.tile([0.0, 0, 0.8, 0, 0, 0, 1.0], (500, 1))
     base[:, 0] = time
-    frames = trial_frames(g1, "one", time, measured, joints, base=base, ghost=("told", measured + 0.1))
-    page = frames.to_json()
+    page = trial_track(g1, "one", time, measured, joints, base=base, ghost=("told", measured + 0.1))
+    shown = unpack_table(page["time"])[:, 0]
     q, ghost = unpack_table(page["q"]), unpack_table(page["ghost"]["q"])
     assert q.shape == (61, g1.model.nq)
     np.testing.assert_allclose(
-        q[:, 10:14], np.column_stack([np.interp(frames.time + 3, time, c) for c in measured.T]), atol=1e-5
+        q[:, 10:14], np.column_stack([np.interp(shown + 3, time, c) for c in measured.T]), atol=1e-5
     )
     np.testing.assert_allclose(ghost[:, 10:14] - q[:, 10:14], 0.1, atol=1e-5)
-    np.testing.assert_allclose(q[:, 0], frames.time + 3.0, atol=5e-3)
+    np.testing.assert_allclose(q[:, 0], shown + 3.0, atol=5e-3)
     np.testing.assert_allclose(q[:, 14:], np.tile(g1.rest[14:], (61, 1)), atol=1e-9)
 
 
@@ -204,7 +206,7 @@ def test_a_ghost_has_a_base_of_its_own_where_that_was_simulated():
     fallen = measured.copy()
     fallen[:, 2] -= 0.5 * time
     fallen[:, 4], fallen[:, 6] = np.sin(half), np.cos(half)
-    page = trial_frames(g1, "one", time, measured, names, ghost=("simulated", fallen)).to_json()
+    page = trial_track(g1, "one", time, measured, names, ghost=("simulated", fallen))
     q, ghost = unpack_table(page["q"]), unpack_table(page["ghost"]["q"])
     shown = unpack_table(page["time"])[:, 0]
     np.testing.assert_allclose(q[:, :9], np.tile(measured[0], (len(q), 1)), atol=1e-6)

@@ -86,7 +86,7 @@ def test_a_simulator_that_runs_away_is_not_shown(folder: Path) -> None:
     findings = SimpleNamespace(
         record=Record(robot, log), data=replace(data, path=away), diagnosis={"effects": []}
     )
-    page = show_moving.build(findings)  # type: ignore[arg-type]
+    page = "".join(show_moving(findings))  # type: ignore[arg-type]
     assert "runs away by more than half a turn" in page and "the simulator as it was" not in page
 
 

@@ -1,102 +1,81 @@
-"""Channels that are not what the log calls them, as the nominal model tells."""
+"""Rules for channels that are not what the log calls them, and for machines that are not the model's, by physics."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
+from excite.arrays import Array
 from excite.display import percent
+from excite.doctor.case import Case
 from excite.doctor.channel_errors import OF_TORQUES, OF_WRENCHES, Misreading, misreadings
 from excite.doctor.channel_mapping import Reading
-from excite.doctor.check import Check, Outcome
-from excite.doctor.checks.torques import of_unknown_unit
-from excite.doctor.inertial_prior import STRONG_ODDS
-from excite.doctor.mistakes.mistake import Mistake
+from excite.doctor.checks.values import of_unknown_unit
+from excite.doctor.inertial_prior import STRONG_ODDS, Judgement
 from excite.doctor.mistakes.torques import OtherMachine, carried_load, other_machine
+from excite.doctor.samples import Samples
+from excite.doctor.thresholds import THRESHOLD
 from excite.doctor.torque_samples import TorqueSamples, torque_samples
 from excite.doctor.wrench_samples import wrench_samples
-from excite.finding import Finding, list_names
-from excite.logs.log import Log
-from excite.robot.robot import Robot
+from excite.finding import list_names
+from excite.logs.log import Trial
+
+Found = tuple[Misreading, ...]
 
 
-class Channels(Check):
+def find_misreadings(case: Case) -> None:
     """Signs, order, units, zeros, clock, delay, poses by which the model explains torques or wrenches far better."""
-
-    kinds = (
-        *dict.fromkeys(
-            (*(mistake.name for mistake in OF_TORQUES), *(mistake.name for mistake in OF_WRENCHES))
-        ),
-        "other_model",
-    )
-
-    def examine(self, robot: Robot, log: Log) -> Outcome:
-        reading, found, what, other = _read(robot, log)
-        if not found:
-            return Outcome(log)
-        doubts = frozenset(
-            doubt for item in found if not item.correction.certain for doubt in item.mistake.leaves
-        )
-        if other is not None:
-            return Outcome(log, (_of_another_machine(found, what, other),), doubts)
-        mended = not all(item.correction.ask for item in found)
-        log = _as_logged(reading, found).of(log) if mended else log
-        return Outcome(log, tuple(_finding(item, what) for item in found), doubts)
-
-
-class _Read(NamedTuple):
-    """The likeliest reading of a log, what was found on the way, and what was measured.
-
-    ``other`` is another machine than the model's, where that says as much as all that was found.
-    """
-
-    reading: Reading
-    found: tuple[Misreading, ...]
-    what: str
-    other: OtherMachine | None = None
+    header, stated = case.log.header, Reading.as_stated(case.log)
+    samples: Samples | None = case.samples
+    other = None
+    if samples is None and header.free_base and header.sensors:
+        samples = wrench_samples(case.robot, case.log)
+    if samples is None:
+        return
+    mistakes = OF_TORQUES if isinstance(samples, TorqueSamples) else OF_WRENCHES
+    possible = [one for one in mistakes if not one.of_posture or header.posture == "measured"]
+    reading, found = misreadings(samples, stated, possible)
+    if found and isinstance(samples, TorqueSamples):
+        # Torques in a unit that nothing tells, too small for bodies anywhere near the nominal ones, betray nothing.
+        if of_unknown_unit(samples, stated) is not None:
+            return
+        samples, (reading, found) = _beside_load(samples, stated, possible, (reading, found))
+        other = _explain_by_other_machine(samples, stated, reading, found)
+    for item in found:
+        case.doubts |= set() if item.correction.certain else item.mistake.leaves
+    if other is not None:
+        _report_other_model(case, found, samples.what, other)
+        return
+    for item in found:
+        _report_misreading(case, item, samples.what)
+        # A person has to say first what is asked for.
+        reading = item.correction.as_logged(reading) if item.correction.ask else reading
+    if not all(item.correction.ask for item in found):
+        case.log = reading.of(case.log)
 
 
-def _read(robot: Robot, log: Log) -> _Read:
-    stated = Reading.as_stated(log)
-    if log.header.free_base:
-        wrenches = wrench_samples(robot, log) if log.header.sensors else None
-        if wrenches is not None:
-            possible = [m for m in OF_WRENCHES if not m.of_posture or log.header.posture == "measured"]
-            return _Read(*misreadings(wrenches, stated, possible), wrenches.measured_name)
-    elif log.header.torque not in {None, "none"}:
-        torques = torque_samples(robot, log)
-        if torques is not None:
-            possible_of_torques = [
-                m for m in OF_TORQUES if not m.of_posture or log.header.posture == "measured"
-            ]
-            return _of_torques(torques, stated, possible_of_torques)
-    return _Read(stated, (), "")
-
-
-def _of_torques(samples: TorqueSamples, stated: Reading, possible: Sequence[Mistake[TorqueSamples]]) -> _Read:
-    """What torques betray; beside a load where that explains them better than the first mistake would.
+def _beside_load(
+    samples: TorqueSamples, stated: Reading, possible: Sequence, found: tuple[Reading, Found]
+) -> tuple[TorqueSamples, tuple[Reading, Found]]:
+    """What torques betray beside a load where that explains them better than the first mistake would.
 
     A load of a robot's own weight is no likely body: torques of an arm that carried one were scaled, and without that
-    its clock looked fast. Torques in a unit that nothing tells, too small for bodies anywhere near the nominal ones,
-    betray nothing: gravity looked turned by 145 degrees in those before the gears of a KUKA KR 300.
+    its clock looked fast.
     """
-    if of_unknown_unit(samples, stated) is not None:
-        return _Read(stated, (), samples.measured_name)
-    used = samples
-    reading, found = misreadings(samples, stated, possible)
-    load = carried_load(samples, stated) if found else None
+    load = carried_load(samples, stated)
     if load is not None:
         loaded = replace(samples, carried=load.parameters)
         before = samples.judged(stated)
-        if before.odds(loaded.judged(stated, before.counts)) > found[0].gain:
-            used = loaded
-            reading, found = misreadings(loaded, stated, possible)
-    return _Read(reading, found, samples.measured_name, _other_machine(used, stated, reading, found))
+        if before.odds(loaded.judged(stated, before.counts)) > found[1][0].gain:
+            return loaded, misreadings(loaded, stated, possible)
+    return samples, found
 
 
-def _other_machine(
-    samples: TorqueSamples, stated: Reading, mended: Reading, found: tuple[Misreading, ...]
+def _explain_by_other_machine(
+    samples: TorqueSamples, stated: Reading, mended: Reading, found: Found
 ) -> OtherMachine | None:
     """Another machine that explains the log as it stands; None where the mistakes that were found explain more.
 
@@ -112,54 +91,107 @@ def _other_machine(
     return other if float(then.counts @ (other.left - then.left)) - then.cost < STRONG_ODDS else None
 
 
-def _as_logged(reading: Reading, found: tuple[Misreading, ...]) -> Reading:
-    """The reading without what a person has to say first."""
-    for item in found:
-        if item.correction.ask:
-            reading = item.correction.as_logged(reading)
-    return reading
-
-
-def _of_another_machine(found: tuple[Misreading, ...], what: str, other: OtherMachine) -> Finding:
+def _report_other_model(case: Case, found: Found, what: str, other: OtherMachine) -> None:
     """One model that is another machine's instead of several mistakes."""
-    kinds = dict.fromkeys(item.mistake.name.replace("_", " ") for item in found)
-    before, after = percent(min(100.0, 100.0 * found[0].before)), percent(100.0 * other.share)
+    kinds = list(dict.fromkeys(item.mistake.name.replace("_", " ") for item in found))
+    before, after = (percent(min(100.0, 100.0 * share)) for share in (found[0].before, other.share))
     size = "" if other.length == 1.0 else f", about {other.length:.2g} times as long"
     text = (
-        f"the model looks like another machine's: with bodies anywhere near what it says {before} of the "
-        f"{what}' power is left, with other bodies on its joints{size}, {after}, and it would take "
-        f"{len(found)} mistakes in the log at once ({list_names(list(kinds))}) to explain as much"
+        f"the model is probably that of another machine: with bodies near its own {before} of the {what}' "
+        f"power is unexplained, with other bodies on its joints{size} {after}; the only other explanation is "
+        f"{len(found)} mistakes in the log at once ({list_names(kinds)})"
     )
-    return Finding(
+    figures = {"left_before": found[0].before, "left_after": other.share, "length": other.length}
+    case.add(
         "other_model",
         text,
-        {"left_before": found[0].before, "left_after": other.share, "length": other.length},
-        tuple(dict.fromkeys(place for item in found for place in item.correction.places)),
-        severity="spoils",
-        sure=0.8,
-        remedy="take the recorded robot's model, or say which of these mistakes the log has",
+        figures,
+        tuple(dict.fromkeys(p for item in found for p in item.correction.places)),
     )
 
 
-def _finding(item: Misreading, what: str) -> Finding:
-    correction = item.correction
+def _report_misreading(case: Case, item: Misreading, what: str) -> None:
+    one = item.correction
     before, after = (percent(min(100.0, 100.0 * share)) for share in (item.before, item.after))
-    text = f"{correction.text} (likely bodies leave {before} of the {what}' power as it is, {after} then)"
-    if correction.ask:
-        remedy = correction.ask
-    elif correction.mends:
-        remedy = correction.mends
-    elif correction.certain:
-        remedy = "it was put right for what follows; correct the log"
-    else:
-        remedy = f"it was put right as far as the {what} tell; correct the log"
-    return Finding(
+    right = "" if one.certain else f" as far as the {what} determine it"
+    case.add(
         item.mistake.name,
-        text,
-        {**correction.figures, "left_before": item.before, "left_after": item.after},
-        correction.places,
+        f"{one.text} (with bodies near the model's {before} of the {what}' power is unexplained, {after} corrected)",
+        {**one.figures, "left_before": item.before, "left_after": item.after},
+        one.places,
         severity="spoils",
         sure=item.sure,
-        repaired=not correction.ask,
-        remedy=remedy,
+        repaired=not one.ask,
+        remedy=one.ask or one.mends or f"it was corrected{right}; correct the log as well",
     )
+
+
+# Trials to learn from and to judge by that are not of the same machine.
+
+
+def find_other_machine(case: Case) -> None:
+    """Likely bodies and drives that explain the trials to learn from explain those to judge by as well."""
+    learnt, judges = case.log.role("identification"), case.log.role("validation")
+    found = _compare_sets(case, learnt, judges)
+    if found is None or not _are_worse(*found).any():
+        return
+    # What no model has sets the trials of one machine apart as well, by their postures; where these are too short to
+    # see how far, nothing is known of another machine.
+    usual = [_compare_sets(case, first, second) for first, second in _halves(learnt)]
+    known = [np.maximum(one[0], 0.0) for one in usual if one is not None]
+    if not known:
+        return
+    worse, much = found
+    worse = worse - np.max(known, axis=0)
+    bad = _are_worse(worse, much)
+    if bad.any():
+        names = tuple(np.array(case.log.header.torque_joints)[bad])
+        text = (
+            f"what the identification trials say of {list_names(names)} does not hold in the validation trials: "
+            "another machine, another load, other channels, or something that acts in their postures only, "
+            "such as a stop"
+        )
+        trials = tuple(trial.name for trial in judges)
+        case.add("other_machine", text, {"worse_nat": float(worse.sum())}, names, trials=trials)
+
+
+def _are_worse(worse: Array, much: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Torques that one machine explains less well, and all together too; odds alone part records of one KUKA LWR."""
+    least = THRESHOLD.least_gain
+    return (worse > least) & much & (worse.sum() > least)
+
+
+def _halves(trials: tuple[Trial, ...]) -> tuple[tuple[tuple[Trial, ...], tuple[Trial, ...]], ...]:
+    """Trials parted by their order, and by turns; of a trial alone its quarters."""
+    if len(trials) == 1:
+        (whole,) = trials
+        parts = np.array_split(np.arange(whole.n_samples), 4)
+        trials = tuple(replace(whole.rows(rows), name=f"{whole.name}_{k}") for k, rows in enumerate(parts))
+    middle = len(trials) // 2
+    return ((trials[:middle], trials[middle:]), (trials[::2], trials[1::2]))
+
+
+def _compare_sets(
+    case: Case, first: tuple[Trial, ...], second: tuple[Trial, ...]
+) -> tuple[Array, NDArray[np.bool_]] | None:
+    """By how much one set of bodies and drives for all leaves more than one a part [nat], and where it leaves much.
+
+    Of the torques it leaves much of, only those count whose odds for two sets are strong for so many torques.
+    """
+    left = [_judge_trials(case, trials) for trials in (first, second, (*first, *second))]
+    one, other, both = left
+    if one is None or other is None or both is None:
+        return None
+    worse = both.left - 0.5 * (one.left + other.left)
+    strong = both.counts * worse > STRONG_ODDS + np.log(len(worse))
+    return worse, (both.left > 0.5 * np.log(THRESHOLD.much_left)) & strong
+
+
+def _judge_trials(case: Case, trials: tuple[Trial, ...]) -> Judgement | None:
+    """What likely bodies leave of some trials; None where there is nothing to look at."""
+    header = case.log.header
+    if not trials or header.free_base or header.torque in {None, "none"}:
+        return None
+    chosen = replace(case.log, trials=tuple(replace(trial, role="identification") for trial in trials))
+    samples = torque_samples(case.robot, chosen)
+    return None if samples is None else samples.judged(Reading.as_stated(case.log))

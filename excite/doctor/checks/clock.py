@@ -1,148 +1,99 @@
-"""Checks of the clock and of the rows: rate, time stamps, repeated rows, velocities beside positions."""
+"""Rules for the clock and the rows: rate, time stamps, repeated rows, velocities beside positions."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.doctor.check import Check, Outcome
+from excite.doctor.case import Case
 from excite.doctor.doubt import Doubt
-from excite.finding import Finding, list_names
-from excite.logs.log import Cleaning, Log, Trial
+from excite.doctor.thresholds import THRESHOLD, is_near_one
+from excite.finding import list_names
+from excite.logs.log import Trial
 from excite.logs.quantisation import channel_noise
 from excite.logs.sampling import missing_rows
 from excite.logs.signals.butterworth import lowpass, settling_samples
 from excite.logs.signals.clock import cubic_misfit
-from excite.robot.robot import Robot
 
 # The clock beside what the log says of it, and beside how fast the robot can be.
 
-# Rates of a log are stated with few digits; further off is another rate.
-RATE_OFF = 1.05
-# Rows this seldom or this often come from no logger of a robot [Hz].
-_SLOWEST_HZ, _FASTEST_HZ = 2.0, 5e4
-_UNITS = {"milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9}
-# A robot that moves reaches this share of its limits of velocity, and does not pass them by more.
-_SPEEDS = (1e-3, 3.0)
-# A grid of accelerations needs some rows for each period of what excites a robot [Hz].
-_LEAST_HZ = 20.0
+_SECONDS = {"milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9}
 
 
-class StatedRate(Check):
+def find_rate(case: Case) -> None:
     """``rate_hz`` beside the stamps; stamps in another unit where no robot is so slow."""
-
-    kinds = ("rate", "time_unit", "low_rate")
-
-    def examine(self, robot: Robot, log: Log) -> Outcome:
-        log, found = _in_seconds(robot, log)
-        rate = rate_of(log.trials)
-        factor = rate / log.header.rate_hz
-        if not 1.0 / RATE_OFF < factor < RATE_OFF:
-            text = f"time stamps run at {rate:.4g} Hz, log.yaml says {log.header.rate_hz:g} Hz: one of them is wrong"
-            found.append(
-                Finding(
-                    "rate",
-                    text,
-                    {"factor": factor},
-                    ("time",),
-                    severity="limits",
-                    remedy="the stamps are believed; correct rate_hz, or the clock",
-                )
-            )
-        if rate < _LEAST_HZ:
-            text = f"{rate:.3g} rows a second are too few for velocities and accelerations"
-            found.append(
-                Finding(
-                    "low_rate",
-                    text,
-                    {"rate_hz": rate},
-                    ("time",),
-                    severity="spoils",
-                    remedy="log at 100 Hz or more; gravity alone can be told from standing postures",
-                )
-            )
-        return Outcome(log, tuple(found))
+    _set_seconds(case)
+    rate, stated = median_rate(case.log.trials), case.log.header.rate_hz
+    if not is_near_one(rate / stated, THRESHOLD.rate_off):
+        text = f"time stamps run at {rate:.4g} Hz, log.yaml states {stated:g} Hz: one of them is wrong"
+        case.add("rate", text, {"factor": rate / stated}, ("time",))
+    if rate < THRESHOLD.least_rate_hz:
+        text = f"{rate:.3g} rows a second are too few for velocities and accelerations"
+        case.add("low_rate", text, {"rate_hz": rate}, ("time",))
 
 
-def rate_of(trials: Sequence[Trial]) -> float:
+def median_rate(trials: Sequence[Trial]) -> float:
     """At which rate the stamps of most trials usually run [Hz]."""
     return float(np.median([1.0 / np.median(np.diff(trial.time)) for trial in trials]))
 
 
-def _in_seconds(robot: Robot, log: Log) -> tuple[Log, list[Finding]]:
-    """Stamps of a clock at which the robot would hardly move, in the unit in which it does."""
-    rate = rate_of(log.trials)
-    if _SLOWEST_HZ < rate < _FASTEST_HZ:
-        return log, []
-    limits = robot.limits.velocity[[robot.joint_index(name) for name in log.header.joints]]
-    speeds = [np.abs(np.diff(t.q, axis=0) / np.diff(t.time)[:, None]).max(axis=0) for t in log.trials]
+def _set_seconds(case: Case) -> None:
+    """Take stamps of a clock at which the robot would hardly move in the unit in which it does."""
+    rate = median_rate(case.log.trials)
+    if THRESHOLD.slowest_hz < rate < THRESHOLD.fastest_hz:
+        return
+    limits = case.robot.limits.velocity[case.columns]
+    speeds = [np.abs(np.diff(t.q, axis=0) / np.diff(t.time)[:, None]).max(axis=0) for t in case.log.trials]
     share = float(np.max(np.max(speeds, axis=0) / np.where(np.isfinite(limits), limits, 3.0)))
-    for unit, seconds in _UNITS.items():
-        plausible = _SPEEDS[0] < share / seconds < _SPEEDS[1]
-        if plausible and _SLOWEST_HZ < rate / seconds < _FASTEST_HZ:
-            text = f"time stamps run at {rate:.3g} Hz, at which the robot would hardly move: they look like {unit}"
-            finding = Finding(
-                "time_unit",
-                text,
-                {"seconds": seconds},
-                ("time",),
-                severity="spoils",
-                repaired=True,
-                remedy="they were taken as such; write seconds, and rate_hz to match",
-            )
-            trials = tuple(replace(t, time=seconds * (t.time - t.time[0])) for t in log.trials)
-            header = log.header.model_copy(update={"rate_hz": rate / seconds})
-            return replace(log, header=header, trials=trials), [finding]
-    return log, []
+    for unit, seconds in _SECONDS.items():
+        if (
+            THRESHOLD.slowest_share < share / seconds < THRESHOLD.fastest_share
+            and THRESHOLD.slowest_hz < rate / seconds < THRESHOLD.fastest_hz
+        ):
+            text = f"time stamps run at {rate:.3g} Hz, at which the robot would hardly move: they are probably {unit}"
+            remedy = "they were read in that unit; write seconds, and rate_hz to match"
+            case.add("time_unit", text, {"seconds": seconds}, ("time",), remedy=remedy)
+            _scale_clock(case, seconds, rate / seconds, from_zero=True)
+            return
+
+
+def _scale_clock(case: Case, tick: float, rate_hz: float, *, from_zero: bool = False) -> None:
+    """Take a unit of the stamps as so many seconds."""
+
+    def scaled(trial: Trial) -> Trial:
+        first = trial.time[0]
+        return replace(trial, time=(0.0 if from_zero else first) + tick * (trial.time - first))
+
+    case.change_trials(scaled)
+    case.change_header(rate_hz=rate_hz)
 
 
 # Rows that repeat the row before because a logger read one packet twice, told from joints that hardly move.
 
-# How many rows of a trial may be left out by chance. With a twentieth, 80 of 6.1 million rows in 1020 trials of one to
-# seven joints that rest, creep or swing, read through encoders whose readings flicker by 0 to 2 steps, were left out.
-# Of rows read twice in which a joint had moved by two steps, and by four times the flicker, 98 % were where one row in
-# 20 was, and 90 % where one in three was.
-_BY_CHANCE = 0.05
-# Of a channel that changes by less than half a step a row nothing is to be seen in a single row.
-_UNSEEN = 0.5
-# Single precision does not part readings.
-_ROUNDING = 1e-7
-_FEWEST = 5
 
-
-class HeldRows(Check):
+def find_held_rows(case: Case) -> None:
     """Rows in which every measured channel repeats the row before: a logger that read the same packet twice.
 
     A joint that stands or creeps repeats its encoder's reading by right.
     """
-
-    kinds = ("repeated_rows",)
-
-    def examine(self, robot: Robot, log: Log) -> Outcome:
-        held = {trial.name: _held(trial) for trial in log.trials}
-        count = {name: int(rows.sum()) for name, rows in held.items() if rows.any()}
-        if not count:
-            return Outcome(log)
-        trials = tuple(t.rows(~held[t.name]) if t.name in count else t for t in log.trials)
-        rows = sum(count.values())
-        where = list_names([f"{name} {number}" for name, number in count.items()], 3)
-        finding = Finding(
-            "repeated_rows",
-            f"{rows} rows repeat the row before, in {where}: the logger read the same packet twice",
-            {"rows": float(rows)},
-            repaired=True,
-            remedy="they are left out",
-            trials=tuple(count),
-        )
-        # What a log states is the rate of its rows, of which these may be so few that theirs is another.
-        slower, header = rate_of(trials) / rate_of(log.trials), log.header
-        if slower < 1.0 / RATE_OFF:
-            header = header.model_copy(update={"rate_hz": header.rate_hz * slower})
-        return Outcome(replace(log, header=header, trials=trials), (finding,))
+    held = {trial.name: _held(trial) for trial in case.log.trials}
+    count = {name: int(rows.sum()) for name, rows in held.items() if rows.any()}
+    if not count:
+        return
+    rows, before = sum(count.values()), median_rate(case.log.trials)
+    text = (
+        f"{rows} rows repeat the row before, in {_list_counts(count)}: the logger wrote the same packet twice"
+    )
+    case.add("repeated_rows", text, {"rows": float(rows)}, trials=tuple(count))
+    case.change_trials(lambda trial: trial.rows(~held[trial.name]) if trial.name in count else trial)
+    # What a log states is the rate of its rows, of which these may be so few that theirs is another.
+    slower = median_rate(case.log.trials) / before
+    if slower < 1.0 / THRESHOLD.rate_off:
+        case.change_header(rate_hz=case.log.header.rate_hz * slower)
 
 
 def _held(trial: Trial) -> NDArray[np.bool_]:
@@ -163,148 +114,95 @@ def held_rows(time: Array, values: Array) -> NDArray[np.bool_]:
         values: ``(n, k)`` measured channels.
     """
     same = np.concatenate([[False], np.all(np.diff(values, axis=0) == 0.0, axis=1)])
-    fresh = np.flatnonzero(~same)
-    if not same.any() or len(fresh) < _FEWEST:
-        return np.zeros(len(time), dtype=bool)
-    rows = np.flatnonzero(same)
+    fresh, rows = np.flatnonzero(~same), np.flatnonzero(same)
+    held = np.zeros(len(time), dtype=bool)
+    if not same.any() or len(fresh) < THRESHOLD.fewest_fresh:
+        return held
     place = np.searchsorted(fresh, rows)
     before, after = fresh[place - 1], fresh[np.minimum(place, len(fresh) - 1)]
     noise = channel_noise(time[fresh], list(values[fresh].T))
     chance = np.zeros(len(rows))
     for channel, sigma in zip(values.T, noise, strict=True):
         changes = np.abs(np.diff(channel))
-        told = changes[changes > _ROUNDING * np.abs(channel).max()]
-        if not len(told):
-            continue
-        step = float(told.min())
-        rate = np.abs(channel[after] - channel[before]) / np.maximum(after - before, 1) / step
-        # Of what is taken for noise the rounding of readings is a part already.
-        variance = 2.0 * max((sigma / step) ** 2 - 1.0 / 12.0, 0.0) + 1.0 / 6.0
-        log_chance = -0.5 * (rate**2 / variance + np.log(2.0 * np.pi * variance))
-        chance += np.where(rate > _UNSEEN, np.minimum(log_chance, 0.0), 0.0)
-    held = np.zeros(len(time), dtype=bool)
-    held[rows] = chance < np.log(_BY_CHANCE / len(time))
+        told = changes[changes > THRESHOLD.rounding * np.abs(channel).max()]
+        if len(told):
+            step = float(told.min())
+            rate = np.abs(channel[after] - channel[before]) / np.maximum(after - before, 1) / step
+            # Of what is taken for noise the rounding of readings is a part already.
+            variance = 2.0 * max((sigma / step) ** 2 - 1.0 / 12.0, 0.0) + 1.0 / 6.0
+            log_chance = -0.5 * (rate**2 / variance + np.log(2.0 * np.pi * variance))
+            chance += np.where(rate > THRESHOLD.seen_steps, np.minimum(log_chance, 0.0), 0.0)
+    held[rows] = chance < np.log(THRESHOLD.left_out_by_chance / len(time))
     return held
 
 
-# Rows that a logger stamped twice, lost or wrote out of order.
+# Rows that a logger stamped twice, lost or wrote out of order, counted and put right by the reader of the files.
+
+_COUNTED = (
+    ("repeated_stamps", "repeated_rows", "rows repeat a time stamp", "the logger wrote a packet twice"),
+    ("reordered_rows", "reordered_rows", "time stamps go back", "packets arrived out of order"),
+    ("missing_rows", "missing_rows", "rows are missing", "packets were lost"),
+)
 
 
-class CountedRows(Check):
-    """What the reader of the files has counted, and put right."""
-
-    kinds = ("repeated_stamps", "reordered_rows", "missing_rows", "time_unit")
-
-    _COUNTS: tuple[tuple[str, Callable[[Cleaning], int], str, str, str], ...] = (
-        (
-            "repeated_stamps",
-            lambda c: c.repeated_rows,
-            "rows repeat a time stamp",
-            "the logger wrote a packet twice",
-            "the first of each is kept",
-        ),
-        (
-            "reordered_rows",
-            lambda c: c.reordered_rows,
-            "time stamps go back",
-            "packets overtook each other",
-            "rows were put in order",
-        ),
-        (
-            "missing_rows",
-            lambda c: c.missing_rows,
-            "rows are missing",
-            "packets were lost",
-            "short gaps are bridged, long ones left out",
-        ),
-    )
-
-    def examine(self, robot: Robot, log: Log) -> Outcome:
-        found = []
-        for kind, counted, what, cause, done in self._COUNTS:
-            count = {trial.name: counted(trial.cleaning) for trial in log.trials if counted(trial.cleaning)}
-            if count:
-                rows = sum(count.values())
-                text = f"{rows} {what}, in {_in(count)}: {cause}"
-                found.append(
-                    Finding(
-                        kind, text, {"rows": float(rows)}, repaired=True, remedy=done, trials=tuple(count)
-                    )
-                )
-        units = {trial.name: trial.cleaning.time_unit for trial in log.trials if trial.cleaning.time_unit}
-        if units:
-            unit = next(iter(units.values()))
-            text = f"time stamps are {unit}, as rate_hz of log.yaml tells"
-            found.append(
-                Finding(
-                    "time_unit",
-                    text,
-                    severity="spoils",
-                    repaired=True,
-                    remedy="they were taken as such; write seconds",
-                    trials=tuple(units),
-                )
-            )
-        return Outcome(log, tuple(found))
+def find_counted_rows(case: Case) -> None:
+    """What the reader of the files has counted."""
+    for kind, counted, what, cause in _COUNTED:
+        count = {t.name: rows for t in case.log.trials if (rows := getattr(t.cleaning, counted))}
+        if count:
+            rows = sum(count.values())
+            text = f"{rows} {what}, in {_list_counts(count)}: {cause}"
+            case.add(kind, text, {"rows": float(rows)}, trials=tuple(count))
+    units = {t.name: t.cleaning.time_unit for t in case.log.trials if t.cleaning.time_unit}
+    if units:
+        text = f"time stamps are {next(iter(units.values()))}, as rate_hz in log.yaml shows"
+        case.add("time_unit", text, trials=tuple(units))
 
 
-def _in(count: dict[str, int]) -> str:
+def _list_counts(count: dict[str, int]) -> str:
     return list_names([f"{name} {rows}" for name, rows in count.items()], 3)
 
 
 # Stamps that jitter: taken when samples were, or put on later.
 
-# Stamps that jitter by less than this share of a step are good enough.
-_STEADY = 0.02
-# An even clock is believed only where positions are clearly smoother on it: stamps are the truth by contract.
-_CLEARLY = 0.95
-_USUAL = 0.99
 
-
-class Stamps(Check):
+def find_jitter(case: Case) -> None:
     """Jittered stamps are kept unless positions are clearly smoother on the even clock behind them."""
-
-    kinds = ("late_stamps", "jitter")
-
-    def examine(self, robot: Robot, log: Log) -> Outcome:
-        trials: list[Trial] = []
-        late: dict[str, float] = {}
-        jittered: dict[str, float] = {}
-        for trial in log.trials:
-            share, mended = _steady(trial)
-            trials.append(mended)
-            if share >= _STEADY:
-                (jittered if mended is trial else late)[trial.name] = share
-        found = []
-        if late:
-            text = (
-                f"stamps jitter by {100 * max(late.values()):.0f} % of a step, the positions do not: they were taken "
-                "when packets arrived, not when they were measured"
+    shares: dict[str, dict[str, float]] = {"late_stamps": {}, "jitter": {}}
+    even = {}
+    for trial in case.log.trials:
+        share, steady = _steady_clock(trial)
+        if share >= THRESHOLD.steady:
+            shares["jitter" if steady is None else "late_stamps"][trial.name] = share
+        if steady is not None:
+            even[trial.name] = steady
+    said = {
+        "late_stamps": "stamps jitter by {:.0f} % of a step, the positions do not: they are the times at "
+        "which packets arrived, not those of the measurement",
+        "jitter": "the sampling interval jitters by up to {:.0f} %: the logger had no real-time priority",
+    }
+    for kind, found in shares.items():
+        if found:
+            most = max(found.values())
+            case.add(
+                kind, said[kind].format(100 * most), {"share_of_step": most}, ("time",), trials=tuple(found)
             )
-            found.append(_finding("late_stamps", text, late, "rows were put on the even clock behind them"))
-        if jittered:
-            text = f"the sampling interval jitters by up to {100 * max(jittered.values()):.0f} %: no real-time priority"
-            found.append(_finding("jitter", text, jittered, "the stamps are believed"))
-        return Outcome(replace(log, trials=tuple(trials)) if late else log, tuple(found))
+    if even:
+        case.change_trials(lambda trial: replace(trial, time=even.get(trial.name, trial.time)))
 
 
-def _finding(kind: str, text: str, shares: dict[str, float], done: str) -> Finding:
-    figures = {"share_of_step": max(shares.values())}
-    return Finding(kind, text, figures, ("time",), repaired=True, remedy=done, trials=tuple(shares))
-
-
-def _steady(trial: Trial) -> tuple[float, Trial]:
-    """By which share of a step stamps jitter, and the trial on the clock that its positions believe."""
+def _steady_clock(trial: Trial) -> tuple[float, Array | None]:
+    """By which share of a step stamps jitter, and the even clock where positions believe that."""
     step = np.diff(trial.time)
     missing = missing_rows(trial.time)
     jitter = float(np.std(step[missing == 0]) / np.median(step))
-    if jitter < _STEADY:
-        return jitter, trial
+    if jitter < THRESHOLD.steady:
+        return jitter, None
     number = np.concatenate([[0], np.cumsum(1 + missing)])
     even = np.asarray(np.polyval(np.polyfit(number, trial.time, 1), number), dtype=float)
     moving = trial.q.std(axis=0) > 0.0
     honest, late = (_roughness(clock, trial.q[:, moving]) for clock in (trial.time, even))
-    return jitter, replace(trial, time=even) if late < honest + np.log(_CLEARLY) else trial
+    return jitter, even if late < honest + np.log(THRESHOLD.clearly_smoother) else None
 
 
 def _roughness(time: Array, q: Array) -> float:
@@ -314,129 +212,95 @@ def _roughness(time: Array, q: Array) -> float:
     """
     squares = cubic_misfit(time, q) ** 2
     # Next to gaps and outliers any clock is rough.
-    squares = np.minimum(squares, np.quantile(squares, _USUAL, axis=0))
+    squares = np.minimum(squares, np.quantile(squares, THRESHOLD.usual_misfit, axis=0))
     return float(0.5 * np.mean(np.log(np.maximum(squares.mean(axis=0), 1e-300))))
 
 
 # Logged velocities beside the slope of the positions: the clock, signs, columns.
 
-# Velocities that a drive has filtered are a few per cent small; a clock is off by the same factor at every joint.
-_CLOCK_OFF, _ALIKE = 1.06, 0.03
-# Velocities are logged in these too, and no clock is off by such a factor by chance [rad/s].
-_VELOCITIES_UNITS = {"deg/s": np.pi / 180.0, "rpm": np.pi / 30.0, "rev/s": 2.0 * np.pi}
-# Joints whose velocity follows the slope of another factor than one.
-_ODD = 2.0
-_FOLLOWS = 0.9
-# The step of an even clock under rows of which some were left out is that of the shortest, but for stamps that jitter;
-# packets that arrive in bunches do not make a record any larger than this many rows for one.
-_SHORT, _MOST_FINER = 0.05, 10
+# Units that velocities are logged in, too [rad/s]; no clock is off by such a factor by chance.
+_VELOCITY_UNITS = {"deg/s": np.pi / 180.0, "rpm": np.pi / 30.0, "rev/s": 2.0 * np.pi}
 
 
-class Velocities(Check):
+def find_velocity_errors(case: Case) -> None:
     """A factor that all joints share is the clock's; one joint's is a sign, a unit or another column."""
-
-    kinds = ("clock", "velocity")
-
-    def examine(self, robot: Robot, log: Log) -> Outcome:
-        compared = velocity_ratios(log)
-        if compared is None:
-            return Outcome(log)
-        ratio, follows, seen = compared
-        good = seen & (follows > _FOLLOWS) & (ratio > 0.0)
-        if good.sum() > max(1, seen.sum() // 2):
-            tick = 1.0 / float(np.median(ratio[good]))
-            alike = np.abs(np.log(ratio[good] * tick)) < _ALIKE
-            if alike.mean() > 0.8 and not 1.0 / _CLOCK_OFF < tick < _CLOCK_OFF and good.sum() > 1:
-                unit = next((u for u, size in _VELOCITIES_UNITS.items() if _near(tick, size)), None)
-                return self._clock(log, tick) if unit is None else Outcome(log, (_in_unit(unit, 1.0 / tick),))
-        odd = seen & ~((ratio > 1.0 / _ODD) & (ratio < _ODD))
-        if not odd.any():
-            return Outcome(log)
-        names = tuple(np.array(log.header.joints)[odd])
+    compared = velocity_ratios(case.log.trials)
+    if compared is None:
+        return
+    ratio, follows = compared
+    seen = np.isfinite(ratio)
+    good = (follows > THRESHOLD.velocity_follows) & (ratio > 0.0)
+    if good.sum() > max(1, seen.sum() // 2):
+        tick = 1.0 / float(np.median(ratio[good]))
+        alike = np.abs(np.log(ratio[good] * tick)) < THRESHOLD.velocities_alike
+        if alike.mean() > 0.8 and not is_near_one(tick, THRESHOLD.clock_off):
+            near = (u for u, size in _VELOCITY_UNITS.items() if is_near_one(tick / size, THRESHOLD.clock_off))
+            _explain_common_ratio(case, tick, next(near, None))
+            return
+    odd = seen & ~((ratio > 1.0 / THRESHOLD.odd_velocity) & (ratio < THRESHOLD.odd_velocity))
+    if odd.any():
         worst = float(ratio[odd][0])
-        cause = "its sign is turned" if -_ODD < worst < -1.0 / _ODD else "another joint's, or another unit"
-        text = f"logged velocities of {list_names(names)} are {worst:.3g} times the slope of the positions: {cause}"
-        finding = Finding(
-            "velocity",
-            text,
-            {"ratio": worst},
-            names,
-            severity="note",
-            remedy="velocities are taken from positions; correct the columns v.*",
-        )
-        return Outcome(log, (finding,))
+        turned = worst < 0.0 and is_near_one(-worst, THRESHOLD.odd_velocity)
+        cause = "its sign is turned" if turned else "columns of another joint, or another unit"
+        names = case.joints(odd)
+        text = f"logged velocities of {list_names(names)} are {worst:.3g} times the positions' derivative: {cause}"
+        case.add("velocity", text, {"ratio": worst}, names)
 
-    def _clock(self, log: Log, tick: float) -> Outcome:
+
+def _explain_common_ratio(case: Case, tick: float, unit: str | None) -> None:
+    """All velocities in a unit that velocities have, or else a clock that is wrong."""
+    if unit is not None:
         text = (
-            f"all joints move {1.0 / tick:.3g} times as fast by their logged velocities as by positions and stamps: "
-            f"the clock is {'fast' if tick < 1.0 else 'slow'}, or velocities are in another unit"
+            f"logged velocities are {1 / tick:.3g} times the positions' derivative at all joints: they are probably in "
+            f"{unit}"
         )
-        finding = Finding(
-            "clock",
-            text,
-            {"tick": tick},
-            ("time",),
-            severity="spoils",
-            repaired=True,
-            remedy=f"a second of the stamps is taken as {tick:.4g} s",
-        )
-        trials = tuple(replace(t, time=t.time[0] + tick * (t.time - t.time[0])) for t in log.trials)
-        header = log.header.model_copy(update={"rate_hz": log.header.rate_hz / tick})
-        return Outcome(replace(log, header=header, trials=trials), (finding,), frozenset({Doubt.CLOCK}))
-
-
-def _near(tick: float, size: float) -> bool:
-    return 1.0 / _CLOCK_OFF < tick / size < _CLOCK_OFF
-
-
-def _in_unit(unit: str, ratio: float) -> Finding:
-    """All velocities in a unit that velocities have."""
-    return Finding(
-        "velocity",
-        f"logged velocities are {ratio:.3g} times the slope of the positions at all joints: they look like {unit}",
-        {"ratio": ratio},
-        ("v",),
-        severity="note",
-        remedy="velocities are taken from positions; write v.* in rad/s",
+        remedy = "velocities are computed from the positions; write v.* in rad/s"
+        case.add("velocity", text, {"ratio": 1.0 / tick}, ("v",), remedy=remedy)
+        return
+    text = (
+        f"logged velocities of all joints are {1.0 / tick:.3g} times the positions' derivatives: "
+        f"the clock is {'fast' if tick < 1.0 else 'slow'}, or velocities are in another unit"
     )
+    case.add(
+        "clock", text, {"tick": tick}, ("time",), remedy=f"one second of the stamps was taken as {tick:.4g} s"
+    )
+    case.doubts.add(Doubt.CLOCK)
+    _scale_clock(case, tick, case.log.header.rate_hz / tick)
 
 
-def _held_rows(time: Array) -> tuple[NDArray[np.intp], float]:
+def _held_grid(time: Array) -> tuple[NDArray[np.intp], float]:
     """Rows on an even clock, each held until the next one was written, and that clock's step [s].
 
     A row that was left out repeated the one before, and so what rows say together is what they say for as long as they
     hold: a velocity that is logged as a pulse in the row in which the position moves, and as zero in those that repeat
     it, is that large for one row only.
     """
-    short = float(np.quantile(np.diff(time), _SHORT))
+    short = float(np.quantile(np.diff(time), THRESHOLD.shortest_steps))
     span = float(time[-1] - time[0])
-    n = int(min(span / short, _MOST_FINER * len(time))) + 1
+    n = int(min(span / short, THRESHOLD.most_finer * len(time))) + 1
     clock = time[0] + span * np.arange(n) / max(n - 1, 1)
     # Half of what single precision leaves of a step: stamps that are the clock's own are not missed by rounding.
     rows = np.searchsorted(time, clock + 1e-6 * short, side="right") - 1
     return rows, span / max(n - 1, 1)
 
 
-def velocity_ratios(log: Log) -> tuple[Array, Array, NDArray[np.bool_]] | None:
-    """Logged velocity per slope of the position, their correlation, and which joints move, each ``(n_joints,)``."""
+def velocity_ratios(trials: Sequence[Trial]) -> tuple[Array, Array] | None:
+    """Logged velocity per slope of the position, NaN of joints that rest, and the correlation, ``(n_joints,)`` each."""
     parts = []
-    for trial in log.trials:
-        rate = 1.0 / float(np.median(np.diff(trial.time)))
-        cutoff = min(5.0, 0.2 * rate)
+    for trial in trials:
+        cutoff = min(5.0, 0.2 * median_rate([trial]))
         if trial.v is None:
             continue
-        rows, step = _held_rows(trial.time)
-        if len(rows) <= 4 * settling_samples(1.0 / step, cutoff):
-            continue
-        slope = np.gradient(trial.q[rows], step, axis=0)
-        parts.append([lowpass(value, 1.0 / step, cutoff) for value in (slope, trial.v[rows])])
+        rows, step = _held_grid(trial.time)
+        if len(rows) > 4 * settling_samples(1.0 / step, cutoff):
+            slope = np.gradient(trial.q[rows], step, axis=0)
+            parts.append([lowpass(value, 1.0 / step, cutoff) for value in (slope, trial.v[rows])])
     if not parts:
         return None
-    x, v = (np.concatenate([part[i] for part in parts]) for i in (0, 1))
-    power, own = (x**2).sum(axis=0), (v**2).sum(axis=0)
+    x, v = (np.concatenate(part) for part in zip(*parts, strict=True))
+    power, own, both = ((a * b).sum(axis=0) for a, b in ((x, x), (v, v), (x, v)))
     seen = power > 1e-6 * max(float(power.max()), 1e-300)
-    both = (x * v).sum(axis=0)
+    share, size = np.where(seen, power, 1.0), np.sqrt(np.maximum(power * own, 1e-300))
     # Errors of both sides: the slope of the line between that of one on the other and that of the other on the one.
-    ratio = np.where(seen, np.sign(both) * np.sqrt(own / np.where(seen, power, 1.0)), 1.0)
-    ratio = np.where(np.abs(both) > 0.1 * np.sqrt(power * own), ratio, both / np.where(seen, power, 1.0))
-    return ratio, both / np.sqrt(np.maximum(power * own, 1e-300)), seen
+    ratio = np.where(np.abs(both) > 0.1 * size, np.sign(both) * np.sqrt(own / share), both / share)
+    return np.where(seen, ratio, np.nan), both / size

@@ -1,4 +1,4 @@
-"""Whether what was recorded is motion that says something: standing, seams, steps, joints in unison, too little."""
+"""Rules for what was moved: standing, seams, steps, joints in unison, too little; limits, units, commands."""
 
 from __future__ import annotations
 
@@ -8,422 +8,183 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array, assign_rows
+from excite.doctor.case import Case
 from excite.doctor.channel_mapping import Reading
-from excite.doctor.check import Check, Outcome
-from excite.doctor.checks.clock import velocity_ratios
+from excite.doctor.checks.clock import median_rate, velocity_ratios
 from excite.doctor.inertial_prior import STRONG_ODDS
-from excite.doctor.torque_samples import torque_samples
-from excite.finding import Finding, list_names
-from excite.logs.log import Log, Trial
+from excite.doctor.thresholds import THRESHOLD, is_near_one
+from excite.finding import list_names
+from excite.logs.log import Trial
 from excite.logs.signals.butterworth import lowpass, settling_samples
 from excite.logs.signals.resample import without_seams
-from excite.robot.prismatic import is_prismatic
-from excite.robot.robot import Robot
 
-# Speeds below this are standing [rad/s or m/s], as for the rows of an identification.
-_STILL = 0.01
-# A joint that takes no more positions than this trembles within its encoder's steps, as fast as these are coarse: an
-# arm that stood for ten seconds took five (steps of 0.8 mrad), at 12 mrad/s.
-_TREMBLING = 10
-_SHORTEST_S = 5.0
-_FEWEST_PER_PARAMETER = 2.0
-# Joints whose velocities are so alike move as one.
-_UNISON = 0.999
-# A row in which a joint goes five times further than in those beside it, and further than steps of encoders [rad or m],
-# is a leap; a joint that makes half its way in leaps does not move but is set.
-_LEAP, _LEAP_RAD, _JUMPS = 5.0, 0.05, 0.5
+_TURN = 2.0 * np.pi
 
 
-class Standing(Check):
-    """Trials in which nothing moves: they show gravity, not inertia."""
-
-    kinds = ("standing", "nothing_moves")
-
-    def examine(self, robot: Robot, log: Log) -> Outcome:
-        still = tuple(trial.name for trial in log.trials if not _moves(trial))
-        if not still:
-            return Outcome(log)
-        chosen = [trial.name for trial in log.trials if trial.role == "identification"]
-        if all(name in still for name in chosen):
-            lost = Finding(
-                "nothing_moves",
-                "no joint ever moves in the trials to learn from",
-                {},
-                ("q",),
-                severity="fatal",
-                remedy="record motions; check that positions are in radians and the right columns",
-                trials=still,
-            )
-            return Outcome(log, (lost,))
-        text = f"nothing moves in {list_names(still)}: standing trials show gravity alone"
-        finding = Finding(
-            "standing",
-            text,
-            {"trials": float(len(still))},
-            severity="note",
-            trials=still,
-            remedy="they are used for weights, not for inertias",
-        )
-        return Outcome(log, (finding,))
-
-
-class WholeTurns(Check):
-    """Positions that jump by whole turns: an encoder that passed the end of its count, or was read anew."""
-
-    kinds = ("whole_turns",)
-
-    def examine(self, robot: Robot, log: Log) -> Outcome:
-        turning = [
-            (j, name)
-            for j, name in enumerate(log.header.joints)
-            if not is_prismatic(robot.model, robot.n_base_v + robot.joint_index(name))
-        ]
-        joints: dict[str, None] = {}
-        trials = []
-        for trial in log.trials:
-            found = {
-                (c, j): w
-                for c in ("q", "q_cmd")
-                for j, _ in turning
-                if (w := _whole(trial, c, j)) is not None
-            }
-            joints |= {log.header.joints[j]: None for _, j in found}
-            trials.append(_going_on(trial, found))
-        if not joints:
-            return Outcome(log)
-        finding = Finding(
-            "whole_turns",
-            f"positions of {list_names([*joints])} jump by whole turns: counters that pass their end, or angles kept "
-            "within a turn",
-            {"joints": float(len(joints))},
-            tuple(joints),
-            severity="spoils",
-            repaired=True,
-            remedy="they go on in what follows; log angles that go on",
-        )
-        return Outcome(replace(log, trials=tuple(trials)), (finding,))
-
-
-def _whole(trial: Trial, channel: str, joint: int) -> Array | None:
-    """A joint's positions in radians, degrees or revolutions without their jumps by whole turns; None for none."""
-    values = getattr(trial, channel)
-    if values is None:
-        return None
-    found = (without_seams(values[:, joint], turn, within=turn == 1.0) for turn in (2.0 * np.pi, 360.0, 1.0))
-    return next((whole for whole in found if whole is not None), None)
-
-
-def _going_on(trial: Trial, found: dict[tuple[str, int], Array]) -> Trial:
-    """The trial with some columns replaced, and commands on the turn that their joint is on."""
-    if not found:
-        return trial
-    q, command = trial.q.copy(), None if trial.q_cmd is None else trial.q_cmd.copy()
-    for (channel, j), whole in found.items():
-        (q if channel == "q" or command is None else command)[:, j] = whole
-    if command is not None:
-        for j in {j for _, j in found}:
-            command[:, j] += 2.0 * np.pi * np.round(np.median(q[:, j] - command[:, j]) / (2.0 * np.pi))
-    return replace(trial, q=q, q_cmd=command)
-
-
-class Jumps(Check):
-    """Positions that leap and stand: set points, or a log of steps, from which no acceleration is to be had."""
-
-    kinds = ("steps",)
-
-    def examine(self, robot: Robot, log: Log) -> Outcome:
-        way, leapt = np.zeros(len(log.header.joints)), np.zeros(len(log.header.joints))
-        for trial in log.trials:
-            change = np.abs(np.diff(trial.q, axis=0))
-            beside = np.maximum(change[:-2], change[2:])
-            leaps = (change[1:-1] > _LEAP * beside) & (change[1:-1] > _LEAP_RAD)
-            way += change.sum(axis=0)
-            leapt += (change[1:-1] * leaps).sum(axis=0)
-        share = leapt / np.maximum(way, 1e-12)
-        bad = share > _JUMPS
-        if not bad.any():
-            return Outcome(log)
-        names = tuple(np.array(log.header.joints)[bad])
-        text = (
-            f"positions of {list_names(names)} leap from row to row and stand between "
-            f"({100 * float(share.max()):.0f} % of "
-            "their way): steps instead of motion"
-        )
-        finding = Finding(
-            "steps",
-            text,
-            {"share": float(share.max())},
-            names,
-            severity="spoils",
-            remedy="log what encoders measure, not set points, at a rate that follows the motion",
-        )
-        return Outcome(log, (finding,))
-
-
-class Unison(Check):
-    """Joints that only ever moved together: what tells them apart is not in the log."""
-
-    kinds = ("unison",)
-
-    def examine(self, robot: Robot, log: Log) -> Outcome:
-        speeds = [v for trial in log.trials if (v := _velocity(trial)) is not None]
-        if not speeds:
-            return Outcome(log)
-        v = np.concatenate(speeds)
-        size = np.sqrt((v**2).mean(axis=0))
-        moving = np.flatnonzero(size > _STILL)
-        if len(moving) < 2:
-            return Outcome(log)
-        alike = np.abs((v[:, moving].T @ v[:, moving]) / len(v) / np.outer(size[moving], size[moving]))
-        pairs = [
-            (int(moving[i]), int(moving[j]))
-            for i, j in zip(*np.nonzero(np.triu(alike > _UNISON, 1)), strict=True)
-        ]
-        if not pairs:
-            return Outcome(log)
-        joints = tuple(log.header.joints[k] for k in sorted({k for pair in pairs for k in pair}))
-        unknown = tuple(f"{name}({_link(robot, joint)})" for joint in joints for name in ("m·c", "I"))
-        text = (
-            f"{list_names(joints)} move in unison: this log cannot tell their parameters apart, "
-            f"{list_names(unknown, 6)} "
-            "only in sums"
-        )
-        finding = Finding(
-            "unison",
-            text,
-            {"pairs": float(len(pairs))},
-            joints,
-            severity="limits",
-            remedy="record motions in which each joint moves by itself, too",
-        )
-        return Outcome(log, (finding,))
-
-
-class Amount(Check):
-    """Too few rows for the parameters."""
-
-    kinds = ("too_few_rows",)
-
-    def examine(self, robot: Robot, log: Log) -> Outcome:
-        chosen = [trial for trial in log.trials if trial.role == "identification"]
-        if not chosen:
-            return Outcome(log)
-        seconds = sum(float(trial.time[-1] - trial.time[0]) for trial in chosen)
-        channels = 6 if robot.floating else chosen[0].q.shape[1]
-        numbers = channels * sum(trial.n_samples for trial in chosen)
-        parameters = 10 * len(robot.segments)
-        if seconds >= _SHORTEST_S and numbers >= _FEWEST_PER_PARAMETER * parameters:
-            return Outcome(log)
-        text = f"{seconds:.1f} s and {numbers} numbers for {parameters} parameters: too few rows"
-        finding = Finding(
-            "too_few_rows",
-            text,
-            {"seconds": seconds, "numbers": float(numbers)},
-            severity="limits",
-            remedy="record longer motions",
-        )
-        return Outcome(log, (finding,))
-
-
-def _link(robot: Robot, joint: str) -> str:
-    place = robot.model.getJointId(joint)
-    return next((segment.link for segment in robot.segments if segment.joint == place), joint)
-
-
-def _velocity(trial: Trial) -> Array | None:
+def _smooth_velocity(trial: Trial, cutoff_hz: float, settlings: int) -> Array | None:
     """Velocities without the encoders' noise, ``(n, n_joints)``; None for a trial too short to filter."""
-    rate = 1.0 / float(np.median(np.diff(trial.time)))
-    cutoff = min(5.0, 0.2 * rate)
-    if trial.n_samples <= 2 * settling_samples(rate, cutoff):
+    rate = median_rate([trial])
+    cutoff = min(cutoff_hz, 0.2 * rate)
+    if trial.n_samples <= settlings * settling_samples(rate, cutoff):
         return None
     return np.gradient(lowpass(trial.q, rate, cutoff), trial.time, axis=0)
 
 
+def find_standing(case: Case) -> None:
+    """Trials in which nothing moves: they show gravity, not inertia."""
+    still = tuple(trial.name for trial in case.log.trials if not _moves(trial))
+    if still and {trial.name for trial in case.log.role("identification")} <= set(still):
+        text = "no joint ever moves in the identification trials"
+        case.add("nothing_moves", text, {}, ("q",), trials=still)
+    elif still:
+        text = f"nothing moves in {list_names(still)}: standing trials show only the effect of gravity"
+        case.add("standing", text, {"trials": float(len(still))}, trials=still)
+
+
 def _moves(trial: Trial) -> bool:
-    v = _velocity(trial)
+    """Whether a joint is faster than standing, and takes more positions than one that trembles in its steps."""
+    v = _smooth_velocity(trial, 5.0, 2)
     size = np.ptp(trial.q, axis=0) if v is None else np.abs(v).max(axis=0)
-    return any(len(np.unique(trial.q[:, j])) > _TREMBLING for j in np.flatnonzero(size > _STILL))
+    moving = np.flatnonzero(size > THRESHOLD.still)
+    return any(len(np.unique(trial.q[:, j])) > THRESHOLD.trembling_positions for j in moving)
 
 
-# Measured channels beside what was commanded: another joint's, turned, in another unit.
+def find_whole_turns(case: Case) -> None:
+    """Positions that jump by whole turns: an encoder that passed the end of its count, or was read anew."""
+    turning, found = np.flatnonzero(case.turning), set[int]()
 
-_COMMANDS_DEGREE = 180.0 / np.pi
-# A channel tracks a command when what is left is this share of the command's own deviation.
-_TRACKS = 0.5
-# Factor by which another assignment of channels has to be better.
-_BETTER = 3.0
-_MEASURED = {"q": "positions", "tau": "torques"}
+    def going_on(trial: Trial) -> Trial:
+        """The trial with whole columns, and commands on the turn that their joint is on."""
+        whole = {"q": trial.q.copy()} | ({} if trial.q_cmd is None else {"q_cmd": trial.q_cmd.copy()})
+        changed = set()
+        for values in whole.values():
+            for j in turning:
+                column = _without_jumps(values[:, j])
+                if column is not None:
+                    values[:, j] = column
+                    changed.add(int(j))
+        for j in changed if "q_cmd" in whole else ():
+            apart = np.median(whole["q"][:, j] - whole["q_cmd"][:, j])
+            whole["q_cmd"][:, j] += _TURN * np.round(apart / _TURN)
+        found.update(changed)
+        return replace(trial, **whole) if changed else trial  # type: ignore[arg-type]
+
+    case.change_trials(going_on)
+    if found:
+        joints = tuple(case.log.header.joints[j] for j in sorted(found))
+        text = (
+            f"positions of {list_names(joints)} jump by whole turns: an encoder's count that overflows, or "
+            "angles that are wrapped to one turn"
+        )
+        case.add("whole_turns", text, {"joints": float(len(joints))}, joints)
 
 
-class Commands(Check):
-    """Order, sign and unit of measured positions and torques against their commands; which side is wrong is open."""
-
-    kinds = ("command_order", "command_sign", "command_degrees")
-
-    def examine(self, robot: Robot, log: Log) -> Outcome:
-        found = [*_order(log, "q_cmd", "commanded positions"), *_order(log, "tau_cmd", "commanded torques")]
-        return Outcome(log, tuple(found))
+def _without_jumps(values: Array) -> Array | None:
+    """Positions in radians, degrees or revolutions without their jumps by whole turns; None for none."""
+    found = (without_seams(values, turn, within=turn == 1.0) for turn in (_TURN, 360.0, 1.0))
+    return next((whole for whole in found if whole is not None), None)
 
 
-def _order(log: Log, attribute: str, what: str) -> list[Finding]:
-    measured = "q" if attribute == "q_cmd" else "tau"
-    pairs = [
-        (getattr(trial, measured), getattr(trial, attribute))
-        for trial in log.trials
-        if getattr(trial, attribute) is not None and getattr(trial, measured) is not None
-    ]
-    if not pairs:
-        return []
-    y, x = np.concatenate([pair[0] for pair in pairs]), np.concatenate([pair[1] for pair in pairs])
+def find_jumps(case: Case) -> None:
+    """Positions that leap and stand: set points, or a log of steps, from which no acceleration is to be had."""
+    changes = [np.abs(np.diff(trial.q, axis=0)) for trial in case.log.trials]
+    leapt = np.zeros(len(case.log.header.joints))
+    for change in changes:
+        beside = np.maximum(change[:-2], change[2:])
+        leaps = (change[1:-1] > THRESHOLD.leap * beside) & (change[1:-1] > THRESHOLD.leap_rad)
+        leapt += (change[1:-1] * leaps).sum(axis=0)
+    share = leapt / np.maximum(np.concatenate(changes).sum(axis=0), 1e-12)
+    bad = share > THRESHOLD.leapt_share
+    if bad.any():
+        names, most = case.joints(bad), float(share.max())
+        text = (
+            f"positions of {list_names(names)} jump from row to row and stand still between ({100 * most:.0f} % "
+            "of their travel): steps instead of motion"
+        )
+        case.add("steps", text, {"share": most}, names)
+
+
+def find_unison(case: Case) -> None:
+    """Joints that only ever moved together: what tells them apart is not in the log."""
+    speeds = [v for trial in case.log.trials if (v := _smooth_velocity(trial, 5.0, 2)) is not None]
+    v = np.concatenate(speeds) if speeds else np.zeros((1, len(case.log.header.joints)))
+    size = np.sqrt((v**2).mean(axis=0))
+    moving = size > THRESHOLD.still
+    alike = np.abs(v.T @ v) / len(v) > THRESHOLD.unison * np.outer(size, size)
+    pairs = np.triu(alike & np.outer(moving, moving), 1)
+    if pairs.any():
+        joints = case.joints((pairs | pairs.T).any(axis=0))
+        places = [case.robot.model.getJointId(joint) for joint in joints]
+        links = {segment.joint: segment.link for segment in reversed(case.robot.segments)}
+        moved = [links.get(place, joint) for place, joint in zip(places, joints, strict=True)]
+        unknown = [f"{name}({link})" for link in moved for name in ("m·c", "I")]
+        text = (
+            f"{list_names(joints)} move in unison: their parameters are not identifiable one by one: "
+            f"{list_names(unknown, 6)} only in sums"
+        )
+        case.add("unison", text, {"pairs": float(pairs.sum())}, joints)
+
+
+def find_too_few_rows(case: Case) -> None:
+    """Too few rows for the parameters."""
+    chosen = case.log.role("identification")
+    seconds = sum(float(trial.time[-1] - trial.time[0]) for trial in chosen)
+    channels = 6 if case.robot.floating else len(case.log.header.joints)
+    numbers = channels * sum(trial.n_samples for trial in chosen)
+    parameters = 10 * len(case.robot.segments)
+    needed = THRESHOLD.numbers_per_parameter * parameters
+    if chosen and (seconds < THRESHOLD.shortest_s or numbers < needed):
+        text = f"{seconds:.1f} s and {numbers} numbers for {parameters} parameters: too few rows"
+        case.add("too_few_rows", text, {"seconds": seconds, "numbers": float(numbers)})
+
+
+# Measured channels beside what was commanded: another joint's, turned, in another unit. Which side is wrong is open.
+
+
+def find_command_errors(case: Case) -> None:
+    """Order, sign and unit of measured positions and torques against their commands."""
+    for measured, attribute, what in (("q", "q_cmd", "positions"), ("tau", "tau_cmd", "torques")):
+        pairs = [(getattr(trial, measured), getattr(trial, attribute)) for trial in case.log.trials]
+        known = [pair for pair in pairs if pair[0] is not None and pair[1] is not None]
+        if known:
+            y, x = (np.concatenate(side) for side in zip(*known, strict=True))
+            _compare_commands(case, y, x, what)
+
+
+def _compare_commands(case: Case, y: Array, x: Array, what: str) -> None:
     deviation = x.std(axis=0)
     moving = (deviation > 1e-6 * max(float(deviation.max()), 1e-12)) & (y.std(axis=0) > 0.0)
-    if moving.sum() < 1:
-        return []
-    names = np.array(log.header.joints)[moving]
-    y, x = y[:, moving] - y[:, moving].mean(axis=0), x[:, moving] - x[:, moving].mean(axis=0)
+    if not moving.any():
+        return
+    names = np.array(case.log.header.joints)[moving]
+    y, x = (values[:, moving] - values[:, moving].mean(axis=0) for values in (y, x))
     miss = np.array([[np.sqrt(np.mean((yi - xj) ** 2)) for xj in x.T] for yi in y.T]) / x.std(axis=0)
-    own = np.diag(miss)
-    rows, order = np.arange(len(miss)), assign_rows(np.minimum(miss, 10.0))
-    moved = (rows != order) & (miss[rows, order] < np.minimum(_TRACKS, own / _BETTER))
+    own, rows, order = np.diag(miss), np.arange(len(miss)), assign_rows(np.minimum(miss, 10.0))
+    best = miss[rows, order]
+    moved = (rows != order) & (best < np.minimum(THRESHOLD.tracks, own / THRESHOLD.better_order))
     if moved.any():
         text = (
-            f"{_MEASURED[measured]} of {list_names(tuple(names[moved]))} follow the {what} of "
-            f"{list_names(tuple(names[order[moved]]))}: the joints stand in another order in one of them"
+            f"{what} of {list_names(tuple(names[moved]))} follow the commanded {what} of "
+            f"{list_names(tuple(names[order[moved]]))}: one of them has its joints in another order"
         )
-        figures = {"own_miss": float(own[moved].max()), "other_miss": float(miss[rows, order][moved].max())}
-        return [_finding("command_order", text, figures, tuple(names[moved]))]
-    return _sign_and_scale(y, x, own, names, measured, what)
-
-
-def _sign_and_scale(y: Array, x: Array, own: Array, names: Array, measured: str, what: str) -> list[Finding]:
+        figures = {"own_miss": float(own[moved].max()), "other_miss": float(best[moved].max())}
+        case.add("command_order", text, figures, tuple(names[moved]))
+        return
     slope = (y * x).sum(axis=0) / (x**2).sum(axis=0)
     left = (y - slope * x).std(axis=0) / np.maximum(y.std(axis=0), 1e-300)
-    follows = (left < _TRACKS) & (own > _TRACKS)
-    found = []
+    follows = (left < THRESHOLD.tracks) & (own > THRESHOLD.tracks)
+    degrees = np.minimum(np.abs(np.degrees(slope) - 1.0), np.abs(np.radians(slope) - 1.0)) < 0.3
     for kind, chosen, cause in (
         ("command_sign", follows & (slope < 0.0), "the sign of one of them is turned"),
-        (
-            "command_degrees",
-            follows
-            & (
-                (np.abs(slope * _COMMANDS_DEGREE - 1.0) < 0.3)
-                | (np.abs(slope / _COMMANDS_DEGREE - 1.0) < 0.3)
-            ),
-            "one is in degrees, the other in radians",
-        ),
+        ("command_degrees", follows & degrees, "one is in degrees, the other in radians"),
     ):
         if chosen.any():
-            joints = tuple(names[chosen])
-            text = f"{_MEASURED[measured]} of {list_names(joints)} are {slope[chosen][0]:.3g} times the {what}: {cause}"
-            found.append(_finding(kind, text, {"slope": float(slope[chosen][0])}, joints))
-    return found
-
-
-def _finding(kind: str, text: str, figures: dict[str, float], joints: tuple[str, ...]) -> Finding:
-    remedy = "correct the columns that are wrong, the measured ones or the commands"
-    return Finding(kind, text, figures, joints, severity="limits", remedy=remedy)
+            joints, factor = tuple(names[chosen]), float(slope[chosen][0])
+            text = f"{what} of {list_names(joints)} are {factor:.3g} times the commanded {what}: {cause}"
+            case.add(kind, text, {"slope": factor}, joints)
 
 
 # Positions, speeds and torques that the robot's limits do not allow.
-
-_DEGREE = 180.0 / np.pi
-# Positions may pass a limit by this share of the range (bent limits, calibration) before anything is said.
-_BEYOND = 0.1
-_TORQUE_BEYOND = 2.0
-# Degrees exceed limits manifold; joints that count turns do so by whole ones.
-_MANIFOLD = 3.0
-# So near to the slope of the positions are velocities in the same unit.
-_SAME = 1.15
-_TURN = 2.0 * np.pi
-
-
-class Degrees(Check):
-    """Joints far beyond their limits that are inside them if the numbers are degrees."""
-
-    kinds = ("degrees",)
-
-    def examine(self, robot: Robot, log: Log) -> Outcome:
-        reach = _Reach.of(robot, log)
-        columns = [robot.joint_index(name) for name in log.header.joints]
-        turning = np.array([not is_prismatic(robot.model, robot.n_base_v + k) for k in columns])
-        inside = (reach.low / _DEGREE >= reach.lower) & (reach.high / _DEGREE <= reach.upper)
-        furthest = np.maximum(np.abs(reach.low), np.abs(reach.high))
-        manifold = furthest > _MANIFOLD * np.maximum(np.abs(reach.lower), np.abs(reach.upper))
-        speed = np.max([_speed(trial) for trial in log.trials], axis=0)
-        degrees = (
-            turning
-            & inside
-            & reach.outside
-            & (manifold | (speed > _MANIFOLD * robot.limits.velocity[columns]))
-        )
-        # Most joints in degrees: all are that turn, also those that hardly moved. Else those alone that nothing else
-        # explains.
-        most = bool(inside[turning].all()) and 2 * degrees.sum() > turning.sum()
-        which = turning if most else degrees & manifold & ~reach.counted
-        turning_over = speed <= _MANIFOLD * robot.limits.velocity[columns]
-        if not which.any() or (turning_over[which].all() and _in_radians_by_others(robot, log, which)):
-            return Outcome(log)
-        names = tuple(np.array(log.header.joints)[which])
-        text = (
-            f"positions of {list_names(names)} reach {furthest[which].max():.4g}, far beyond their "
-            "limits in radians and "
-            "inside them in degrees: they look like degrees"
-        )
-        finding = Finding(
-            "degrees",
-            text,
-            {"largest": float(furthest[which].max())},
-            names,
-            severity="spoils",
-            repaired=True,
-            remedy="they were converted; write radians",
-        )
-        return Outcome(replace(log, trials=tuple(_in_radians(t, which) for t in log.trials)), (finding,))
-
-
-def _in_radians_by_others(robot: Robot, log: Log, which: NDArray[np.bool_]) -> bool:
-    """Whether torques, or velocities where there are none, say of joints beyond their limits that these turn over."""
-    measured = not log.header.free_base and log.header.torque not in {None, "none"}
-    samples = torque_samples(robot, log) if measured else None
-    if samples is not None:
-        reading = Reading.as_stated(log)
-        turned = replace(reading, unit=np.where(which, 1.0 / _DEGREE, reading.unit))
-        found = samples.judged(reading)
-        return found.posterior(samples.judged(turned, found.counts)) < STRONG_ODDS
-    compared = velocity_ratios(log)
-    return compared is not None and bool(
-        (np.abs(np.log(np.maximum(compared[0][which], 1e-9))) < np.log(_SAME)).all()
-    )
-
-
-class Limits(Check):
-    """Positions and torques beyond what the model allows, once channels are what the log calls them."""
-
-    kinds = ("beyond_limits", "torque_size")
-
-    def examine(self, robot: Robot, log: Log) -> Outcome:
-        reach, found = _Reach.of(robot, log), _torque_size(robot, log)
-        # What goes round and round is no joint with limits, whatever the model says.
-        round_and_round = reach.high - reach.low > _TURN
-        beyond = reach.outside & ~reach.counted & ~round_and_round
-        if beyond.any():
-            names = tuple(np.array(log.header.joints)[beyond])
-            excess = float(np.maximum(reach.lower - reach.low, reach.high - reach.upper)[beyond].max())
-            text = (
-                f"positions of {list_names(names)} lie {excess:.3g} rad outside the limits: wrong "
-                "order of joints, sign or "
-                "zero, or limits that are not this robot's"
-            )
-            finding = Finding(
-                "beyond_limits",
-                text,
-                {"excess_rad": excess},
-                names,
-                severity="limits",
-                remedy="compare the columns with the model, joint by joint",
-            )
-            found.append(finding)
-        return Outcome(log, tuple(found))
 
 
 @dataclass(frozen=True, eq=False)
@@ -435,74 +196,104 @@ class _Reach:
     lower: Array
     upper: Array
 
+    @classmethod
+    def of(cls, case: Case) -> _Reach:
+        limits, trials = case.robot.limits, case.log.trials
+        lower, upper = limits.position_lower[case.columns], limits.position_upper[case.columns]
+        # Bent limits and calibration are no fault.
+        margin = THRESHOLD.beyond_range * (upper - lower)
+        low = np.min([trial.q.min(axis=0) for trial in trials], axis=0)
+        high = np.max([trial.q.max(axis=0) for trial in trials], axis=0)
+        return cls(low, high, lower - margin, upper + margin)
+
     @property
-    def counted(self) -> NDArray[np.bool_]:
+    def is_outside(self) -> NDArray[np.bool_]:
+        """Which joints leave their limits."""
+        return (self.low < self.lower) | (self.high > self.upper)
+
+    @property
+    def is_counted(self) -> NDArray[np.bool_]:
         """Which joints whole turns bring into their limits: an encoder counts on."""
         turns = _TURN * np.round(0.5 * (self.low + self.high - self.lower - self.upper) / _TURN)
         return np.asarray((self.low - turns >= self.lower) & (self.high - turns <= self.upper))
 
-    @classmethod
-    def of(cls, robot: Robot, log: Log) -> _Reach:
-        columns = [robot.joint_index(name) for name in log.header.joints]
-        lower, upper = robot.limits.position_lower[columns], robot.limits.position_upper[columns]
-        margin = _BEYOND * (upper - lower)
-        low = np.min([trial.q.min(axis=0) for trial in log.trials], axis=0)
-        high = np.max([trial.q.max(axis=0) for trial in log.trials], axis=0)
-        return cls(low, high, lower - margin, upper + margin)
 
-    @property
-    def outside(self) -> NDArray[np.bool_]:
-        """Which joints leave their limits."""
-        return (self.low < self.lower) | (self.high > self.upper)
+def find_degrees(case: Case) -> None:
+    """Joints far beyond their limits that are inside them if the numbers are degrees."""
+    reach, turning = _Reach.of(case), case.turning
+    inside = (np.radians(reach.low) >= reach.lower) & (np.radians(reach.high) <= reach.upper)
+    furthest = np.maximum(np.abs(reach.low), np.abs(reach.high))
+    manifold = furthest > THRESHOLD.manifold * np.maximum(np.abs(reach.lower), np.abs(reach.upper))
+    speeds = [v for trial in case.log.trials if (v := _smooth_velocity(trial, 10.0, 1)) is not None]
+    speed = np.max([np.abs(v).max(axis=0) for v in speeds], axis=0, initial=0.0)
+    fast = speed > THRESHOLD.manifold * case.robot.limits.velocity[case.columns]
+    degrees = turning & inside & reach.is_outside & (manifold | fast)
+    # Most joints in degrees: all are that turn, also those that hardly moved. Else those alone that nothing else
+    # explains.
+    most = bool(inside[turning].all()) and 2 * degrees.sum() > turning.sum()
+    which = turning if most else degrees & manifold & ~reach.is_counted
+    if not which.any() or (not fast[which].any() and _turns_over(case, which)):
+        return
+    names, far = case.joints(which), float(furthest[which].max())
+    text = (
+        f"positions of {list_names(names)} reach {far:.4g}, far beyond their limits in radians and within them in "
+        "degrees: they are probably degrees"
+    )
+    case.add("degrees", text, {"largest": far}, names)
+    case.change_trials(lambda trial: _in_radians(trial, which))
+
+
+def _turns_over(case: Case, which: NDArray[np.bool_]) -> bool:
+    """Whether torques, or velocities where there are none, say of joints beyond their limits that these turn over."""
+    if case.samples is not None:
+        reading = Reading.as_stated(case.log)
+        degrees = replace(reading, unit=np.where(which, np.radians(1.0), reading.unit))
+        found = case.samples.judged(reading)
+        return found.posterior(case.samples.judged(degrees, found.counts)) < STRONG_ODDS
+    compared = velocity_ratios(case.log.trials)
+    if compared is None:
+        return False
+    return all(
+        is_near_one(ratio, THRESHOLD.same_velocity) for ratio in np.nan_to_num(compared[0][which], nan=1.0)
+    )
 
 
 def _in_radians(trial: Trial, which: NDArray[np.bool_]) -> Trial:
-    """Some joints' positions in radians; commands and velocities too, where they go with them."""
-    q = np.where(which, trial.q / _DEGREE, trial.q)
+    """Some joints' positions in radians; commands and velocities too, where that brings them nearer in size."""
+    q = np.where(which, np.radians(trial.q), trial.q)
 
     def like(values: Array | None, reference: Array) -> Array | None:
-        """Divided where that brings a column nearer in size."""
         if values is None:
             return None
-        sizes = [np.maximum(np.abs(x).max(axis=0), 1e-12) for x in (values, reference)]
-        times = sizes[0] / sizes[1]
-        return np.where(np.abs(np.log(times / _DEGREE)) < np.abs(np.log(times)), values / _DEGREE, values)
+        size, other = (np.maximum(np.abs(x).max(axis=0), 1e-12) for x in (values, reference))
+        nearer = np.abs(np.log(np.radians(size / other))) < np.abs(np.log(size / other))
+        return np.where(nearer, np.radians(values), values)
 
-    return replace(
-        trial, q=q, q_cmd=like(trial.q_cmd, q), v=like(trial.v, np.gradient(q, trial.time, axis=0))
-    )
+    slope = np.gradient(q, trial.time, axis=0)
+    return replace(trial, q=q, q_cmd=like(trial.q_cmd, q), v=like(trial.v, slope))
 
 
-def _torque_size(robot: Robot, log: Log) -> list[Finding]:
-    limit = robot.limits.torque[[robot.joint_index(name) for name in log.header.joints]]
-    parts = [np.abs(trial.tau).max(axis=0) for trial in log.trials if trial.tau is not None]
-    if not parts:
-        return []
-    share = np.max(parts, axis=0) / limit
-    over = np.isfinite(share) & (share > _TORQUE_BEYOND)
-    if not over.any():
-        return []
-    names = tuple(np.array(log.header.joints)[over])
-    text = (
-        f"torques of {list_names(names)} reach {share[over].max():.3g} times their limit: "
-        "another unit (N·mm, currents), or the gear counted twice"
-    )
-    return [
-        Finding(
-            "torque_size",
-            text,
-            {"share_of_limit": float(share[over].max())},
-            names,
-            severity="limits",
-            remedy="check unit and side of the gear, or the model's limits",
+def find_beyond_limits(case: Case) -> None:
+    """Positions and torques beyond what the model allows, once channels are what the log calls them."""
+    torques = [np.abs(trial.tau).max(axis=0) for trial in case.log.trials if trial.tau is not None]
+    if torques:
+        share = np.max(torques, axis=0) / case.robot.limits.torque[case.columns]
+        over = np.isfinite(share) & (share > THRESHOLD.torque_beyond)
+        if over.any():
+            names, most = case.joints(over), float(share[over].max())
+            text = (
+                f"torques of {list_names(names)} reach {most:.3g} times their limit: another unit (N·mm, currents), "
+                "or the gear counted twice"
+            )
+            case.add("torque_size", text, {"share_of_limit": most}, names)
+    reach = _Reach.of(case)
+    # What goes round and round is no joint with limits, whatever the model says.
+    beyond = reach.is_outside & ~reach.is_counted & (reach.high - reach.low <= _TURN)
+    if beyond.any():
+        names = case.joints(beyond)
+        excess = float(np.maximum(reach.lower - reach.low, reach.high - reach.upper)[beyond].max())
+        text = (
+            f"positions of {list_names(names)} lie {excess:.3g} rad outside the limits: wrong joint order, sign or "
+            "zero, or limits of another robot"
         )
-    ]
-
-
-def _speed(trial: Trial) -> Array:
-    """Fastest motion of each joint that noise and single steps do not make, ``(n_joints,)``."""
-    rate = 1.0 / float(np.median(np.diff(trial.time)))
-    cutoff = min(10.0, 0.2 * rate)
-    if trial.n_samples <= settling_samples(rate, cutoff):
-        return np.zeros(trial.q.shape[1])
-    return np.abs(np.gradient(lowpass(trial.q, rate, cutoff), axis=0) * rate).max(axis=0)
+        case.add("beyond_limits", text, {"excess_rad": excess}, names)

@@ -7,143 +7,117 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
+from scipy.optimize import nnls
 
 from excite.arrays import Array
 from excite.display import percent, span
 from excite.doctor.channel_mapping import OWN_SHARE, Reading
 from excite.doctor.doubt import Doubt
-from excite.doctor.inertial_prior import FLOOR, half_log
+from excite.doctor.inertial_prior import half_log
 from excite.doctor.limit_shares import share_of_limits
-from excite.doctor.mistakes.mistake import THE_UNIT, Correction, Mistake, Samples
-from excite.doctor.model_comparison import beside_drives, drive_fit
+from excite.doctor.mistakes.joints import minimize_near
+from excite.doctor.model_comparison import drive_fit, remove_drives
+from excite.doctor.samples import THE_UNIT, Correction, Mistake, Samples
+from excite.doctor.thresholds import THRESHOLD, is_near_one
 from excite.doctor.torque_samples import TorqueSamples
 from excite.finding import list_names
-from excite.regressor.kernels import joint_torque_regressor
 
 # Torques in another unit, or on the other side of the gear.
-
-_SCALE_OFF = 1.6
-# A joint alone is told from the others where its factor is beyond what any gain of a sensor is.
-_ONE_OFF = 2.5
-# Joints whose model makes so large a share of the torque tell the factor.
-_TELLS = 0.05
-# Factors of the joints that tell lie so near to their median, as logarithm. Wrong masses and loads give every joint a
-# factor of its own, so what they differ by is also at most this share of what they have in common: the load that a
-# real arm carried made factors of 1.1 to 2.2, whose median is no unit.
-_AGREES, _STANDS_OUT = 0.35, 0.5
-# Squared correlation with the nominal torque beside friction, and how far beyond one all factors have to be, as
-# logarithm: of ten real robots whose torques are N·m those that agree so closely have factors of 0.57 to 1.9, one
-# servo arm's to 3.5.
-_CLOSELY, _FAR = 0.9, float(np.log(3.0))
 
 
 def find_torque_scale(samples: TorqueSamples, reading: Reading) -> Iterable[Correction]:
     """All torques, or one joint's, larger or smaller than the nominal masses need."""
     gains, shares = samples.gains(reading)
     joints = samples.channels
-    told = (shares > _TELLS) & (gains > 0.0)
-    own = _of_their_own(samples, reading, gains, told)
-    if own is not None:
-        yield own
-        return
-    # A few joints that are off carry something that the model does not have.
-    if 2 * told.sum() >= len(joints) and (told.sum() > 1 or len(joints) == 1):
-        factor = float(np.median(gains[told]))
-        spread = float(np.abs(np.log(gains[told] / factor)).max()) if factor > 0.0 else np.inf
-        alike = spread < min(_AGREES, _STANDS_OUT * abs(np.log(factor)))
-        if alike and not 1.0 / _SCALE_OFF < factor < _SCALE_OFF:
-            cause = (
-                "currents, another unit, or torques before the gear"
-                if factor < 1.0
-                else "another unit, or a load that the model does not have"
-            )
-            text = (
-                f"torques are {factor:.3g} times what the nominal masses need, and so will be every identified "
-                f"parameter: {cause}"
-            )
-            scaled = reading.with_torque(range(len(joints)), 1.0 / factor)
-            yield Correction(
-                scaled,
-                text,
-                joints,
-                {"factor": factor},
-                surprise=abs(float(np.log(factor))),
-                ask=THE_UNIT,
-                as_logged=lambda read: read.with_torque(range(len(joints)), factor),
-                certain=False,
-            )
-    if len(joints) == 1:
-        return
-    for j in np.flatnonzero(told):
+    told = (shares > THRESHOLD.telling_share) & (gains > 0.0)
+    # To repair one of those in units of their own would leave the others, and to repair all would take the nominal
+    # masses for the truth.
+    common = _scale_of_each(samples, reading, gains, told)
+    alone = common is None and len(joints) > 1
+    if common is None:
+        common = _scale_of_all(joints, gains[told])
+    if common is not None:
+        factors, text, figures, surprise = common
+        yield Correction(
+            replace(reading, torque_factor=reading.torque_factor * factors),
+            text,
+            joints,
+            figures,
+            surprise=surprise,
+            ask=THE_UNIT,
+            as_logged=lambda read: replace(read, torque_factor=read.torque_factor / factors),
+            certain=False,
+        )
+    for j in np.flatnonzero(told) if alone else ():
         # What an end of the range cuts off makes a torque smaller, by the share of rows in which it does where
         # values are spread as in a bell (Bussgang 1952). That is no unit.
-        uncut = gains[j] / samples.within[j]
-        if 1.0 / _ONE_OFF < uncut and gains[j] < _ONE_OFF:
-            continue
-        text = f"the torque of {joints[j]} is {gains[j]:.3g} times what the nominal masses need, unlike the others'"
-        scaled = reading.with_torque([int(j)], 1.0 / float(gains[j]))
-        yield Correction(scaled, text, (joints[j],), {"factor": float(gains[j])}, certain=False)
+        gain = float(gains[j])
+        if gain / samples.within[j] <= 1.0 / THRESHOLD.one_scale_off or gain >= THRESHOLD.one_scale_off:
+            text = f"the torque of {joints[j]} is {gain:.3g} times what the nominal masses need, unlike the others'"
+            scaled = reading.with_torque([int(j)], 1.0 / gain)
+            yield Correction(scaled, text, (joints[j],), {"factor": gain}, certain=False)
 
 
-TORQUE_SCALE = Mistake[TorqueSamples](
-    "torque_scale", find_torque_scale, leaves=frozenset({Doubt.SIZE}), may_surprise=True
-)
+TORQUE_SCALE = Mistake("torque_scale", find_torque_scale, leaves=frozenset({Doubt.SIZE}), may_surprise=True)
 
 
-def _of_their_own(
+class _Scale(NamedTuple):
+    """Factors that undo a unit of all torques, the sentence, its figures, and how unlikely they are by chance."""
+
+    factors: Array
+    text: str
+    figures: dict[str, float]
+    surprise: float
+
+
+def _scale_of_all(joints: tuple[str, ...], gains: Array) -> _Scale | None:
+    """One unit of all torques: their factors lie near each other, nearer than what they have in common."""
+    # A few joints that are off carry something that the model does not have.
+    if 2 * len(gains) < len(joints) or (len(gains) < 2 and len(joints) > 1) or not len(gains):
+        return None
+    factor = float(np.median(gains))
+    size, spread = float(np.log(factor)), float(np.abs(np.log(gains / factor)).max())
+    alike = spread < min(THRESHOLD.scales_agree, THRESHOLD.scale_stands_out * abs(size))
+    if not alike or is_near_one(factor, THRESHOLD.scale_off):
+        return None
+    cause = (
+        "currents, another unit, or torques before the gear"
+        if factor < 1.0
+        else "another unit, or a load that the model does not have"
+    )
+    text = (
+        f"torques are {factor:.3g} times what the nominal masses need, and so will be every identified "
+        f"parameter: {cause}"
+    )
+    return _Scale(np.full(len(joints), 1.0 / factor), text, {"factor": factor}, abs(size))
+
+
+def _scale_of_each(
     samples: TorqueSamples, reading: Reading, gains: Array, told: NDArray[np.bool_]
-) -> Correction | None:
-    """All torques in a unit that differs from joint to joint; None where they are in none such.
-
-    To repair one of them would leave the others, and to repair all would take the nominal masses for the truth.
-    """
-    close = told & (samples.agreement(reading) > _CLOSELY)
-    joints = samples.channels
+) -> _Scale | None:
+    """All torques in a unit that differs from joint to joint; None where they are in none such."""
+    close, joints = told & (samples.agreement(reading) > THRESHOLD.closely), samples.channels
     if close.sum() < 2 or 2 * close.sum() < len(joints):
         return None
     limits = np.array([samples.robot.limits.torque[samples.robot.joint_index(joint)] for joint in joints])
     size = np.log(gains[close])
     if share := share_of_limits(gains[close], limits[close]):
         factors, cause = limits / share.whole, f"they look like {share.name} of the joints' limits"
-    elif np.ptp(size) > _AGREES and ((size < -_FAR).all() or (size > _FAR).all()):
+    elif np.ptp(size) > THRESHOLD.scales_agree and max(size.min(), -size.max()) > np.log(
+        THRESHOLD.scales_far
+    ):
         factors = 1.0 / np.where(told, gains, np.exp(np.median(size)))
         cause = "currents, whose torque constants are not known, or another unit"
     else:
         return None
-    scaled = reading
-    for j, factor in enumerate(factors):
-        scaled = scaled.with_torque([j], float(factor))
-    least, most = float(np.exp(size.min())), float(np.exp(size.max()))
-    times = span(f"{least:.3g}", f"{most:.3g}", " to ")
+    times = span(f"{np.exp(size.min()):.3g}", f"{np.exp(size.max()):.3g}", " to ")
     text = f"torques are {times} times what the nominal masses need, by joint: {cause}"
-
-    def as_logged(read: Reading) -> Reading:
-        for j, factor in enumerate(factors):
-            read = read.with_torque([j], 1.0 / float(factor))
-        return read
-
-    return Correction(
-        scaled,
-        text,
-        joints,
-        {f"factor.{joint}": float(1.0 / factor) for joint, factor in zip(joints, factors, strict=True)},
-        surprise=float(np.abs(size).max()),
-        ask=THE_UNIT,
-        as_logged=as_logged,
-        certain=False,
-    )
+    figures = {f"factor.{joint}": float(1.0 / f) for joint, f in zip(joints, factors, strict=True)}
+    return _Scale(factors, text, figures, float(np.abs(size).max()))
 
 
-# A body that a link carries and the model does not have, beside a scale of the torques: which explains them
-# better.
-
-# Half the logarithm of the torques' power that a load has to leave less of than the best scale of every joint does. Two
-# arms with loads of 0.3 to 2.7 times their own mass leave 1.5 to 3.1 less (all joints together), with torques that are
-# four and five times as large 0.01 less; one kept from a scale by nothing is left to it.
-_BETTER = 0.35
-_CARRIED_LOAD_PASSES = 5
+# A body that a link carries and the model does not have, beside a scale of the torques: which explains them better.
 
 
 class Load(NamedTuple):
@@ -164,12 +138,12 @@ class Load(NamedTuple):
     def sentence(self) -> str:
         """What it is, in words."""
         size = f"a body of {self.mass:.3g} kg" if self.mass > 0.0 else "a body"
-        return f"{size} beyond {self.joint} that the model does not have leaves {percent(100.0 * self.left)} of them"
+        left = percent(100.0 * self.left)
+        return f"{size} beyond {self.joint} that the model does not have leaves {left} unexplained"
 
     def shares(self, samples: TorqueSamples, reading: Reading) -> dict[str, float]:
         """RMS of its torque per that of what the nominal bodies need, by joint."""
-        felt = joint_torque_regressor(samples.under(reading.gravity), *samples.motion(reading))
-        own = (felt[:, samples.places[samples.measured]] @ self.parameters).std(axis=0)
+        own = (samples.felt(reading) @ self.parameters).std(axis=0)
         needed = np.maximum(samples.predicted(reading).torque.std(axis=0), 1e-300)
         return {f"payload.{joint}": float(x) for joint, x in zip(samples.channels, own / needed, strict=True)}
 
@@ -184,72 +158,45 @@ def carried_load(samples: TorqueSamples, reading: Reading) -> Load | None:
         samples: torques beside the nominal model's.
         reading: how the channels are read.
     """
-    torque, (model, drive) = samples.measured_torque(reading), samples.predicted(reading)
-    tree = samples.under(reading.gravity)
-    columns = samples.places[samples.measured]
-    felt = joint_torque_regressor(tree, *samples.motion(reading))[:, columns]
-    kept = [_Beside.of(torque[:, j], [x[:, j] for x in drive]) for j in range(torque.shape[1])]
-    nominal = [one.rest(model[:, j]) for j, one in enumerate(kept)]
-    scaled = half_log(np.array([one.by_gain(x) for one, x in zip(kept, nominal, strict=True)])).sum()
-    found: list[tuple[float, Load]] = []
+    measured, (model, drive) = samples.measured_torque(reading), samples.predicted(reading)
+    felt = samples.felt(reading)
+    torque, nominal, bodies = remove_drives(drive, measured, model, felt)
+    power = np.maximum(len(measured) * measured.var(axis=0), 1e-300)
+    along = (nominal * torque).sum(axis=0) ** 2 / np.maximum((nominal**2).sum(axis=0), 1e-300)
+    scaled = half_log(np.maximum((torque**2).sum(axis=0) - along, 0.0) / power).sum()
+    names, best, least = samples.under(reading.gravity).names, None, scaled - THRESHOLD.better_load
     for k in range(felt.shape[2] // 10):
-        body = felt[:, :, 10 * k : 10 * k + 10]
-        parts = [one.rest(body[:, j]) for j, one in enumerate(kept)]
-        phi, left = _fitted(kept, nominal, parts)
-        weighs = bool(np.abs(body[:, :, 0]).max() > 0.0)
+        body = slice(10 * k, 10 * k + 10)
+        phi, left = _fit_body(bodies[:, :, body], torque - nominal, power)
+        weighs = bool(felt[:, :, 10 * k].any())
+        score = float(half_log(left).sum())
         # What leaves more of a torque than there is of it is no explanation.
-        if (weighs and phi[0] <= 0.0) or left.max() >= 1.0:
+        if (weighs and phi[0] <= 0.0) or left.max() >= 1.0 or score >= least:
             continue
         added = np.zeros(felt.shape[2])
-        added[10 * k : 10 * k + 10] = phi
-        load = Load(tree.names[k + 1], float(phi[0]) if weighs else 0.0, float(left.max()), added)
-        found.append((float(half_log(left).sum()), load))
-    best = min(found, key=lambda pair: pair[0], default=None)
-    return best[1] if best is not None and best[0] < scaled - _BETTER else None
+        added[body] = phi
+        best, least = Load(names[k + 1], float(phi[0]) if weighs else 0.0, float(left.max()), added), score
+    return best
 
 
-class _Beside(NamedTuple):
-    """A joint's torque without what its offset, friction and rotor explain, ``(n,)``, and what takes these out."""
+def _fit_body(parts: Array, missing: Array, power: Array) -> tuple[Array, Array]:
+    """Parameters of a body ``(10,)`` and the share of each joint's power that is left, weights by what that is.
 
-    basis: Array
-    torque: Array
-    power: float
-
-    @classmethod
-    def of(cls, torque: Array, drive: list[Array]) -> _Beside:
-        columns = np.column_stack([np.ones(len(torque)), *drive])
-        basis, _ = np.linalg.qr(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300))
-        power = max(float(((torque - torque.mean()) ** 2).sum()), 1e-300)
-        return cls(basis, torque - basis @ (basis.T @ torque), power)
-
-    def rest(self, values: Array) -> Array:
-        return np.asarray(values - self.basis @ (self.basis.T @ values))
-
-    def by_gain(self, model: Array) -> float:
-        """Share of the torque's power that its model leaves, whatever its size."""
-        along = float(model @ self.torque) ** 2 / max(float(model @ model), 1e-300)
-        return max(float(self.torque @ self.torque) - along, 0.0) / self.power
-
-
-def _fitted(kept: list[_Beside], nominal: list[Array], parts: list[Array]) -> tuple[Array, Array]:
-    """Parameters of a body ``(10,)`` and the share of each joint's power that is left, weights by what that is."""
-    missing = [one.torque - x for one, x in zip(kept, nominal, strict=True)]
-    power = np.array([one.power for one in kept])
-    left, phi = np.ones(len(kept)), np.zeros(10)
-    for _ in range(_CARRIED_LOAD_PASSES):
-        weights = 1.0 / np.sqrt(power * np.maximum(left, FLOOR))
-        rows = np.concatenate([w * part for w, part in zip(weights, parts, strict=True)])
-        target = np.concatenate([w * x for w, x in zip(weights, missing, strict=True)])
+    Args:
+        parts: ``(n, m, 10)`` torques per unit of each parameter.
+        missing: ``(n, m)`` what the nominal bodies leave, of which the power is ``(m,)``.
+    """
+    left, phi = np.ones(len(power)), np.zeros(10)
+    for _ in range(5):
+        weights = 1.0 / np.sqrt(power * np.maximum(left, THRESHOLD.least_share))
+        rows, target = (parts * weights[:, None]).reshape(-1, 10), (missing * weights).ravel()
         size = np.maximum(np.linalg.norm(rows, axis=0), 1e-12)
         phi = np.linalg.lstsq(rows / size, target, rcond=1e-8)[0] / size
-        left = (
-            np.array([((x - part @ phi) ** 2).sum() for x, part in zip(missing, parts, strict=True)]) / power
-        )
+        left = ((missing - parts @ phi) ** 2).sum(axis=0) / power
     return phi, left
 
 
-# How much of each part of the nominal model is in torques: about one where it is, about nought where it is
-# not.
+# How much of each part of the nominal model is in torques: about one where it is, about nought where it is not.
 
 
 class ModelParts(NamedTuple):
@@ -287,7 +234,7 @@ class ModelParts(NamedTuple):
         ]
         friction = span(f"{np.nanmin(self.friction):.2g}", f"{np.nanmax(self.friction):.2g}", " to ")
         return (
-            f"shares of the nominal weight and inertial forces in them: {list_names(told, 3)}; "
+            f"shares of the nominal weight and inertial forces in each: {list_names(told, 3)}; "
             f"friction: {friction} times what the nominal bodies need there"
         )
 
@@ -310,21 +257,48 @@ def parts_in(samples: TorqueSamples, reading: Reading) -> ModelParts:
     """
     full, drive = samples.predicted(reading)
     still = samples.predicted(replace(reading, gravity=np.zeros(3))).torque
-    torque = samples.measured_torque(reading)
+    torque, parts = samples.measured_torque(reading), np.stack([full - still, still], axis=2)
+    own, bare = remove_drives(drive, torque, parts)
     shares = np.full((3, torque.shape[1]), np.nan)
-    pairs = [beside_drives(torque, part, drive) for part in (full - still, still)]
-    for j, ((own, weight), (_, inertia)) in enumerate(zip(*pairs, strict=True)):
-        columns = np.column_stack([weight, inertia])
-        fitted = np.linalg.lstsq(columns, own, rcond=None)[0]
+    for j in range(torque.shape[1]):
+        columns = bare[:, j]
+        fitted = np.linalg.lstsq(columns, own[:, j], rcond=None)[0]
         # A part tells its share where all of it would be larger than what nothing explains: that is other physics,
         # alike over whole motions, and no noise.
-        told = np.linalg.norm(columns, axis=0) > np.linalg.norm(own - columns @ fitted)
+        told = np.linalg.norm(columns, axis=0) > np.linalg.norm(own[:, j] - columns @ fitted)
         shares[:2, j] = np.where(told, fitted, np.nan)
-        rest = torque[:, j] - np.column_stack([full[:, j] - still[:, j], still[:, j]]) @ fitted
-        friction = drive_fit(rest, np.zeros_like(rest), drive.v[:, j], drive.a[:, j])[1]
         if told.any():
+            rest = torque[:, j] - parts[:, j] @ fitted
+            friction = drive_fit(rest, np.zeros_like(rest), drive.v[:, j], drive.a[:, j])[1]
             shares[2, j] = friction.std() / full[:, j].std()
     return ModelParts(samples.channels, *shares)
+
+
+def find_missing_weight(samples: TorqueSamples, reading: Reading) -> Iterable[Correction]:
+    """Torques hold the bodies' inertial forces, and nothing of their weight but what the driver's model had wrong.
+
+    Drivers of UR, Kinova and Doosan take it off by their own model before they report torques.
+    """
+    if reading.weightless or not reading.gravity.any():
+        return
+    parts = parts_in(samples, reading)
+    weights = parts.weight[np.isfinite(parts.weight)]
+    # Every joint that tells is nearer to none of it than to all.
+    if not len(weights) or (np.abs(weights) > 0.5).any():
+        return
+    bare, figures = replace(reading, weightless=True), parts.figures()
+    text, load = (
+        f"a driver has subtracted the weight from the torques ({parts.said()})",
+        carried_load(samples, bare),
+    )
+    if load is not None:
+        text += f"; the weight of a payload is still in them: {load.sentence()}"
+        figures |= load.shares(samples, reading)
+    mends = (
+        "gravity is taken as [0, 0, 0], and only what the remaining torques determine is identified; "
+        "`excite doctor LOG --repair DIR` adds the nominal weight instead"
+    )
+    yield Correction(bare, text, ("gravity",), figures, mends=mends)
 
 
 # Another machine than the model's, beside several mistakes in a log: one cause instead of many.
@@ -336,15 +310,9 @@ def parts_in(samples: TorqueSamples, reading: Reading) -> ModelParts:
 # is larger or smaller. A turned sign, an exchanged joint, one torque in another unit they do not explain: no
 # mass is negative, and what one joint carries those before it carry, too.
 
-# Point masses on cubes about each joint, half as wide as so many times the distance of its nominal centre of mass, with
-# a few centimetres [m] more: corners and middles of the faces. A UR10e's torques so are explained on the joints of a
-# UR3, whose links are less than half as long, to 0.6 % of their power, as they are by the UR10e's own model.
-_WIDE = (0.5, 1.5, 4.0)
-_LEAST_M, _MOST_M = 0.04, 1.0
+# Corners and middles of the faces of cubes about each joint, and its middle.
 _CORNERS = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
-_PLACES = np.vstack([np.zeros(3), *(wide * np.vstack([_CORNERS, np.eye(3), -np.eye(3)]) for wide in _WIDE)])
-_PASSES = 4
-_TRACE = 1e-9
+_CUBE = np.vstack([_CORNERS, np.eye(3), -np.eye(3)])
 
 
 class OtherMachine(NamedTuple):
@@ -389,161 +357,103 @@ def left_by_any_bodies(samples: TorqueSamples, reading: Reading) -> Array:
         reading: how the channels are read.
     """
     torque, drive = samples.measured_torque(reading), samples.predicted(reading).drive
-    tree = samples.under(reading.gravity)
-    clouds = _clouds(tree.phi.reshape(-1, 10))
-    body = joint_torque_regressor(tree, *samples.motion(reading))[:, samples.places[samples.measured]]
-    scale = np.maximum(torque.std(axis=0), 1e-12)
-    n, m, k = *torque.shape, clouds.shape[1]
-    grams, rights, places = [], [], []
-    for j in range(m):
-        one = np.ones(n)
-        own = np.column_stack([one, -one, *(values[:, j] for values in drive)])
-        own = own / np.maximum(np.sqrt((own**2).mean(axis=0)), 1e-12)
-        rows = np.column_stack([body[:, j] @ clouds / scale[j], own])
-        grams.append(rows.T @ rows / n)
-        rights.append(rows.T @ (torque[:, j] / scale[j]) / n)
-        places.append(np.r_[np.arange(k), k + own.shape[1] * j + np.arange(own.shape[1])])
-    powers, size = ((torque / scale) ** 2).mean(axis=0), int(places[-1][-1]) + 1
-    shares = np.full(m, 0.1)
-    for _ in range(_PASSES):
+    clouds = _clouds(samples.under(reading.gravity).phi.reshape(-1, 10))
+    target = torque / np.maximum(torque.std(axis=0), 1e-12)
+    body = samples.felt(reading) @ clouds / np.maximum(torque.std(axis=0), 1e-12)[:, None]
+    one = np.ones_like(torque)
+    own = np.stack([one, -one, *drive], axis=2)
+    rows = np.concatenate([body, own / np.maximum(np.sqrt((own**2).mean(axis=0)), 1e-12)], axis=2)
+    (n, m, k), width = body.shape, own.shape[2]
+    places = [np.r_[np.arange(k), k + width * j + np.arange(width)] for j in range(m)]
+    grams = [rows[:, j].T @ rows[:, j] / n for j in range(m)]
+    rights = [rows[:, j].T @ target[:, j] / n for j in range(m)]
+    size, shares = k + width * m, np.full(m, 0.1)
+    for _ in range(4):
         matrix, right = np.zeros((size, size)), np.zeros(size)
-        for weight, place, gram, side in zip(
-            1.0 / np.maximum(shares, FLOOR), places, grams, rights, strict=True
-        ):
+        weights = 1.0 / np.maximum(shares, THRESHOLD.least_share)
+        for weight, place, gram, side in zip(weights, places, grams, rights, strict=True):
             matrix[place[:, None], place] += weight * gram
             right[place] += weight * side
         unit = np.sqrt(np.maximum(np.diag(matrix), 1e-30))
-        root = np.linalg.cholesky(matrix / np.outer(unit, unit) + _TRACE * np.eye(size))
-        x = scipy.optimize.nnls(root.T, np.linalg.solve(root, right / unit), maxiter=20 * size)[0] / unit
-        parts = [x[place] for place in places]
+        root = np.linalg.cholesky(matrix / np.outer(unit, unit) + THRESHOLD.trace * np.eye(size))
+        x = nnls(root.T, np.linalg.solve(root, right / unit), maxiter=20 * size)[0] / unit
         shares = np.array(
-            [powers[j] - 2.0 * part @ rights[j] + part @ grams[j] @ part for j, part in enumerate(parts)]
+            [((target[:, j] - rows[:, j] @ x[place]) ** 2).mean() for j, place in enumerate(places)]
         )
     return half_log(shares)
 
 
 def _clouds(phi: Array) -> Array:
-    """Inertial parameters of all bodies per unit of each point mass, ``(10·n_segments, n)``, from nominal ``phi``."""
+    """Inertial parameters of all bodies per unit of each point mass, ``(10·n_segments, n)``, from nominal ``phi``.
+
+    Cubes are half as wide as so many times the distance of a joint's nominal centre of mass, with some more.
+    """
     arm = np.linalg.norm(phi[:, 1:4], axis=1) / np.maximum(phi[:, 0], 1e-9)
-    clouds = np.zeros((len(phi), 10, len(phi), len(_PLACES)))
-    for k, size in enumerate(np.minimum(arm, _MOST_M) + _LEAST_M):
-        r = size * _PLACES
-        inertia = (r**2).sum(axis=1)[:, None, None] * np.eye(3) - r[:, :, None] * r[:, None, :]
-        moments = [inertia[:, a, b] for a, b in ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))]
-        clouds[k, :, k] = np.array([np.ones(len(r)), *r.T, *moments])
+    r = np.vstack([np.zeros(3), *(wide * _CUBE for wide in (0.5, 1.5, 4.0))])
+    x, y, z = r.T
+    moments = [y * y + z * z, -x * y, x * x + z * z, -x * z, -y * z, x * x + y * y]
+    clouds = np.zeros((len(phi), 10, len(phi), len(r)))
+    for k, size in enumerate(np.minimum(arm, THRESHOLD.widest_cloud_m) + THRESHOLD.least_cloud_m):
+        clouds[k, :, k] = [np.ones(len(r)), *(size * r.T), *(size**2 * np.array(moments))]
     return clouds.reshape(10 * len(phi), -1)
 
 
 # Torques that were logged long after, or before, the positions that they belong to.
 
-# Buses are late by up to 20 ms or so, and logged commands early by a drive's lag, some 50 ms where it is slow: a
-# diagnosis names these ``time_delay`` and ``actuator_lag``. What is later or earlier comes from another computer's
-# clock, or from columns that were put together wrongly [s].
-_LATE_S, _EARLY_S = 0.03, 0.08
-_GRID_S = np.arange(-25, 26) * 0.02
-# Files of two loggers whose clocks began at zero differ by what a person takes to start the second one [s]. A motion
-# that repeats itself agrees one period later, too: at every joint that tells 0.35 nat more have to go. Of a UR10 whose
-# torques were logged from 1.5 s on 4.1 nats go at three joints.
-_FAR_S, _FAR_NATS = np.arange(-50, 51) * 0.1, 0.35
-
 
 def find_delay(samples: Samples, reading: Reading) -> Iterable[Correction]:
     """The shift at which the torques agree with the motion."""
-    if reading.late_s != 0.0:
-        return
-
     # Friction that builds up over a way after each reversal looks late, too; weights and inertia do not.
     tells = samples.tells(reading)
-    if not tells.any():
+    if reading.late_s != 0.0 or not tells.any():
         return
 
     def left(late: float) -> float:
         return float(samples.left(replace(reading, late_s=float(late)))[tells].sum())
 
-    scores = [left(late) for late in _GRID_S]
-    best, around = float(_GRID_S[int(np.argmin(scores))]), 0.02
+    def is_usual(early: float, late: float) -> bool:
+        return -THRESHOLD.early_s < early and late < THRESHOLD.late_s
+
+    near, far = np.arange(-25, 26) * 0.02, np.arange(-50, 51) * 0.1
+    scores = [left(late) for late in near]
+    best, step = float(near[int(np.argmin(scores))]), 0.02
+    # Files of two loggers whose clocks began at zero differ by what a person takes to start the second one.
     shortest = float((samples.last - samples.first).min()) / samples.rate_hz
-    seconds = _FAR_S[np.abs(_FAR_S) + 0.1 <= (1.0 - OWN_SHARE) * shortest]
-    far = [left(late) for late in seconds]
-    if far and min(far) < min(scores) - _FAR_NATS * float(tells.sum()):
-        best, around = float(seconds[int(np.argmin(far))]), 0.1
-    bounds = (best - around, best + around)
-    if -_EARLY_S < bounds[0] and bounds[1] < _LATE_S:
+    far = far[np.abs(far) + 0.1 <= (1.0 - OWN_SHARE) * shortest]
+    away = [left(late) for late in far]
+    if away and min(away) < min(scores) - THRESHOLD.far_nats * float(tells.sum()):
+        best, step = float(far[int(np.argmin(away))]), 0.1
+    if is_usual(best - step, best + step):
         return
-    best = float(
-        scipy.optimize.minimize_scalar(left, bounds=bounds, method="bounded", options={"xatol": 5e-4}).x
-    )
-    if -_EARLY_S < best < _LATE_S:
-        return
-    which = "late" if best > 0.0 else "early"
-    text = f"{samples.measured_name} look {1e3 * abs(best):.0f} ms {which} beside the positions"
-    yield Correction(
-        replace(reading, late_s=best),
-        text,
-        (samples.measured_name,),
-        {"late_s": best},
-        certain=False,
-    )
+    best = minimize_near(left, best, step, 5e-4)
+    if not is_usual(best, best):
+        which = "late" if best > 0.0 else "early"
+        text = f"{samples.what} are {1e3 * abs(best):.0f} ms {which} relative to the positions"
+        yield Correction(
+            replace(reading, late_s=best), text, (samples.what,), {"late_s": best}, certain=False
+        )
 
 
 # Torques with their sign turned: reaction instead of action, or a drive that counts the other way.
 
-# Half the residual's logarithm by which a single turned torque has to fit better to go with the others.
-_TORQUE_SIGN_TELLS = 0.3
-
 
 def find_torque_sign(samples: TorqueSamples, reading: Reading) -> Iterable[Correction]:
     """Friction takes power out and weights pull down: a turned torque can be neither."""
-    joints = samples.channels
-    straight = samples.left(reading)
-    turned = samples.left(reading.with_torque(range(len(joints)), -1.0))
-    gains = straight - turned
-    telling = np.flatnonzero(gains > _TORQUE_SIGN_TELLS)
-    chosen = {(int(j),) for j in telling} | ({tuple(telling.tolist())} if len(telling) else set())
+    joints, least = samples.channels, THRESHOLD.sign_tells
+    everywhere = tuple(range(len(joints)))
+    gains = samples.left(reading) - samples.left(reading.with_torque(everywhere, -1.0))
+    telling = tuple(np.flatnonzero(gains > least).tolist())
+    chosen = {(j,) for j in telling} | ({telling} if telling else set())
     # Joints that do not tell go with the others where all that tell agree.
-    if len(telling) > 1 and (gains > -_TORQUE_SIGN_TELLS).all():
-        chosen.add(tuple(range(len(joints))))
+    if len(telling) > 1 and (gains > -least).all():
+        chosen.add(everywhere)
     for places in sorted(chosen):
         names = tuple(joints[j] for j in places)
         text = (
-            "the sign of all torques looks turned: reaction instead of action"
+            "all torques have the opposite sign: reaction instead of action"
             if len(names) == len(joints) > 1
-            else f"the sign of the torque of {list_names(names)} looks turned"
+            else f"the torque of {list_names(names)} has the opposite sign"
         )
-        yield Correction(
-            reading.with_torque(list(places), -1.0),
-            text,
-            names,
-            {"joints": float(len(names))},
-            along=tuple(joints[j] for j in places if j not in telling),
-        )
-
-
-# Weight that a driver takes off torques by its own model before it reports them, as UR's, Kinova's, Doosan's
-# do.
-
-
-def find_missing_weight(samples: TorqueSamples, reading: Reading) -> Iterable[Correction]:
-    """Torques hold the bodies' inertial forces, and nothing of their weight but what the driver's model had wrong."""
-    if reading.weightless or not reading.gravity.any():
-        return
-    parts = parts_in(samples, reading)
-    weights = parts.weight[np.isfinite(parts.weight)]
-    # Every joint that tells is nearer to none of it than to all.
-    if not len(weights) or (np.abs(weights) > 0.5).any():
-        return
-    bare = replace(reading, weightless=True)
-    text, load = (
-        f"a driver has taken the weight off the torques ({parts.said()})",
-        carried_load(samples, bare),
-    )
-    if load is not None:
-        text += f"; of a payload, it has not: {load.sentence()}"
-    yield Correction(
-        bare,
-        text,
-        ("gravity",),
-        parts.figures() | ({} if load is None else load.shares(samples, reading)),
-        mends="gravity is taken as [0, 0, 0], and what the rest tells is identified; "
-        "`excite doctor LOG --repair DIR` adds the nominal weight instead",
-    )
+        along = tuple(joints[j] for j in places if j not in telling)
+        figures = {"joints": float(len(names))}
+        yield Correction(reading.with_torque(places, -1.0), text, names, figures, along=along)

@@ -1,7 +1,7 @@
 // A robot in motion: bodies, balance, contact, the nearest pair of bodies, margins; with a ghost where there is one.
 "use strict";
 // Units of joints that slide in place of those of joints that turn.
-const OF_SLIDES = { "rad": "m", "rad/s": "m/s", "rad/s²": "m/s²", "N·m": "N" };
+const OF_SLIDES = { "rad": "m", "rad/s": "m/s", "rad/s²": "m/s²", "rad/s³": "m/s³", "N·m": "N" };
 class Replay {
   constructor(holder) {
     this.holder = holder;

@@ -1,11 +1,11 @@
-"""Curves over time, a panel a channel: under one cursor on a page, drawn where no script runs and in print."""
+"""Lines in panels, two a row: curves over time under one cursor on a page, drawn where no script runs and in print."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,8 +19,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _TITLES = {
-    **{f"f{axis}": f"force {axis}" for axis in "xyz"},
-    **{f"t{axis}": f"moment {axis}" for axis in "xyz"},
+    f"{letter}{axis}": f"{what} {axis}"
+    for letter, what in (("f", "force"), ("t", "moment"))
+    for axis in "xyz"
 }
 _MOST_POINTS = 3000
 # As many joints as the largest robot known here has; the layout of 250 panels takes a minute.
@@ -35,15 +36,19 @@ class Line:
 
     Attributes:
         label: what it is.
-        role: its colour.
         values: ``(n,)``.
+        role: its colour; one of matplotlib's own for None.
         dashed: whether it is.
+        x: ``(n,)`` where the values are; None for where all lines of a figure are.
+        look: what matplotlib is told besides.
     """
 
     label: str
-    role: Role
     values: Array
+    role: Role | None = None
     dashed: bool = False
+    x: Array | None = None
+    look: dict[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,20 +57,30 @@ class Panel:
 
     Attributes:
         name: of what is shown.
-        unit: of the values.
+        unit: of the values; what stands along the axis.
         lines: the curves.
         note: what a drawing says beside the name.
+        axis: what is along the other axis.
     """
 
     name: str
     unit: str
     lines: tuple[Line, ...]
     note: str = ""
+    axis: str = ""
 
 
 def channel_label(channel: str) -> str:
     """A channel's name for reading: ``force x`` for ``fx``; a joint's own name otherwise."""
     return _TITLES.get(channel, channel.removesuffix("_joint").replace("_", " "))
+
+
+def compared_lines(
+    labels: Sequence[str], measured: Array, nominal: Array, identified: Array
+) -> tuple[Line, ...]:
+    """What was measured in ink, the nominal model dashed, the identified one strong."""
+    values, roles = (measured, nominal, identified), (INK, NOMINAL, IDENTIFIED)
+    return tuple(Line(*one, one[2] is NOMINAL) for one in zip(labels, values, roles, strict=False))
 
 
 def channel_panels(
@@ -86,49 +101,48 @@ def channel_panels(
         i = data.channels.index(name)
         measured, *models = (values[:, i] for values in (data.measured, data.nominal, data.identified))
         before, after = (float(np.sqrt(np.mean((measured - model) ** 2))) for model in models)
-        curves = zip(
-            labels, (INK, NOMINAL, IDENTIFIED), (measured, *models), (False, True, False), strict=True
-        )
         note = f"RMSE {before:.3g} → {after:.3g} {shorten_name(data.units[i])}"
         panels.append(
-            Panel(channel_label(name), data.units[i], tuple(Line(*curve) for curve in curves), note)
+            Panel(channel_label(name), data.units[i], compared_lines(labels, measured, *models), note)
         )
     return panels
 
 
-def draw_panels(time: Array, panels: Sequence[Panel]) -> Figure:
+def draw_panels(time: Array | None, panels: Sequence[Panel], *, row_in: float = 1.55) -> Figure:
     """Two panels a row.
 
     Args:
-        time: ``(n,)`` [s].
+        time: ``(n,)`` [s], of all lines and along the axis of the last row; None where each line has its own.
         panels: at least one.
+        row_in: height of a row [inch].
     """
-    rows, shown = math.ceil(len(panels) / 2), _thinned(time)
+    rows = math.ceil(len(panels) / 2)
 
     def paint(figure: Figure) -> None:
-        grid = figure.subplots(rows, 2, sharex=True, squeeze=False)
-        for axes in grid.ravel()[len(panels) :]:
+        grid = figure.subplots(rows, 2, sharex=time is not None, squeeze=False).ravel()
+        for axes in grid[len(panels) :]:
             axes.set_visible(False)
-        for axes, panel in zip(grid.ravel(), panels, strict=False):
+        for axes, panel in zip(grid, panels, strict=False):
             for line in panel.lines:
-                dashes = (0, (4, 2)) if line.dashed else "-"
+                x = line.x if time is None else time
+                shown = _thinned(line.values)
+                look = {"lw": 1.0, "ls": (0, (4, 2)) if line.dashed else "-", "label": line.label} | line.look
+                if line.role is not None:
+                    look["color"] = line.role.light
                 axes.plot(
-                    time[shown],
-                    line.values[shown],
-                    color=line.role.light,
-                    lw=1.0,
-                    ls=dashes,
-                    label=line.label,
+                    np.arange(len(line.values))[shown] if x is None else x[shown], line.values[shown], **look
                 )
             axes.set_title(", ".join(filter(None, (shorten_name(panel.name), panel.note))))
-            axes.set_ylabel(f"[{shorten_name(panel.unit)}]")
-            axes.margins(x=0.0)
-        for axes in grid.ravel()[: len(panels)][-2:]:
+            unit = shorten_name(panel.unit)
+            axes.set(ylabel=f"[{unit}]" if time is not None else unit, xlabel=shorten_name(panel.axis))
+            axes.margins(x=0.0 if time is not None else 0.01)
+        for axes in grid[: len(panels)][-2:] if time is not None else ():
             axes.set_xlabel("time [s]")
             axes.tick_params(labelbottom=True)
-        figure.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=3)
+        handles, labels = grid[0].get_legend_handles_labels()
+        figure.legend(handles, map(shorten_name, labels), loc="outside upper left", ncols=6)
 
-    return draw_figure(paint, height_in=0.7 + 1.55 * rows)
+    return draw_figure(paint, height_in=0.7 + row_in * rows)
 
 
 def show_panels(identifier: str, time: Array, panels: Sequence[Panel], description: str) -> str:
@@ -148,6 +162,7 @@ def show_panels(identifier: str, time: Array, panels: Sequence[Panel], descripti
             "series": [
                 {"label": line.label, "role": line.role.name} | ({"dash": [5, 3]} if line.dashed else {})
                 for line in panel.lines
+                if line.role is not None
             ],
             "values": pack_table(np.column_stack([line.values[shown] for line in panel.lines])),
         }
@@ -159,5 +174,5 @@ def show_panels(identifier: str, time: Array, panels: Sequence[Panel], descripti
     return interactive(moving, still, data_island(f"{name}-data", spec))
 
 
-def _thinned(time: Array) -> slice:
-    return slice(None, None, max(1, math.ceil(len(time) / _MOST_POINTS)))
+def _thinned(values: Array) -> slice:
+    return slice(None, None, max(1, math.ceil(len(values) / _MOST_POINTS)))

@@ -4,41 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from excite.report.theme import draw_figure, save_png, shorten_name
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from excite.report.plots.curves import Line, Panel, draw_panels
+from excite.report.theme import save_png
 
 _PANELS = {"zero": "zero", "gain": "gain", "lag_s": "delay [s]", "friction": "dry friction"}
-
-
-def plot_drift(episodes: Sequence[Mapping[str, Any]]) -> Figure:
-    """One panel a measure, a line a joint, over the episodes in their order (``episodes`` of ``excite.doctor/1``)."""
-    ordered = sorted(episodes, key=lambda one: str(one["episode"]))
-    joints = list(dict.fromkeys(joint for one in ordered for joint in one["measures"].get("zero", {})))
-
-    def series(name: str, joint: str) -> list[float]:
-        found = [one["measures"].get(name, {}).get(joint) for one in ordered]
-        return [np.nan if value is None else value for value in found]
-
-    def paint(figure: Figure) -> None:
-        for axes, (name, label) in zip(
-            figure.subplots(2, 2, sharex=True).ravel(), _PANELS.items(), strict=True
-        ):
-            for joint in joints:
-                axes.plot(series(name, joint), ".-", lw=0.7, ms=3.0, label=shorten_name(joint))
-            axes.set_title(label)
-        for axes in figure.axes[2:]:
-            axes.set_xlabel("episode")
-        figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside upper left", ncols=6)
-
-    return draw_figure(paint, height_in=5.0)
+_LOOK = {"marker": ".", "ms": 3.0, "lw": 0.7}
 
 
 def save_drift(episodes: Sequence[Mapping[str, Any]], path: Path) -> Path:
-    """Write the figure as PNG; returns ``path``."""
-    return save_png(plot_drift(episodes), path)
+    """Write as PNG a panel a measure, a line a joint, over the episodes (``episodes`` of ``excite.doctor/1``)."""
+    ordered = sorted(
+        (one["measures"] | {"": one["episode"]} for one in episodes), key=lambda one: str(one[""])
+    )
+    joints = dict.fromkeys(joint for one in ordered for joint in one.get("zero", {}))
+    panels = []
+    for name, label in _PANELS.items():
+        values = {j: np.array([one.get(name, {}).get(j) for one in ordered], dtype=float) for j in joints}
+        lines = tuple(Line(joint, one, look=_LOOK) for joint, one in values.items())
+        panels.append(Panel(label, "", lines, axis="episode"))
+    return save_png(draw_panels(None, panels, row_in=2.2), path)

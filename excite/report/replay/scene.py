@@ -1,11 +1,10 @@
-"""A robot as a page's replay has it: the tree of its joints, its bodies, its soles, the ground."""
+"""A robot as a page's replay has it: its joints, bodies and soles, the ground; and a trial of a record."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
 import numpy as np
@@ -17,11 +16,11 @@ from excite.arrays import Array
 from excite.errors import RobotError
 from excite.logs.columns import BASE_POSE
 from excite.report.replay.tracks import FRAMES_HZ, joint_bounds, pack_table, packed_indices
-from excite.robot.joint_values import Limits
 from excite.robot.links import link_placement
 from excite.robot.robot import Robot
 from excite.robot.shapes.collision import TABLE, collision_shapes
 from excite.robot.shapes.mesh_files import read_meshes
+from excite.robot.shapes.shape import Shape
 
 # Bodies of a robot as few triangles, for a picture.
 
@@ -36,8 +35,7 @@ _SHORTEST_BONE = 0.005
 _THICK = 0.15
 
 
-@dataclass(frozen=True, eq=False)
-class Body:
+class Body(NamedTuple):
     """A part of a robot that moves with a joint.
 
     Attributes:
@@ -63,7 +61,10 @@ def visible_bodies(robot: Robot) -> tuple[Body, ...]:
         The bodies; of a robot without geometry, or whose meshes are not there, a rod from each joint to the next.
     """
     try:
-        return tuple(_of_meshes(robot)) or tuple(_of_shapes(robot))
+        shapes = (s for s in collision_shapes(robot) if s.link != TABLE)
+        return tuple(_mesh_bodies(robot)) or tuple(
+            _place_body(shape.link, shape.joint, shape.placement, *shape_triangles(shape)) for shape in shapes
+        )
     except RobotError:
         return tuple(_bone_bodies(robot))
 
@@ -79,35 +80,23 @@ def merge_corners(corners: Array, triangles: Triangles, cells: int = CELLS) -> t
     Returns:
         Corners and triangles; those that became lines or points are left out, and so are their doubles.
     """
-    low = corners.min(axis=0)
     size = max(float(np.ptp(corners, axis=0).max()), 1e-9) / cells
-    cell = np.minimum(((corners - low) / size).astype(np.int64), cells - 1)
-    key = (cell[:, 0] * cells + cell[:, 1]) * cells + cell[:, 2]
-    member, used = _renumber(key, cells**3)
-    count = np.bincount(member)
-    means = np.column_stack([np.bincount(member, corners[:, i]) / count for i in range(3)])
+    cell = np.minimum(((corners - corners.min(axis=0)) / size).astype(np.int64), cells - 1)
+    _, member = np.unique(cell @ [cells**2, cells, 1], return_inverse=True)
+    means = (
+        np.column_stack([np.bincount(member, column) for column in corners.T]) / np.bincount(member)[:, None]
+    )
     left = member[triangles]
-    a, b, c = left.T
-    left = left[(a != b) & (b != c) & (c != a)]
-    if not len(left):
-        return means, left
+    left = left[(left != np.roll(left, 1, axis=1)).all(axis=1)]
     # A triangle's corners in one order, beginning with the least, so that the same one is found again.
-    start = np.argmin(left, axis=1)
-    a, b, c = (left[np.arange(len(left)), (start + k) % 3] for k in range(3))
-    n = len(used)
-    each = np.unique((a * n + b) * n + c)
-    left = np.column_stack([each // n**2, each // n % n, each % n])
-    again, used = _renumber(left.ravel(), n)
-    return means[used], again.reshape(left.shape)
+    order = (np.argmin(left, axis=1)[:, None] + np.arange(3)) % 3
+    left = np.take_along_axis(left, order, axis=1)
+    _, first = np.unique(left @ [len(means) ** 2, len(means), 1], return_index=True)
+    used, again = np.unique(left[first], return_inverse=True)
+    return means[used], again.reshape(-1, 3)
 
 
-def _renumber(values: NDArray[np.int64], most: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Whole numbers below ``most`` counted anew, in their order, and those that there are."""
-    present = np.bincount(values, minlength=most) > 0
-    return (np.cumsum(present) - 1)[values], np.flatnonzero(present)
-
-
-def _of_meshes(robot: Robot) -> Iterator[Body]:
+def _mesh_bodies(robot: Robot) -> Iterator[Body]:
     root = fromstring(robot.urdf)
     for kind in ("visual", "collision"):
         files = [Path(m.get("filename", "")) for m in root.iterfind(f"link/{kind}/geometry/mesh")]
@@ -116,34 +105,33 @@ def _of_meshes(robot: Robot) -> Iterator[Body]:
     else:
         return
     points = read_meshes(files)
-    for link in root.findall("link"):
-        name = link.get("name", "")
-        for element in link.findall(kind):
-            solid = element.find("geometry/*")
-            if solid is None:
-                continue
-            joint, placement = link_placement(robot.model, name, robot.source, f"link {name!r}")
-            if solid.tag == "mesh":
-                # An STL file's corners stand triangle after triangle.
-                corners = points[Path(solid.get("filename", ""))] * _element_numbers(
-                    solid, "scale", (1.0, 1.0, 1.0)
-                )
-                triangles = np.arange(len(corners)).reshape(-1, 3)
-            else:
-                corners, triangles = solid_triangles(solid.tag, _solid_size(solid))
-            corners, triangles = merge_corners(corners, triangles)
-            yield _place_body(name, joint, placement * _element_origin(element), corners, triangles)
-
-
-def _of_shapes(robot: Robot) -> Iterator[Body]:
-    for shape in collision_shapes(robot):
-        if shape.link == TABLE:
+    pairs = [(link, element) for link in root.findall("link") for element in link.findall(kind)]
+    for link, element in pairs:
+        solid, name = element.find("geometry/*"), link.get("name", "")
+        if solid is None:
             continue
-        if shape.vertices is not None and shape.faces is not None:
-            corners, triangles = shape.vertices, shape.faces
+        if solid.tag == "mesh":
+            # An STL file's corners stand triangle after triangle.
+            corners = points[Path(solid.get("filename", ""))] * _element_numbers(solid, "scale", 1.0)
+            triangles = np.arange(len(corners)).reshape(-1, 3)
         else:
-            corners, triangles = solid_triangles(shape.kind, shape.size)
-        yield _place_body(shape.link, shape.joint, shape.placement, corners, triangles)
+            box = solid.tag == "box"
+            size = (
+                [*_element_numbers(solid, "size", 1.0)]
+                if box
+                else [solid.get(n) for n in ("radius", "length")]
+            )
+            corners, triangles = solid_triangles(solid.tag, tuple(float(n) for n in size if n is not None))
+        joint, placement = link_placement(robot.model, name, robot.source, f"link {name!r}")
+        origin = element.find("origin")
+        if origin is not None:
+            turn = pin.rpy.rpyToMatrix(_element_numbers(origin, "rpy", 0.0))
+            placement = placement * pin.SE3(turn, _element_numbers(origin, "xyz", 0.0))
+        yield _place_body(name, joint, placement, *merge_corners(corners, triangles))
+
+
+def _element_numbers(element: ElementTree.Element, name: str, otherwise: float) -> Array:
+    return np.array([float(part) for part in element.get(name, f"{otherwise} " * 3).split()])
 
 
 def _bone_bodies(robot: Robot) -> Iterator[Body]:
@@ -156,86 +144,58 @@ def _bone_bodies(robot: Robot) -> Iterator[Body]:
     usual = float(np.median([np.linalg.norm(end) for _, end in found])) if found else 0.0
     for joint, end in found:
         length = float(np.linalg.norm(end))
-        corners, triangles = solid_triangles("capsule", (_THICK * usual, length))
         turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), end / length)
-        link = robot.segments[joint - 1].link
-        yield _place_body(link, joint, pin.SE3(turn.matrix(), 0.5 * end), corners, triangles)
+        rod = solid_triangles("capsule", (_THICK * usual, length))
+        yield _place_body(robot.segments[joint - 1].link, joint, pin.SE3(turn.matrix(), 0.5 * end), *rod)
 
 
 def _place_body(link: str, joint: int, pose: pin.SE3, corners: Array, triangles: Triangles) -> Body:
     return Body(link, joint, corners @ pose.rotation.T + pose.translation, triangles)
 
 
-def _solid_size(solid: ElementTree.Element) -> tuple[float, ...]:
-    if solid.tag == "box":
-        return tuple(_element_numbers(solid, "size", (1.0, 1.0, 1.0)))
-    return tuple(float(solid.get(name, "0")) for name in ("radius", "length") if solid.get(name))
+def shape_triangles(shape: Shape) -> tuple[Array, Triangles]:
+    """Corners ``(n, 3)`` [m] and triangles ``(m, 3)`` of a shape in its own frame; round ones within 3 %."""
+    if shape.vertices is not None and shape.faces is not None:
+        return shape.vertices, shape.faces
+    return solid_triangles(shape.kind, shape.size)
 
 
-def _element_origin(element: ElementTree.Element) -> pin.SE3:
-    origin = element.find("origin")
-    if origin is None:
-        return pin.SE3.Identity()
-    zero = (0.0, 0.0, 0.0)
-    return pin.SE3(
-        pin.rpy.rpyToMatrix(*_element_numbers(origin, "rpy", zero)), _element_numbers(origin, "xyz", zero)
-    )
+# Corners around a round solid, whose edge stays within 3 % of its radius, and rings from its equator to its pole.
+_AROUND, _RINGS = 14, 3
 
 
-def _element_numbers(element: ElementTree.Element, name: str, otherwise: tuple[float, ...]) -> Array:
-    text = element.get(name)
-    return np.array(otherwise if text is None else [float(part) for part in text.split()])
-
-
-# Boxes, balls, cylinders and capsules as triangles.
-
-# Corners around: a cylinder's edge stays within 3 % of its radius.
-_AROUND = 14
-_RINGS = 3
-
-
-def solid_triangles(kind: str, size: tuple[float, ...]) -> tuple[Array, NDArray[np.int64]]:
+def solid_triangles(kind: str, size: tuple[float, ...]) -> tuple[Array, Triangles]:
     """Corners ``(n, 3)`` [m] and triangles ``(m, 3)`` of a solid in its own frame, anticlockwise from outside.
 
     Args:
         kind: ``box``, ``sphere``, ``cylinder`` or ``capsule``; anything else has none.
         size: as of :class:`~excite.robot.shapes.shape.Shape`.
     """
-    if kind == "box":
-        corners, triangles = _turned_body([(-0.5, 0.5**0.5), (0.5, 0.5**0.5)], (-0.5, 0.5), 4)
-        return corners * np.array(size), triangles
-    if kind not in {"sphere", "cylinder", "capsule"}:
+    if kind not in {"box", "sphere", "cylinder", "capsule"}:
         return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
-    radius, half = size[0], 0.5 * size[1] if kind != "sphere" else 0.0
-    if kind == "cylinder":
-        return _turned_body([(-half, radius), (half, radius)], (-half, half))
-    rise = np.linspace(0.0, 0.5 * np.pi, _RINGS, endpoint=False)
-    upper = [(half + radius * float(np.sin(t)), radius * float(np.cos(t))) for t in rise]
-    lower = [(-height, width) for height, width in reversed(upper)]
+    # Heights and radii of rings about z, the lowest point first and the highest last, where the radius is nothing.
+    half = 0.5 * (1.0 if kind == "box" else size[1] if kind != "sphere" else 0.0)
+    radius = 0.5**0.5 if kind == "box" else size[0]
+    rise = (
+        np.linspace(0.0, 0.5 * np.pi, _RINGS + 1) if kind in {"sphere", "capsule"} else np.array([0.0, np.pi])
+    )
+    upper = np.column_stack([half + radius * np.sin(rise), radius * np.cos(rise)])
+    upper[-1] = (half + (radius if len(rise) > 2 else 0.0), 0.0)
     # A ball's two halves share their equator.
-    return _turned_body(lower + upper[kind == "sphere" :], (-half - radius, half + radius))
-
-
-def _turned_body(
-    rings: list[tuple[float, float]], poles: tuple[float, float], around: int = _AROUND
-) -> tuple[Array, NDArray[np.int64]]:
-    """A body turned about z, of rings (height, radius) from below and the heights of its lowest and highest point.
-
-    A square has corners in the diagonals, a rounder outline the first on the x axis.
-    """
-    turn = np.linspace(0.0, 2.0 * np.pi, around, endpoint=False) + (0.25 * np.pi if around == 4 else 0.0)
+    rings = np.vstack([upper[::-1] * [-1.0, 1.0], upper[kind == "sphere" :]])
+    around = 4 if kind == "box" else _AROUND
+    turn = 2.0 * np.pi * np.arange(around) / around + (0.25 * np.pi if kind == "box" else 0.0)
     circle = np.column_stack([np.cos(turn), np.sin(turn)])
-    levels = [np.column_stack([radius * circle, np.full(around, height)]) for height, radius in rings]
-    corners = np.vstack([*levels, [[0.0, 0.0, poles[0]], [0.0, 0.0, poles[1]]]])
-    here, bottom = np.arange(around), len(corners) - 2
-    after, last = np.roll(here, -1), (len(rings) - 1) * around
-    triangles = [np.column_stack([np.full(around, bottom), after, here])]
+    levels = [np.column_stack([r * circle, np.full(around, height)]) for height, r in rings[1:-1]]
+    corners = np.vstack([*levels, *([[0.0, 0.0, height]] for height in rings[[0, -1], 0])])
+    here, after, last = np.arange(around), np.roll(np.arange(around), -1), (len(levels) - 1) * around
+    triangles = [np.column_stack([np.full(around, len(corners) - 2), after, here])]
     for below in range(0, last, around):
         above = below + around
         triangles.append(np.column_stack([below + here, below + after, above + after]))
         triangles.append(np.column_stack([below + here, above + after, above + here]))
-    triangles.append(np.column_stack([last + here, last + after, np.full(around, bottom + 1)]))
-    return corners, np.vstack(triangles)
+    triangles.append(np.column_stack([last + here, last + after, np.full(around, len(corners) - 1)]))
+    return corners * (np.array(size) if kind == "box" else 1.0), np.vstack(triangles)
 
 
 # The robot that does not change in time.
@@ -254,13 +214,8 @@ def robot_scene(robot: Robot) -> dict[str, Any]:
         ``bodies``: see :class:`Body`. ``feet``: ``name``, ``joint``, and corners of the
         ``sole`` in its frame. ``ground``: its height [m], null where there is none.
     """
-    parts = [
-        {
-            "link": body.link,
-            "joint": body.joint,
-            "corners": pack_table(body.corners),
-            "triangles": packed_indices(body.triangles),
-        }
+    bodies = [
+        body._asdict() | {"corners": pack_table(body.corners), "triangles": packed_indices(body.triangles)}
         for body in visible_bodies(robot)
         if 0 < len(body.triangles) and len(body.corners) < _MOST_CORNERS
     ]
@@ -268,14 +223,13 @@ def robot_scene(robot: Robot) -> dict[str, Any]:
         {"name": foot.name, "joint": foot.joint, "sole": [_round_values(corner) for corner in foot.sole]}
         for foot in robot.feet
     ]
-    table = robot.description.collision.table_height
-    ground = 0.0 if robot.floating else table
-    return {"joints": joint_tree(robot.model), "bodies": parts, "feet": feet, "ground": ground}
+    ground = 0.0 if robot.floating else robot.description.collision.table_height
+    return {"joints": joint_tree(robot.model), "bodies": bodies, "feet": feet, "ground": ground}
 
 
 def joint_tree(model: pin.Model) -> list[dict[str, Any]]:
     """The part ``joints`` of :func:`robot_scene`: of joints with one coordinate, and a free base."""
-    joints = []
+    joints, data, rest = [], model.createData(), pin.neutral(model)
     for index in range(1, model.njoints):
         placement = model.jointPlacements[index]
         joint: dict[str, Any] = {
@@ -285,7 +239,9 @@ def joint_tree(model: pin.Model) -> list[dict[str, Any]]:
             "quat": _round_values(pin.Quaternion(placement.rotation).coeffs()),
         }
         if model.joints[index].nq == 1:
-            slide, turn = _joint_axes(model, index)
+            # Along which it slides and about which it turns, in its own frame.
+            jacobian = np.asarray(pin.computeJointJacobian(model, data, rest, index)).reshape(6, model.nv)
+            slide, turn = np.split(jacobian[:, model.idx_vs[index]], 2)
             joint |= {"turn": _round_values(turn), "slide": _round_values(slide)}
         else:
             joint["free"] = True
@@ -293,61 +249,14 @@ def joint_tree(model: pin.Model) -> list[dict[str, Any]]:
     return joints
 
 
-def _joint_axes(model: pin.Model, index: int) -> tuple[Array, Array]:
-    """Along which a joint of one coordinate slides and about which it turns, in its own frame, ``(3,)`` each."""
-    data = model.createData()
-    jacobian = pin.computeJointJacobian(model, data, pin.neutral(model), index)
-    column = np.asarray(jacobian).reshape(6, model.nv)[:, model.idx_vs[index]]
-    return column[:3], column[3:]
-
-
 def _round_values(values: Array) -> list[float]:
     return [round(float(value), 7) + 0.0 for value in values]
 
 
-# A trial of a record as a page's replay has it: the robot as it was measured, and a ghost beside it.
+# A trial of a record: the robot as it was measured, and a ghost beside it.
 
 
-@dataclass(frozen=True, eq=False)
-class TrialFrames:
-    """A trial at :data:`~excite.report.replay.tracks.FRAMES_HZ`.
-
-    Attributes:
-        name: of the trial.
-        time: ``(n,)`` [s], from zero.
-        q: measured configurations, ``(n, nq)``; joints that were not recorded rest.
-        ghost: what the other robot is, and its configurations, ``(n, nq)``; None without one.
-        limits: of the joints.
-    """
-
-    name: str
-    time: Array
-    q: Array
-    ghost: tuple[str, Array] | None
-    limits: Limits
-
-    def to_json(self) -> dict[str, Any]:
-        """Of the content of :meth:`~excite.report.replay.tracks.Tracks.to_json` what a record tells."""
-        first = self.q.shape[1] - len(self.limits.position_lower)
-        signal: dict[str, Any] = {"title": "position", "unit": "rad", "from": first, "label": "measured"}
-        signal["limits"] = joint_bounds(self.limits.position_lower, self.limits.position_upper)
-        content: dict[str, Any] = {
-            "name": self.name,
-            "time": pack_table(self.time),
-            "q": pack_table(self.q),
-            "label": "measured",
-            "signals": [signal],
-        }
-        if self.ghost is not None:
-            label, q = self.ghost
-            content["ghost"] = {"label": label, "q": pack_table(q)}
-            if (q[:, first:] != self.q[:, first:]).any():
-                # Where the base alone departs, joints have nothing to compare.
-                signal |= {"other": pack_table(q[:, first:]), "otherLabel": label}
-        return content
-
-
-def trial_frames(
+def trial_track(
     robot: Robot,
     name: str,
     time: Array,
@@ -356,8 +265,8 @@ def trial_frames(
     *,
     base: Array | None = None,
     ghost: tuple[str, Array] | None = None,
-) -> TrialFrames:
-    """What is to be seen of a trial.
+) -> dict[str, Any]:
+    """What is to be seen of a trial at :data:`~excite.report.replay.tracks.FRAMES_HZ`, ready for the page.
 
     Args:
         robot: the robot.
@@ -368,30 +277,41 @@ def trial_frames(
         base: poses of a free base, ``(n, 7)``: x y z qx qy qz qw; None where they were not recorded, or are columns.
         ghost: what the other robot is, and its positions, ``(n, n_joints)``.
     """
-    frames = np.linspace(time[0], time[-1], max(2, round(float(time[-1] - time[0]) * FRAMES_HZ) + 1))
-    here = np.tile(robot.rest, (len(frames), 1))
-    if base is not None and robot.floating:
-        here[:, :7] = base[np.searchsorted(time, frames).clip(0, len(time) - 1)]
-    here = _posed_configurations(robot, here, joints, frames, time, measured)
-    other = None
-    if ghost is not None:
-        other = (ghost[0], _posed_configurations(robot, here, joints, frames, time, ghost[1]))
-    return TrialFrames(name, frames - frames[0], here, other, robot.limits)
-
-
-def _posed_configurations(
-    robot: Robot, q: Array, joints: tuple[str, ...], frames: Array, time: Array, positions: Array
-) -> Array:
-    """Configurations ``(n_frames, nq)`` with the joints, and the base where it is among them, at their positions."""
-    found = q.copy()
+    frames, first = frame_times(time), robot.n_base_q
+    nearest = np.searchsorted(time, frames).clip(0, len(time) - 1)
     turning = [k for k, joint in enumerate(joints) if joint not in BASE_POSE]
-    columns = [robot.n_base_q + robot.joint_index(joints[k]) for k in turning]
-    found[:, columns] = _values_at(frames, time, positions[:, turning])
-    if len(turning) < len(joints) and robot.floating:
-        pose = [joints.index(name) for name in BASE_POSE]
-        found[:, :7] = positions[np.searchsorted(time, frames).clip(0, len(time) - 1)][:, pose]
-    return found
+    columns = [first + robot.joint_index(joints[k]) for k in turning]
+    rest = np.tile(robot.rest, (len(frames), 1))
+    if base is not None and robot.floating:
+        rest[:, :7] = base[nearest]
+
+    def posed(positions: Array) -> Array:
+        """Configurations with the joints, and the base where it is among them, at their positions."""
+        found = rest.copy()
+        found[:, columns] = np.column_stack([np.interp(frames, time, positions[:, k]) for k in turning])
+        if len(turning) < len(joints) and robot.floating:
+            found[:, :7] = positions[nearest][:, [joints.index(one) for one in BASE_POSE]]
+        return found
+
+    q, limits = posed(measured), joint_bounds(robot.limits.position_lower, robot.limits.position_upper)
+    signal = {"title": "position", "unit": "rad", "from": first, "label": "measured", "limits": limits}
+    content: dict[str, Any] = {
+        "name": name,
+        "time": pack_table(frames - frames[0]),
+        "q": pack_table(q),
+        "label": "measured",
+        "signals": [signal],
+    }
+    if ghost is not None:
+        label, other = ghost[0], posed(ghost[1])
+        content["ghost"] = {"label": label, "q": pack_table(other)}
+        if (other[:, first:] != q[:, first:]).any():
+            # Where the base alone departs, joints have nothing to compare.
+            signal |= {"other": pack_table(other[:, first:]), "otherLabel": label}
+    return content
 
 
-def _values_at(frames: Array, time: Array, values: Array) -> Array:
-    return np.column_stack([np.interp(frames, time, column) for column in values.T])
+def frame_times(time: Array) -> Array:
+    """Instants of a trial that are shown, ``(n_frames,)`` [s]."""
+    seconds = float(time[-1] - time[0])
+    return np.linspace(time[0], time[-1], max(2, round(seconds * FRAMES_HZ) + 1))

@@ -5,9 +5,9 @@ from __future__ import annotations
 import base64
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from contextlib import suppress
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from excite.arrays import Array
 from excite.errors import ExciteError
 from excite.motion.motion import Motion, jerk_peaks
-from excite.robot.joint_values import Limits
 from excite.robot.robot import Robot
 from excite.robot.shapes.collision import geometry_data, watched_model
 from excite.safety.checks.collision import Distances
@@ -33,8 +32,7 @@ _EVERY = 3
 _TOGETHER = 8
 
 
-@dataclass(frozen=True, eq=False)
-class Margin:
+class Margin(NamedTuple):
     """How far a motion stays from one kind of limit, over time.
 
     Attributes:
@@ -51,89 +49,94 @@ class Margin:
     where: NDArray[np.int64]
     places: tuple[str, ...]
 
+    def to_json(self) -> dict[str, Any]:
+        """Ready for the page."""
+        used, where = np.unique(self.where, return_inverse=True)
+        title, unit = MARGINS[self.name]
+        return {
+            "name": self.name,
+            "title": title,
+            "unit": unit,
+            "required": self.required,
+            "values": pack_table(self.values),
+            "where": packed_indices(where),
+            "places": [self.places[int(i)] for i in used],
+        }
 
-@dataclass(frozen=True, eq=False)
-class Tracks:
+
+class Nearest(NamedTuple):
+    """The two nearest bodies over time.
+
+    Attributes:
+        joints: that carry them, ``(n, 2)``.
+        points: nearest points of the two, each in the frame of its joint, ``(n, 6)`` [m].
+    """
+
+    joints: NDArray[np.int64]
+    points: Array
+
+
+class Tracks(NamedTuple):
     """A motion at :data:`FRAMES_HZ`.
 
     Attributes:
+        robot: that moves.
         motion: at those instants.
-        limits: of the robot's joints.
         com: centre of mass on the ground's plane, ``(n, 3)`` [m], world frame.
         zmp: zero-moment point on the ground, ``(n, 2)`` [m]; None of a robot without feet.
         contacts: ``(n, n_feet)``.
         torque: that the drives must deliver, ``(n, n_joints)`` [N·m or N].
-        closest: of the two nearest bodies the joints that carry them, ``(n, 2)``; None without geometry.
-        points: the nearest points of the two, each in the frame of its joint, ``(n, 6)`` [m].
+        nearest: bodies; None without geometry.
         margins: of what applies to the robot.
     """
 
+    robot: Robot
     motion: Motion
-    limits: Limits
     com: Array
     zmp: Array | None
     contacts: NDArray[np.bool_]
     torque: Array
-    closest: NDArray[np.int64] | None
-    points: Array
+    nearest: Nearest | None
     margins: tuple[Margin, ...]
-
-    def _signals(self) -> list[dict[str, Any]]:
-        """Positions, which the configurations hold, speeds and torques of the joints, each with its limits."""
-        limits, motion = self.limits, self.motion
-        first = motion.q.shape[1] - len(motion.joint_names)
-        return [
-            {
-                "title": "position",
-                "unit": "rad",
-                "from": first,
-                "limits": joint_bounds(limits.position_lower, limits.position_upper),
-            },
-            {
-                "title": "velocity",
-                "unit": "rad/s",
-                "values": pack_table(motion.joint_velocities()),
-                "limits": joint_bounds(-limits.velocity, limits.velocity),
-            },
-            {
-                "title": "torque",
-                "unit": "N·m",
-                "values": pack_table(self.torque),
-                "limits": joint_bounds(-limits.torque, limits.torque),
-            },
-        ]
 
     def to_json(self) -> dict[str, Any]:
         """Ready for the page: ``name``, ``time``, ``q``, ``com``, ``zmp``, ``contacts``, ``signals``, ``margins``, …"""
-        motion = self.motion
-        content: dict[str, Any] = {
+        motion, limits, nearest = self.motion, self.robot.limits, self.nearest
+        bounds = (limits.velocity, limits.torque)
+        speed, torque = ([-most, most] for most in bounds)
+        return {
             "name": motion.name,
             "time": pack_table(motion.time - motion.time[0]),
             "q": pack_table(motion.q),
             "com": pack_table(self.com),
             "zmp": None if self.zmp is None else pack_table(self.zmp),
             "contacts": packed_indices(self.contacts) if self.contacts.size else None,
-            "signals": self._signals(),
-            "closest": None,
-            "margins": [_margin_json(margin) for margin in self.margins],
+            # Positions are those that the configurations hold.
+            "signals": [
+                {
+                    "title": "position",
+                    "unit": "rad",
+                    "from": self.robot.n_base_q,
+                    "limits": joint_bounds(limits.position_lower, limits.position_upper),
+                },
+                {
+                    "title": "velocity",
+                    "unit": "rad/s",
+                    "values": pack_table(motion.joint_velocities()),
+                    "limits": joint_bounds(*speed),
+                },
+                {
+                    "title": "torque",
+                    "unit": "N·m",
+                    "values": pack_table(self.torque),
+                    "limits": joint_bounds(*torque),
+                },
+            ],
+            "closest": None
+            if nearest is None
+            else {"joints": packed_indices(nearest.joints), "points": pack_table(nearest.points)},
+            "margins": [margin.to_json() for margin in self.margins],
         }
-        if self.closest is not None:
-            content["closest"] = {"joints": packed_indices(self.closest), "points": pack_table(self.points)}
-        return content
-
-
-def _margin_json(margin: Margin) -> dict[str, Any]:
-    used, where = np.unique(margin.where, return_inverse=True)
-    title, unit = MARGINS[margin.name]
-    return {
-        "name": margin.name,
-        "title": title,
-        "unit": unit,
-        "required": margin.required,
-        "values": pack_table(margin.values),
-        "where": packed_indices(where),
-        "places": [margin.places[int(i)] for i in used],
-    }
 
 
 def joint_bounds(lower: Array, upper: Array) -> list[list[float | None]]:
@@ -150,37 +153,26 @@ def motion_tracks(robot: Robot, motion: Motion) -> Tracks:
     Raises:
         ExciteError: the motion lacks what its robot needs, such as contact flags.
     """
-    shown = motion.resampled(robot, FRAMES_HZ)
     # A rate below the motion's own leaves the motion's own.
-    sweep = Sweep(robot, shown, 1.0)
+    sweep = Sweep(robot, motion.resampled(robot, FRAMES_HZ), 1.0)
     n = sweep.fine.n_samples
     torque = np.full((n, robot.n_joints), np.nan)
     torque[sweep.torque_samples] = drive_torques(sweep)
-    margins = [*_limit_margins(robot, sweep.fine, torque)]
-    closest, points = None, np.zeros((n, 6))
-    try:
-        nearest = _nearest_margin(sweep)
-    except ExciteError:
-        nearest = None  # A robot without geometry; the check says so.
-    if nearest is not None:
-        margin, closest, points = nearest
-        margins.append(margin)
-    zmp = None
+    margins, nearest = [*_limit_margins(robot, sweep.fine, torque)], None
+    with suppress(ExciteError):  # A robot without geometry; the check says so.
+        nearest = _nearest_bodies(sweep, margins)
     if robot.feet:
-        zmp = sweep.zmp
-        edge = support_margin(sweep, zmp)
-        where = np.zeros(n, dtype=np.int64)
-        margins.append(Margin("zmp_m", ZMP_MARGIN, edge, where, ("support polygon",)))
+        edge = support_margin(sweep, sweep.zmp)
+        margins.append(Margin("zmp_m", ZMP_MARGIN, edge, np.zeros(n, dtype=np.int64), ("support polygon",)))
     return Tracks(
-        motion=sweep.fine,
-        limits=robot.limits,
-        com=sweep.dynamics.com,
-        zmp=zmp,
-        contacts=sweep.contacts,
-        torque=torque,
-        closest=closest,
-        points=points,
-        margins=tuple(margins),
+        robot,
+        sweep.fine,
+        sweep.dynamics.com,
+        sweep.zmp if robot.feet else None,
+        sweep.contacts,
+        torque,
+        nearest,
+        tuple(margins),
     )
 
 
@@ -198,9 +190,8 @@ def _limit_margins(robot: Robot, motion: Motion, torque: Array) -> Iterator[Marg
     }
     for name, room in left.items():
         known = np.where(np.isfinite(room), room, np.inf)
-        where = np.argmin(known, axis=1)
-        values = np.where(np.isfinite(room).all(axis=1), known[np.arange(len(room)), where], np.nan)
-        yield Margin(name, 0.0, values, where, robot.joint_names)
+        values = np.where(np.isfinite(room).all(axis=1), known.min(axis=1), np.nan)
+        yield Margin(name, 0.0, values, np.argmin(known, axis=1), robot.joint_names)
 
 
 @lru_cache(maxsize=1)
@@ -209,32 +200,33 @@ def _geometry_data(robot: Robot) -> pin.GeometryData:
     return geometry_data(watched_model(robot)[0])
 
 
-def _nearest_margin(sweep: Sweep) -> tuple[Margin, NDArray[np.int64], Array] | None:
-    """Distance of the nearest pair of bodies, the joints that carry them, and their nearest points."""
+def _nearest_bodies(sweep: Sweep, margins: list[Margin]) -> Nearest | None:
+    """The nearest pair of bodies, and the margin of its distance, which is added."""
     robot, motion, distances = sweep.robot, sweep.fine, Distances(sweep)
-    geometry = distances.geometry
     if not distances.n_pairs:
         return None
-    data, found = robot.model.createData(), _geometry_data(robot)
-    n = motion.n_samples
-    values, where = np.empty(n), np.empty(n, dtype=np.int64)
-    joints, points = np.empty((n, 2), dtype=np.int64), np.empty((n, 6))
+    geometry, data, found = distances.geometry, robot.model.createData(), _geometry_data(robot)
     objects = geometry.geometryObjects
     ends = [(objects[pair.first], objects[pair.second]) for pair in geometry.collisionPairs]
+    pairs, joints, points = [], [], []
     for k, (pair, least) in enumerate(nearest_pairs(distances, motion.time[::_EVERY])):
         pin.updateGeometryPlacements(robot.model, data, geometry, found, motion.q[k * _EVERY])
         result = pin.computeDistance(geometry, found, pair)
         both = [body.parentJoint for body in ends[pair]]
-        near = [result.getNearestPoint1(), result.getNearestPoint2()]
-        here = slice(k * _EVERY, (k + 1) * _EVERY)
-        values[here], where[here], joints[here] = least, pair, both
-        local = (data.oMi[joint].actInv(point) for joint, point in zip(both, near, strict=True))
-        points[here] = np.concatenate([*local])
+        near = (result.getNearestPoint1(), result.getNearestPoint2())
+        pairs.append((pair, least))
+        joints.append(both)
+        points.append(
+            np.concatenate([data.oMi[j].actInv(point) for j, point in zip(both, near, strict=True)])
+        )
+    n, (which, least) = motion.n_samples, np.array(pairs).T
+    here = np.arange(n) // _EVERY
     # Straight between the instants of it.
-    values = np.interp(np.arange(n), np.arange(0, n, _EVERY), values[::_EVERY])
+    values = np.interp(np.arange(n), np.arange(0, n, _EVERY), least)
     places = tuple(f"{first.name} – {second.name}" for first, second in ends)
-    margin = Margin("self_collision_m", float(robot.description.collision.margin), values, where, places)
-    return margin, joints, points
+    margin = float(robot.description.collision.margin)
+    margins.append(Margin("self_collision_m", margin, values, which.astype(np.int64)[here], places))
+    return Nearest(np.array(joints)[here], np.array(points)[here])
 
 
 def nearest_pairs(distances: Distances, times: Array) -> Iterator[tuple[int, float]]:
@@ -278,23 +270,15 @@ def pack_table(values: Array) -> dict[str, Any]:
     Returns:
         ``rows``, ``low`` and ``step`` (one a column), and ``data``.
     """
-    table = np.asarray(values, dtype=float)
-    table = table.reshape(len(table), -1)
+    table = np.asarray(values, dtype=float).reshape(len(values), -1)
     known = np.isfinite(table)
-    low = np.min(table, axis=0, where=known, initial=np.inf)
-    high = np.max(table, axis=0, where=known, initial=-np.inf)
-    low, high = (np.where(np.isfinite(end), end, 0.0) for end in (low, high))
+    low, high = (
+        np.nan_to_num(end(table, axis=0, where=known, initial=far), posinf=0.0, neginf=0.0)
+        for end, far in ((np.min, np.inf), (np.max, -np.inf))
+    )
     step = (high - low) / _STEPS
     scaled = np.divide(table - low, step, out=np.zeros_like(table), where=known & (step > 0.0))
-    numbers = np.where(known, np.rint(scaled), _UNKNOWN).astype(np.uint16)
-    return {
-        "rows": len(table),
-        "low": low.tolist(),
-        "step": step.tolist(),
-        "data": _compress_differences(
-            np.diff(numbers, axis=0, prepend=np.zeros((1, numbers.shape[1]), np.uint16))
-        ),
-    }
+    return _pack(np.where(known, np.rint(scaled), _UNKNOWN), low, step)
 
 
 def unpack_table(block: dict[str, Any]) -> Array:
@@ -307,20 +291,13 @@ def unpack_table(block: dict[str, Any]) -> Array:
 
 def packed_indices(values: NDArray[Any]) -> dict[str, Any]:
     """Whole numbers below 65536, ``(n, m)`` or ``(n,)``, kept as they are."""
-    table = np.asarray(values).astype(np.uint16)
-    table = table.reshape(len(table), -1)
-    first = np.zeros((1, table.shape[1]), np.uint16)
-    width = table.shape[1]
-    return {
-        "rows": len(table),
-        "low": [0.0] * width,
-        "step": [1.0] * width,
-        "data": _compress_differences(np.diff(table, axis=0, prepend=first)),
-    }
+    table = np.asarray(values).reshape(len(values), -1)
+    return _pack(table, np.zeros(table.shape[1]), np.ones(table.shape[1]))
 
 
-def _compress_differences(differences: NDArray[np.uint16]) -> str:
+def _pack(numbers: NDArray[Any], low: Array, step: Array) -> dict[str, Any]:
     # Column after column: neighbours in time are alike, neighbours in a row are not.
     # Level 6, for 9 takes half as long again to save 0.1 % of the motions' size.
-    content = np.ascontiguousarray(differences.T).astype("<u2").tobytes()
-    return base64.b64encode(zlib.compress(content, 6)).decode("ascii")
+    differences = np.diff(numbers.astype("<u2"), axis=0, prepend=np.zeros((1, len(low)), "<u2"))
+    data = base64.b64encode(zlib.compress(np.ascontiguousarray(differences.T).tobytes(), 6))
+    return {"rows": len(numbers), "low": low.tolist(), "step": step.tolist(), "data": data.decode("ascii")}

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from contextlib import suppress
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -22,6 +21,7 @@ from excite.report.html import (
     Cell,
     Columns,
     Said,
+    Shown,
     columns_table,
     condition_value,
     folded_content,
@@ -33,16 +33,10 @@ from excite.report.html import (
     percent_cell,
 )
 from excite.report.plots.bars import Bars, draw_bars
-from excite.report.plots.postures import (
-    choose_motions,
-    draw_refused,
-    draw_snapshots,
-    value_text,
-)
-from excite.report.plots.sketch import Sketch
-from excite.report.replay.scene import TrialFrames, robot_scene, trial_frames
+from excite.report.plots.postures import choose_motions, draw_refused, draw_snapshots, value_text
+from excite.report.replay.scene import frame_times, robot_scene, trial_track
 from excite.report.replay.tracks import motion_tracks, pack_table
-from excite.report.sections.section import Content, section, section_content
+from excite.report.theme import to_svg
 from excite.robot.prismatic import is_prismatic
 from excite.robot.robot import Robot
 from excite.safety.verdict import MARGINS, conditions
@@ -59,37 +53,43 @@ HOW_TO_WATCH = (
     "Drag the picture to look from elsewhere. One cursor runs over all plots: a click takes the robot there, a drag "
     "along a plot zooms, a double click shows all of it again."
 )
-_BODY = "Each row is one motion in its most different postures, grey bodies with blue bones"
-_FEET = "the orange point, the centre of mass above the green support polygon, says how far it leans"
 
 
-@section("motions", "Motions")
-def show_motions(findings: Findings) -> Content | str:
+def show_motions(findings: Findings) -> Shown:
     """Snapshots, activity of the joints, the list of motions, the count of rejections by reason."""
     if findings.plan is None:
         figures = _motion_figures(findings) if findings.check is not None else []
-        lead = "The motions that were checked, those that are not safe first."
-        return section_content(lead, *figures) if figures else ""
-    selected = findings.plan["selected"]
+        return ["The motions that were checked, those that are not safe first.", *figures] if figures else ""
+    selected, rejected = findings.plan["selected"], findings.plan["candidates"]["rejected"]
     title = f"All {len(selected)} motions" if len(selected) > 1 else "The motion"
-    listing = folded_content(title, columns_table(selected, _CHOSEN))
-    rejected = findings.plan["candidates"]["rejected"]
     reasons = sorted(rejected.items(), key=lambda item: (-item[1], item[0]))
-    refused = folded_content(
-        f"{count(sum(rejected.values()), 'rejected candidate')}, by reason",
-        html_table(("reason", "candidates"), [(reason.replace("_", " "), n) for reason, n in reasons]),
-    )
-    lead = "These motions excite the segments best, and every one of them passed the checks."
-    return section_content(lead, *_motion_figures(findings), listing, refused if rejected else "")
+    refused = html_table(("reason", "candidates"), [(reason.replace("_", " "), n) for reason, n in reasons])
+    how_many = f"{count(sum(rejected.values()), 'rejected candidate')}, by reason"
+    return [
+        "These motions excite the segments best, and every one of them passed the checks.",
+        *_motion_figures(findings),
+        folded_content(title, columns_table(selected, _CHOSEN)),
+        folded_content(how_many, refused) if rejected else "",
+    ]
 
 
 def _motion_figures(findings: Findings) -> list[str]:
-    robot, motions = findings.robot, _worst_first(findings)
+    robot = findings.robot
+    # A plan's motions in its order; of what was only checked first what is not safe: that is to be looked at.
+    judged = findings.check["motions"] if findings.check is not None and findings.plan is None else ()
+    unsafe = {item["motion"] for item in judged if not item["safe"]}
+    motions = sorted(findings.motions, key=lambda motion: motion.name not in unsafe)
     if robot is None or not motions:
         return []
-    caption = f"{_BODY}; {_FEET}." if robot.feet else f"{_BODY}."
-    shown = draw_snapshots(robot, choose_motions(motions, _N_PICTURES))
-    snapshots = html_paragraph(caption, "lead") + inline_figure(shown.to_svg("Snapshots of the motions"))
+    caption = "Each row is one motion in its most different postures, grey bodies with blue bones"
+    if robot.feet:
+        caption += (
+            "; the orange point, the centre of mass above the green support polygon, says how far it leans"
+        )
+    drawn = to_svg(
+        draw_snapshots(robot, choose_motions(motions, _N_PICTURES)), "snapshots", "Snapshots of the motions"
+    )
+    snapshots = html_paragraph(f"{caption}.", "lead") + inline_figure(drawn)
     activity = html_paragraph("Peak speed as a share of the joint's limit.", "lead") + activity_table(
         robot, motions
     )
@@ -109,39 +109,31 @@ def _motion_figures(findings: Findings) -> list[str]:
 def activity_table(robot: Robot, motions: Sequence[Motion]) -> str:
     """A row a joint, a column a motion: the fuller the colour, the nearer the joint comes to its speed limit."""
     peaks = [np.abs(motion.joint_velocities()).max(axis=0) / robot.limits.velocity for motion in motions]
+
+    def cell(share: float) -> Said:
+        """Below a hundredth of its speed limit a joint does not move."""
+        return percent_cell(share, shaded=True) if share >= 0.01 else Said(share, "", 0.0)
+
     rows = [
-        (name.removesuffix("_joint"), *(_activity_cell(float(share)) for share in shares))
+        (name.removesuffix("_joint"), *(cell(float(share)) for share in shares))
         for name, *shares in zip(robot.joint_names, *peaks, strict=True)
     ]
     return html_table(["joint", *(motion.name for motion in motions)], rows)
 
 
-def _activity_cell(share: float) -> Said:
-    """Below a hundredth of its speed limit a joint does not move."""
-    return percent_cell(share, shaded=True) if share >= 0.01 else Said(share, "", 0.0)
-
-
-def _worst_first(findings: Findings) -> tuple[Motion, ...]:
-    """A plan's motions in its order; of what was only checked first what is not safe: that is to be looked at."""
-    judged = findings.check["motions"] if findings.check is not None and findings.plan is None else ()
-    unsafe = {item["motion"] for item in judged if not item["safe"]}
-    return tuple(sorted(findings.motions, key=lambda motion: motion.name not in unsafe))
-
-
 def _titled_tracks(robot: Robot, motions: Sequence[Motion]) -> tuple[dict[str, Any], list[str]]:
     """Tracks of the motions by title, as many as a page has room for, and the names of the others."""
     found: dict[str, Any] = {}
-    left, size = [], 0
+    size, left = 0, [motion.name for motion in motions]
     for motion in motions:
-        content = None
-        if size <= _MOST_BYTES:
-            with suppress(ExciteError):
-                content = motion_tracks(robot, motion).to_json()
-                size += len(json.dumps(content))
-        if content is None or size > _MOST_BYTES:
-            left.append(motion.name)
-        else:
-            found[motion_title(motion)] = content
+        if size > _MOST_BYTES:
+            break
+        with suppress(ExciteError):
+            content = motion_tracks(robot, motion).to_json()
+            size += len(json.dumps(content))
+            if size <= _MOST_BYTES:
+                found[motion_title(motion)] = content
+                left.remove(motion.name)
     return found, left
 
 
@@ -152,29 +144,45 @@ def motion_title(motion: Motion) -> str:
 
 # A trial in motion: as it was measured, and beside it as a simulator or its command has it.
 
-_LOST = " Under the measured torques the simulator runs away by more than half a turn, and is not shown."
 
-
-@section("moving", "The trial in motion")
-def show_moving(findings: Findings) -> Content | str:
+def show_moving(findings: Findings) -> Shown:
     """The trial that judges; with an identification both models, with a diagnosis its simulator before and after."""
     record, data, found = findings.record, findings.data, findings.diagnosis or {}
     if record is None:
         return ""
-    path = _fitting_path(record, data)
-    models = _model_paths(path, found)
     try:
         tracks = trial_tracks(record, data, found)
     except ExciteError:
         return ""
-    still = html_paragraph("Open this page in a browser that runs scripts to see it move.", "lead")
+    path = _fitting_path(record, data)
+    models, robot = _model_paths(path, found), record.robot
     if path is not None and models and path.horizon_s is not None:
-        lead = _of_identification(record.robot, path, path.horizon_s)
+        supplied, identified = (_describe_strays(robot, path, at) for at in (path.nominal, path.identified))
+        lead = (
+            f"Trial {path.trial} as it was measured, and transparent where a model goes under the measured "
+            f"forces, when it starts anew from the record every {path.horizon_s:g} s. By then the model as supplied "
+            f"strays by {supplied}, the identified one by {identified}. Where nothing was computed the two coincide."
+        )
     else:
         horizon_s = (found.get("simulation") or {}).get("horizon_s")
-        lead = _lead_sentence(record.trial(path.trial if path else "").name, bool(models), horizon_s, tracks)
-        lead += _LOST if path is not None and not models else ""
-    return section_content(lead, live_replay("moving-replay", robot_scene(record.robot), tracks, still))
+        again = f"; it starts anew from the record every {horizon_s:g} s" if horizon_s else ""
+        lead = f"Trial {record.trial(path.trial if path else '').name} as it was measured"
+        if models:
+            lead += (
+                f", and transparent where the simulator takes it{again}, and where nothing was simulated the two "
+                "coincide. Joints that part are those that the model gets wrong."
+            )
+        else:
+            told = any("ghost" in track for track in tracks.values())
+            lead += ", and transparent where it was told to be." if told else "."
+            # A joint that spins, since its model lacks friction and a rotor, is nothing to look at.
+            lead += (
+                " Under the measured torques the simulator runs away by more than half a turn, and is not shown."
+                if path is not None
+                else ""
+            )
+    still = html_paragraph("Open this page in a browser that runs scripts to see it move.", "lead")
+    return [lead, live_replay("moving-replay", robot_scene(robot), tracks, still)]
 
 
 def trial_tracks(record: Record, data: ReportData, diagnosis: Document) -> dict[str, Any]:
@@ -182,87 +190,57 @@ def trial_tracks(record: Record, data: ReportData, diagnosis: Document) -> dict[
 
     Where there is no model that can be looked at, as it was recorded.
     """
-    path = _fitting_path(record, data)
+    path, gap, robot = _fitting_path(record, data), data.gap, record.robot
     models = _model_paths(path, diagnosis)
     if path is None or not models:
-        return recorded_track(
-            record, record.trial(path.trial if path else data.gap.trial if data.gap else "")
-        )
+        return recorded_track(record, record.trial(path.trial if path else gap.trial if gap else ""))
     base = None if set(BASE_POSE) <= set(path.joints) else record.trial(path.trial).base
     base = base if base is not None and len(base) == len(path.time) else None
+    signals = []
+    if gap is not None and gap.trial == path.trial and set(gap.channels) & set(robot.joint_names):
+        # What the model leaves of each joint's torque in the same trial, before and after the effects.
+        before, after = (
+            _joint_columns(robot, path.time, gap.time, gap.channels, gap.measured - model)
+            for model in (gap.nominal, gap.identified)
+        )
+        named = {"title": "torque, measured less modelled", "unit": "N·m", "label": "as it was"}
+        signals = [{**named, "values": before, "other": after, "otherLabel": "with the effects"}]
     tracks = {}
     for name, positions in models.items():
         ghost = (name, positions)
-        frames = trial_frames(
-            record.robot, path.trial, path.time, path.measured, path.joints, base=base, ghost=ghost
-        )
-        content = frames.to_json()
-        content["signals"] += _residual_signals(record.robot, data, frames)
-        tracks[f"{path.trial} · {name}"] = content
+        track = trial_track(robot, path.trial, path.time, path.measured, path.joints, base=base, ghost=ghost)
+        track["signals"] += signals
+        tracks[f"{path.trial} · {name}"] = track
     return tracks
 
 
 def recorded_track(record: Record, trial: Trial) -> dict[str, Any]:
     """A trial by its title, its command as a ghost, with its torques and currents."""
-    joints = tuple(record.log.header.joints)
+    robot, joints = record.robot, tuple(record.log.header.joints)
     ghost = None if trial.q_cmd is None else ("commanded", trial.q_cmd)
-    frames = trial_frames(record.robot, trial.name, trial.time, trial.q, joints, base=trial.base, ghost=ghost)
-    content = frames.to_json()
+    track = trial_track(robot, trial.name, trial.time, trial.q, joints, base=trial.base, ghost=ghost)
     for title, unit, values in (("torque", "N·m", trial.tau), ("current", "A", trial.current)):
         if values is not None:
-            columns = _joint_columns(record.robot, frames, trial.time, joints, values)
-            content["signals"].append({"title": title, "unit": unit, "label": "measured", "values": columns})
-    return {f"{trial.name} · {trial.role}": content}
+            columns = _joint_columns(robot, trial.time, trial.time, joints, values)
+            track["signals"].append({"title": title, "unit": unit, "label": "measured", "values": columns})
+    return {f"{trial.name} · {trial.role}": track}
 
 
 def _joint_columns(
-    robot: Robot, frames: TrialFrames, time: Array, names: tuple[str, ...], values: Array
+    robot: Robot, shown: Array, time: Array, names: tuple[str, ...], values: Array
 ) -> dict[str, Any]:
-    """Signals ``(n, n_names)`` at the frames, a column a joint of the robot; NaN of joints that have none."""
-    found = np.full((len(frames.time), robot.n_joints), np.nan)
-    for i, name in enumerate(names):
+    """Signals ``(n, n_names)`` at a trial's frames, a column a joint of the robot; NaN of joints that have none."""
+    frames = frame_times(shown)
+    found = np.full((len(frames), robot.n_joints), np.nan)
+    for name, column in zip(names, values.T, strict=True):
         if name in robot.joint_names:
-            found[:, robot.joint_index(name)] = np.interp(frames.time, time - time[0], values[:, i])
+            found[:, robot.joint_index(name)] = np.interp(frames - frames[0], time - time[0], column)
     return pack_table(found)
-
-
-def _residual_signals(robot: Robot, data: ReportData, frames: TrialFrames) -> list[dict[str, Any]]:
-    """What the model leaves of each joint's torque in the same trial, before and after the effects."""
-    gap = data.gap
-    if gap is None or gap.trial != frames.name or not set(gap.channels) & set(robot.joint_names):
-        return []
-    before, after = (
-        _joint_columns(robot, frames, gap.time, gap.channels, gap.measured - model)
-        for model in (gap.nominal, gap.identified)
-    )
-    named = {"title": "torque, measured less modelled", "unit": "N·m", "label": "as it was"}
-    return [{**named, "values": before, "other": after, "otherLabel": "with the effects"}]
 
 
 def _fitting_path(record: Record, data: ReportData) -> PathComparison | None:
     path = data.path
     return path if path and set(path.joints) - set(BASE_POSE) <= set(record.robot.joint_names) else None
-
-
-def _lead_sentence(trial: str, simulated: bool, horizon_s: float | None, tracks: dict[str, Any]) -> str:
-    if simulated:
-        again = f"; it starts anew from the record every {horizon_s:g} s" if horizon_s else ""
-        return (
-            f"Trial {trial} as it was measured, and transparent where the simulator takes it{again}, and "
-            "where nothing was simulated the two coincide. Joints that part are those that the model gets wrong."
-        )
-    if any("ghost" in track for track in tracks.values()):
-        return f"Trial {trial} as it was measured, and transparent where it was told to be."
-    return f"Trial {trial} as it was measured."
-
-
-def _of_identification(robot: Robot, path: PathComparison, horizon_s: float) -> str:
-    strays = [_describe_strays(robot, path, positions) for positions in (path.nominal, path.identified)]
-    return (
-        f"Trial {path.trial} as it was measured, and transparent where a model goes under the measured "
-        f"forces, when it starts anew from the record every {horizon_s:g} s. By then the model as supplied strays by "
-        f"{strays[0]}, the identified one by {strays[1]}. Where nothing was computed the two coincide."
-    )
 
 
 def _describe_strays(robot: Robot, path: PathComparison, positions: Array) -> str:
@@ -278,7 +256,7 @@ def _describe_strays(robot: Robot, path: PathComparison, positions: Array) -> st
     return f"up to {much:.2g} rad ({joint})" if much < np.pi else f"more than half a turn ({joint})"
 
 
-def _model_paths(path: PathComparison | None, diagnosis: dict[str, Any]) -> dict[str, Array]:
+def _model_paths(path: PathComparison | None, diagnosis: Document) -> dict[str, Array]:
     """Where models take the robot, by what they are: those of an identification, or simulators of a diagnosis."""
     if path is None:
         return {}
@@ -286,26 +264,24 @@ def _model_paths(path: PathComparison | None, diagnosis: dict[str, Any]) -> dict
         models = {"the identified model": path.identified, "the model as supplied": path.nominal}
     else:
         models = {"the simulator as it was": path.nominal}
-        if diagnosis.get("effects"):
-            models["the simulator with the effects"] = path.identified
-    # A joint that spins, since its model lacks friction and a rotor, is nothing to look at.
+        models |= {"the simulator with the effects": path.identified} if diagnosis.get("effects") else {}
     return {name: at for name, at in models.items() if np.abs(at - path.measured).max() < np.pi}
 
 
 # How well the chosen motions excite each segment.
 
 
-@section("excitation", "Excitation")
-def show_excitation(findings: Findings) -> Content | str:
+def show_excitation(findings: Findings) -> Shown:
     """Condition numbers of the segments, before and after where both are known."""
-    plan = (findings.plan or {}).get("conditioning")
-    change = findings.data.conditioning
+    plan, change = (findings.plan or {}).get("conditioning"), findings.data.conditioning
     if plan is None and change is None:
         return ""
-    lead = "The shorter a bar, the more evenly the motions excite that segment's ten inertial parameters."
-    content = []
+    content = [
+        "The shorter a bar, the more evenly the motions excite that segment's ten inertial parameters."
+    ]
     if change is not None:
-        content.append(inline_figure(draw_conditioning(change).to_svg("Condition number of each segment")))
+        svg = to_svg(draw_conditioning(change), "conditioning", "Condition number of each segment")
+        content.append(inline_figure(svg))
     if plan is not None:
         full, log_det = format_number(condition_value(plan["full"])), format_number(plan["log_det"])
         numbers = f"the condition number is {full}, the log-determinant of the information {log_det}."
@@ -316,10 +292,10 @@ def show_excitation(findings: Findings) -> Content | str:
         }
         listing = columns_table(plan["segments"], columns)
         content.append(folded_content("Condition number of each segment", listing))
-    return section_content(lead, *content)
+    return content
 
 
-def draw_conditioning(data: ConditioningComparison) -> Sketch:
+def draw_conditioning(data: ConditioningComparison) -> Any:
     """Log bars, one row a segment: pale before, strong after; what nothing excites reaches the edge."""
     pairs = zip(data.before, data.after, strict=True)
     return draw_bars(
@@ -351,20 +327,21 @@ _REFUSED: Columns = {
 _BARE: Document = {"where": "–", "worst": None, "limit": None, "unit": "", "time_s": None, "posture": None}
 
 
-@section("refused", "What refuses candidates")
-def show_refused(findings: Findings) -> Content | str:
+def show_refused(findings: Findings) -> Shown:
     """Pictures of the worst refused postures, the table, the change that was counted."""
-    source, refused = _plan_refusals(findings)
+    plan, robot, pictures = findings.plan, findings.robot, ""
+    source = findings.refusals or plan or {"refused": []}
+    refused, generated = source["refused"], source.get("generated")
+    if findings.refusals is None and plan is not None:
+        # What is told by no distance, as a fall in the rehearsal, has a number of candidates alone.
+        measured, generated = {item["reason"] for item in refused}, plan["candidates"]["generated"]
+        others = plan["candidates"]["rejected"].items()
+        refused = refused + [_BARE | {"reason": r, "candidates": n} for r, n in others if r not in measured]
     if not refused:
         return ""
     remedy = source["remedy"]
-    listing = columns_table(refused[:_LISTED], _REFUSED)
-    if len(refused) > _LISTED:
-        listing += folded_content(
-            f"{len(refused) - _LISTED} more", columns_table(refused[_LISTED:], _REFUSED)
-        )
     lead = (
-        f"Of {source['generated']} candidates. One that breaks several limits counts with each. Limits are planning's, "
+        f"Of {generated} candidates. One that breaks several limits counts with each. Limits are planning's, "
         "which keeps a reserve to what the check asks for; no time is stated of what is refused as a posture."
     )
     if remedy is not None:
@@ -372,46 +349,27 @@ def show_refused(findings: Findings) -> Content | str:
             f" Most likely to help: {remedy['change']} ({remedy['passes']} of {remedy['tried']} that were tried "
             "again pass then)."
         )
-    elif findings.plan is None:
+    elif plan is None:
         lead += " No single limit lifted lets any of those pass that were tried again."
-    return section_content(lead, _refusal_pictures(findings.robot, refused), listing)
-
-
-def _plan_refusals(findings: Findings) -> tuple[Document, list[Document]]:
-    """The document that says them, of a plan or of one that has no motion, and what refuses."""
-    if findings.refusals is not None:
-        return findings.refusals, findings.refusals["refused"]
-    plan = findings.plan
-    if plan is None:
-        return {}, []
-    # What is told by no distance, as a fall in the rehearsal, has a number of candidates alone.
-    measured = {item["reason"] for item in plan["refused"]}
-    rejected = plan["candidates"]["rejected"].items()
-    others = [_BARE | {"reason": reason, "candidates": n} for reason, n in rejected if reason not in measured]
-    return {**plan, "generated": plan["candidates"]["generated"]}, [*plan["refused"], *others]
-
-
-def _refusal_pictures(robot: Robot | None, refused: list[Document]) -> str:
     nq = -1 if robot is None else robot.model.nq
     worst = [item for item in refused if item["posture"] is not None and len(item["posture"]) == nq]
-    if robot is None or not worst:
-        return ""
-    drawing = draw_refused(robot, worst[:_PICTURES])
-    return inline_figure(drawing.to_svg("The robot in the worst of the refused postures"))
+    if robot is not None and worst:
+        said = "The robot in the worst of the refused postures"
+        pictures = inline_figure(to_svg(draw_refused(robot, worst[:_PICTURES]), "refused-postures", said))
+    more = refused[_LISTED:]
+    folded = folded_content(f"{len(more)} more", columns_table(more, _REFUSED)) if more else ""
+    return [lead, pictures, columns_table(refused[:_LISTED], _REFUSED), folded]
 
 
 # The independent verdict on the chosen motions.
 
-# A margin in one of the units that the robot's joints move in.
-_Column = tuple[str, str]
 _VIOLATIONS: Columns = {
     **{"motion": "motion", "kind": "kind", "time [s]": "time_s", "where": "where"},
     **{"value": "value", "limit": "limit", "unit": "unit"},
 }
 
 
-@section("safety", "Safety")
-def show_safety(findings: Findings) -> Content | str:
+def show_safety(findings: Findings) -> Shown:
     """Smallest margins over all motions, every motion's own, violations."""
     if findings.check is None:
         return ""
@@ -423,67 +381,52 @@ def show_safety(findings: Findings) -> Content | str:
     held = {one: None for motion in motions for one in motion.get("as_far_as", ())}
     if held:
         lead += f" What is safe here is safe{conditions(held)}."
-    columns = [column for name in MARGINS for column in _margin_columns(name, motions)]
-    smallest = html_table(
-        ("margin", "smallest", "of", "in motion"), [_smallest_margins(c, motions) for c in columns]
-    )
+    smallest: list[tuple[Cell, ...]] = []
     every: dict[str, Any] = {"motion": "motion", "safe": "safe"}
-    every |= {_column_title(one): partial(_margin_value, one) for one in columns}
+    for name, (title, usual) in MARGINS.items():
+        if all(name in motion["not_applicable"] for motion in motions):
+            continue
+        # A margin in each unit that it has: of joints that slide and of those that turn.
+        units = [one["unit"] for motion in motions for one in motion["nearest"].get(name, ())]
+        for unit in dict.fromkeys(sorted(units, reverse=True) or [usual]):
+            column = f"{title} [{unit}]"
+            known = [
+                (value, where, motion["motion"])
+                for motion in motions
+                for value, where in [_motion_margin(name, unit, motion)]
+                if value is not None
+            ]
+            least = min(known, key=lambda one: one[0], default=(None, "", "not computed"))
+            smallest.append((column, *least))
+            every[column] = lambda motion, name=name, unit=unit: _motion_margin(name, unit, motion)[0]
     violations = [{**one, "motion": m["motion"]} for m in motions for one in m["violations"]]
-    return section_content(
+    return [
         lead,
-        smallest,
+        html_table(("margin", "smallest", "of", "in motion"), smallest),
         folded_content(f"Margins of all {count(len(motions), 'motion')}", columns_table(motions, every)),
         "<h3>Violations</h3>" + columns_table(violations, _VIOLATIONS) if violations else "",
-    )
+    ]
 
 
-def _margin_columns(name: str, motions: list[Document]) -> list[_Column]:
-    """A margin in each unit that it has: of joints that slide and of those that turn."""
-    if all(name in motion["not_applicable"] for motion in motions):
-        return []
-    units = [one["unit"] for motion in motions for one in motion["nearest"].get(name, ())]
-    return [(name, unit) for unit in dict.fromkeys(sorted(units, reverse=True) or [MARGINS[name][1]])]
-
-
-def _column_title(column: _Column) -> str:
-    name, unit = column
-    return f"{MARGINS[name][0]} [{unit}]"
-
-
-def _motion_margin(column: _Column, motion: Document) -> tuple[float | None, str]:
+def _motion_margin(name: str, unit: str, motion: Document) -> tuple[float | None, str]:
     """A motion's margin, None where it was not computed, and the joint whose it is, where that is known."""
-    name, unit = column
     nearest = motion["nearest"].get(name, ())
     if not nearest:
         return motion["margins"].get(name), ""
     return next(((one["value"], one["where"]) for one in nearest if one["unit"] == unit), (None, ""))
 
 
-def _margin_value(column: _Column, motion: Document) -> float | None:
-    return _motion_margin(column, motion)[0]
-
-
-def _smallest_margins(column: _Column, motions: list[Document]) -> tuple[Cell, ...]:
-    computed = [(*_motion_margin(column, motion), motion["motion"]) for motion in motions]
-    known = [(value, where, motion) for value, where, motion in computed if value is not None]
-    value, where, motion = min(known, key=lambda one: one[0]) if known else (None, "", "not computed")
-    return (_column_title(column), value, where, motion)
-
-
 # What no file said of the robot, and what follows from the values taken for it.
 
 
-@section("assumed", "Assumed")
-def show_assumed(findings: Findings) -> Content | str:
+def show_assumed(findings: Findings) -> Shown:
     """Everything that the robot's description assumed."""
     assumed = (findings.plan or findings.refusals or findings.check or {}).get("assumed", [])
     if not assumed:
         return ""
-    lead = (
+    return [
         "Neither the model nor its maker's files say these things of the robot. What the page finds safe is safe "
         "as far as they hold: state in robot.yaml what is known better, take it out of the list assumed there, and "
-        "plan again."
-    )
-    columns: Columns = {"what": "what", "taken": "value", "what follows": "consequence"}
-    return section_content(lead, columns_table(assumed, columns))
+        "plan again.",
+        columns_table(assumed, {"what": "what", "taken": "value", "what follows": "consequence"}),
+    ]

@@ -1,0 +1,95 @@
+"""A log under examination: what the rules of the doctor find in it, and the log as far as it is repaired."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from excite.doctor.doubt import Doubt
+from excite.doctor.thresholds import read_table
+from excite.doctor.torque_samples import TorqueSamples, torque_samples
+from excite.finding import Finding
+from excite.logs.log import Log, Trial
+from excite.robot.prismatic import is_prismatic
+from excite.robot.robot import Robot
+
+KINDS: dict[str, dict[str, Any]] = {
+    row["kind"]: {
+        "severity": row["severity"],
+        "sure": float(row["sure"]),
+        "repaired": row["repaired"] == "yes",
+        "remedy": row["remedy"],
+    }
+    for row in read_table("findings.csv")
+}
+"""Of each kind of finding its severity, how sure it is, whether it is repaired, and the remedy, as a rule."""
+
+
+@dataclass(eq=False)
+class Case:
+    """What every rule reads and changes.
+
+    Attributes:
+        robot: the nominal model.
+        log: as the rules before have left it.
+        findings: what was found so far.
+        doubts: what the log tells only about, as far as it could not be repaired to the last.
+    """
+
+    robot: Robot
+    log: Log
+    findings: list[Finding] = field(default_factory=list)
+    doubts: set[Doubt] = field(default_factory=set)
+    _sampled: tuple[Log, TorqueSamples | None] | None = None
+
+    def add(
+        self,
+        kind: str,
+        text: str,
+        figures: Mapping[str, float] | None = None,
+        places: tuple[str, ...] = (),
+        **more: Any,
+    ) -> None:
+        """Note a finding; what is not given stands in the table of kinds."""
+        self.findings.append(Finding(kind, text, figures or {}, places, **{**KINDS.get(kind, {}), **more}))
+
+    def change_header(self, **update: Any) -> None:
+        """Replace fields of the header."""
+        self.log = replace(self.log, header=self.log.header.model_copy(update=update))
+
+    def change_trials(self, change: Callable[[Trial], Trial]) -> None:
+        """Replace every trial by what is made of it."""
+        self.log = replace(self.log, trials=tuple(map(change, self.log.trials)))
+
+    def ignore_torques(self, joints: tuple[str, ...] | list[str]) -> None:
+        """Take joints as such without a torque."""
+        self.change_header(no_torque=tuple(dict.fromkeys((*self.log.header.no_torque, *joints))))
+
+    def joints(self, chosen: NDArray[np.bool_]) -> tuple[str, ...]:
+        """Names of some of the log's joints."""
+        return tuple(np.array(self.log.header.joints)[chosen])
+
+    @property
+    def columns(self) -> list[int]:
+        """Indices of the log's joints among those of the robot."""
+        return [self.robot.joint_index(name) for name in self.log.header.joints]
+
+    @property
+    def turning(self) -> NDArray[np.bool_]:
+        """Which of the log's joints turn; the others slide."""
+        model, first = self.robot.model, self.robot.n_base_v
+        return np.array([not is_prismatic(model, first + k) for k in self.columns])
+
+    @property
+    def samples(self) -> TorqueSamples | None:
+        """Torques beside the nominal model's; None of a free base, and where no trial can be used."""
+        header = self.log.header
+        if header.free_base or header.torque in {None, "none"}:
+            return None
+        if self._sampled is None or self._sampled[0] is not self.log:
+            self._sampled = (self.log, torque_samples(self.robot, self.log))
+        return self._sampled[1]

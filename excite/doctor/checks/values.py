@@ -1,0 +1,372 @@
+"""Rules for values that channels take: ends of ranges, coarse steps, constants; torques that mean something else."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from excite.arrays import Array
+from excite.display import span
+from excite.doctor.case import Case
+from excite.doctor.channel_errors import misreadings
+from excite.doctor.channel_mapping import Reading
+from excite.doctor.doubt import Doubt
+from excite.doctor.mistakes.torques import TORQUE_SCALE, ModelParts, parts_in
+from excite.doctor.model_comparison import drive_fit
+from excite.doctor.thresholds import THRESHOLD
+from excite.doctor.torque_samples import TorqueSamples
+from excite.errors import LogError
+from excite.finding import list_names
+from excite.logs.log import Log, Trial
+from excite.logs.robot import robot_in_log
+from excite.regressor.contact_forces import motor_regressor, motor_torques
+from excite.regressor.kernels import inverse_dynamics
+from excite.robot.robot import Robot
+from excite.rows.drive_terms import DRIVE_TERMS, JointSamples
+from excite.rows.kinematics import forces_on_grid, trial_kinematics
+from excite.rows.saturation import flags_at
+from excite.rows.settings import ProblemSettings
+
+_UNITS = {"q": " rad", "q_cmd": " rad", "v": " rad/s", "tau": " N·m", "i": " A"}
+
+
+def find_range_ends(case: Case) -> None:
+    """Values that stay at the largest or smallest that the channel has."""
+    rows = sum((Counter(trial.cleaning.clipped) for trial in case.log.trials), Counter[str]())
+    before = case.log
+    case.log = mark_rails(before)
+    # Of torques the motion says more, once their columns and units are right (find_torque_ends).
+    torque = f"{kind_of_torque(before)}." if case.log is not before else "none"
+    kept = {k: n for k, n in rows.items() if not k.startswith(torque) and not _sticks(before, k)}
+    if kept:
+        said = list_names([f"{name} in {count} rows" for name, count in kept.items()])
+        text = f"{said}: clipped at the sensor's range or the drive's limit"
+        trials = tuple(trial.name for trial in before.trials if set(kept) & set(trial.cleaning.clipped))
+        case.add("clipped", text, {"rows": float(sum(kept.values()))}, tuple(kept), trials=trials)
+
+
+def _sticks(log: Log, name: str) -> bool:
+    """Whether a position stays where dry friction held its joint as it turned back, in each trial elsewhere.
+
+    The end of a sensor's range, or a stop, is at one place in all trials.
+    """
+    channel, _, joint = name.partition(".")
+    if channel != "q" or joint not in log.header.joints or len(log.trials) < 2:
+        return False
+    place = log.header.joints.index(joint)
+    values = [trial.q[:, place] for trial in log.trials]
+    top, bottom = max(q.max() for q in values), min(q.min() for q in values)
+    ends = Counter[bool]()
+    for trial, q in zip(log.trials, values, strict=True):
+        if name in trial.cleaning.clipped:
+            step = 0.5 * trial.cleaning.quantised.get(name, 0.0)
+            above = bool(np.sum(q >= q.max() - step) >= np.sum(q <= q.min() + step))
+            ends[above] += (top - q.max() if above else q.min() - bottom) <= THRESHOLD.same_end * (
+                top - bottom
+            )
+    return max(ends.values(), default=0) < 2
+
+
+def find_coarse_steps(case: Case) -> None:
+    """Values on a grid that is coarser than the noise."""
+    sizes = {name: size for trial in case.log.trials for name, size in trial.cleaning.quantised.items()}
+    if not sizes:
+        return
+    turning = case.joints(case.turning)
+
+    def unit(channel: str) -> str:
+        """Units of joints that slide, and of wrenches, differ from part to part and are left out."""
+        kind, _, joint = channel.partition(".")
+        return _UNITS.get(kind, "") if joint in turning else ""
+
+    said = list_names([f"{name} {size:.3g}{unit(name)}" for name, size in sizes.items()])
+    text = f"values come in steps: {said}; a coarse sensor, or few digits in the file"
+    trials = tuple(trial.name for trial in case.log.trials if trial.cleaning.quantised)
+    case.add("quantised", text, {f"step_{k}": size for k, size in sizes.items()}, tuple(sizes), trials=trials)
+
+
+def find_constants(case: Case) -> None:
+    """Channels that never change over the whole log; a torque that does not is declared to mean nothing."""
+    header, trials = case.log.header, case.log.trials
+    if _is_unforced(case.log):
+        text = "no torque, no current and no command was recorded: nothing shows what moved the joints"
+        case.add("no_torques", text, {"channels": 0.0})
+        return
+    dead: dict[str, str] = {}
+    for attribute, prefix in (("tau", "tau"), ("current", "i"), ("q", "q")):
+        values = [getattr(trial, attribute) for trial in trials]
+        if all(value is not None for value in values):
+            still = np.all([np.ptp(value, axis=0) == 0.0 for value in values], axis=0)
+            ignored = () if prefix == "q" else header.no_torque
+            dead |= {f"{prefix}.{joint}": joint for joint in case.joints(still) if joint not in ignored}
+    for sensor in header.sensors:
+        readings = [trial.wrenches[sensor.name] for trial in trials if sensor.name in trial.wrenches]
+        if readings and all(np.ptp(reading) == 0.0 for reading in readings):
+            dead[f"wrench.{sensor.name}"] = ""
+    if not dead:
+        return
+    torques = [joint for name, joint in dead.items() if name.startswith(("tau.", "i."))]
+    figures, places = {"channels": float(len(dead))}, tuple(dead)
+    if torques and {*header.no_torque, *torques} == set(header.joints):
+        text = f"no torque changes at all ({list_names(places)})"
+        remedy = "record the torques or currents, or state torque: none"
+        case.add("no_torques", text, figures, places, remedy=remedy)
+        return
+    text = (
+        f"{list_names(places)} never change: a dead channel, or a locked joint, whose parameters "
+        "are not identifiable"
+    )
+    more: dict[str, object] = {"severity": "spoils"} if torques or places[0].startswith("wrench") else {}
+    if torques:
+        remedy = "joints whose torque never changes are treated as no_torque"
+        more |= {"repaired": len(torques) == len(dead), "remedy": remedy}
+        case.ignore_torques(torques)
+    case.add("constant", text, figures, places, **more)
+
+
+def _is_unforced(log: Log) -> bool:
+    """Whether a log of a robot that does not move about says nothing of what moved it: positions alone."""
+    placed = log.header.base in ("fixed", "held") and not log.header.sensors
+    return placed and all(t.tau is None and t.current is None and t.q_cmd is None for t in log.trials)
+
+
+# Torques that are too weak, or those before the gear.
+
+
+def find_weak_torques(case: Case) -> None:
+    """Torques far below what the nominal masses need, of some joints or of most."""
+    samples, reading = case.samples, Reading.as_stated(case.log)
+    if samples is None:
+        return
+    parts = None if case.log.header.torque == "current" else of_unknown_unit(samples, reading)
+    if parts is not None:
+        _report_unknown_unit(case, samples, parts, reading)
+        return
+    gains = samples.gains(reading)[0]
+    # No likely body, friction or rotor explains them, and what a dead channel reads is small: what a spring or a cable
+    # takes hides the bodies' torque and is large. A torque that is cut off is weaker than it was.
+    unexplained = samples.judged(reading).left > 0.5 * np.log(THRESHOLD.unexplained)
+    read, needed = samples.measured_torque(reading).std(axis=0), samples.predicted(reading)[0].std(axis=0)
+    whole = np.array([not _marked_rows(case.log, [name]) for name in samples.channels])
+    limit = THRESHOLD.weak_torque
+    weak = unexplained & (np.abs(gains) < limit) & (read < limit * needed) & whole
+    if weak.any() and 2 * weak.sum() <= len(weak):
+        names = tuple(np.array(samples.channels)[weak])
+        text = (
+            f"torques of {list_names(names)} are at most {max(float(gains[weak].max()), 0.0):.2g} times what the "
+            "nominal masses need, unlike the others: a dead channel, or another unit"
+        )
+        case.add("weak_torque", text, {"joints": float(len(names))}, names)
+        case.ignore_torques(names)
+
+
+def find_motor_side(case: Case) -> None:
+    """Torques called link-side that hold the rotors' inertia or the gears' friction.
+
+    Rotors show at the outer joints, which carry little else.
+    """
+    samples = case.samples
+    if samples is None or case.log.header.torque != "link_side":
+        return
+    outer, rubbing = _rotors(samples, Reading.as_stated(case.log))
+    joints = samples.channels
+    # Friction alone is seen behind the gear too, in bearings and seals; inertia that is negative is no rotor's.
+    if outer >= (0.0 if 2 * rubbing > len(joints) else THRESHOLD.rotor_share):
+        text = (
+            f"torques are called link_side, yet they hold rotor inertia ({outer:.2g} times the links' own at the outer "
+            f"joints) and friction ({rubbing} joints): they are probably motor-side"
+        )
+        case.add("torque_side", text, {"rotor_share": outer, "joints": float(rubbing)}, joints)
+
+
+def _rotors(samples: TorqueSamples, reading: Reading) -> tuple[float, int]:
+    """Rotor inertia at the outer joints, as share of the links', and the number of joints that rub."""
+    model, drive = samples.predicted(reading)
+    torque, own = samples.measured_torque(reading), _own_inertia(samples)
+    rotors, rubbing = [], 0
+    for j in np.flatnonzero(own > THRESHOLD.weightless_kgm2):
+        weights, friction = drive_fit(torque[:, j], model[:, j], drive.v[:, j], drive.a[:, j])
+        rotors.append(weights[-1] / own[j])
+        rubbing += int(friction @ friction > THRESHOLD.friction_share * len(torque) * torque[:, j].var())
+    return float(np.median(rotors[-max(1, len(rotors) // 2) :])) if rotors else 0.0, rubbing
+
+
+def _own_inertia(samples: TorqueSamples) -> Array:
+    """Mean inertia that each measured joint has by the nominal model, ``(n_torques,)``: torque per acceleration."""
+    q = samples.q[:: max(1, len(samples.q) // 20)]
+    rest, model = np.zeros((len(q), samples.v.shape[1])), samples.robot.model
+    places = samples.places[samples.measured]
+    still = inverse_dynamics(model, q, rest, rest)
+    pushed = [inverse_dynamics(model, q, rest, rest + row) for row in np.eye(rest.shape[1])[places]]
+    return np.array([(one - still)[:, k].mean() for one, k in zip(pushed, places, strict=True)])
+
+
+def of_unknown_unit(samples: TorqueSamples, reading: Reading) -> ModelParts | None:
+    """What torques hold of the nominal bodies where that is next to nothing, and no factor tells their unit.
+
+    Friction hides the factor, and whatever else such torques seem to betray is friction's, too. Joints that need most
+    of the robot's torque have to tell so, more than one of them: of a joint alone it may be a motion that needs no
+    torque, as a pendulum swings.
+    """
+    parts = parts_in(samples, reading)
+    needed = samples.predicted(reading).torque.std(axis=0)
+    few = parts.told.sum() < 2 or needed[parts.told].sum() <= 0.5 * needed.sum()
+    if few or parts.largest > THRESHOLD.next_to_nothing:
+        return None
+    return None if misreadings(samples, reading, (TORQUE_SCALE,))[1] else parts
+
+
+def _report_unknown_unit(case: Case, samples: TorqueSamples, parts: ModelParts, reading: Reading) -> None:
+    gains = samples.gains(reading)[0]
+    ratios = np.sort(1.0 / gains[parts.told & (gains > 0.0)])
+    likely = f"{span(f'{ratios[0]:.0f}', f'{ratios[-1]:.0f}', ' to ')} to 1" if len(ratios) else ""
+    gears = f" of about {likely} by the nominal masses" if likely else ""
+    text = (
+        f"torques contain almost nothing of what the nominal masses need ({parts.said()}): they are torques before "
+        f"gears{gears}, currents, another unit, or external torques, from which a driver has subtracted its model"
+    )
+    factors = ", ".join(f"tau.{joint}: RATIO" for joint in samples.channels[:2])
+    remedy = (
+        f"state the joints' gear ratios or torque constants (scale: {{{factors}, …}} in map.yaml), or log "
+        "torques as measured; results are in the log's unit and give no weights"
+    )
+    case.add("torque_scale", text, parts.figures(), samples.channels, remedy=remedy)
+    case.doubts.add(Doubt.SIZE)
+
+
+# Torques at an end of their range: left out where they say less than there was, kept where the drive gave no more.
+
+
+def find_torque_ends(case: Case) -> None:
+    """Torques, or currents, at the largest or smallest value that they have."""
+    log, kind = case.log, kind_of_torque(case.log)
+    rows = {joint: count for joint in log.header.torque_joints if (count := _marked_rows(log, [joint]))}
+    told = not log.header.free_base and case.robot.mechanism is None and not log.header.coupling
+    beyond = {joint: torque_overshoot(case.robot, log, joint) if told else None for joint in rows}
+    held = [joint for joint, times in beyond.items() if times is not None and times <= THRESHOLD.rail_agrees]
+    samples = sum(len(trial.time) for trial in log.trials)
+    silent = [j for j in rows if j not in held and samples - rows[j] < THRESHOLD.least_within * samples]
+    lost = [joint for joint in rows if joint not in (*held, *silent)]
+    clipped = "clipped at the sensor's range: by the motion the torque was larger; "
+    for finding, joints, share, what in (
+        ("drive_limit", held, "", "at the drive's limit: the motion agrees with this torque"),
+        ("clipped", lost, f" of {samples}", f"{clipped}these rows of their joints are left out"),
+        ("clipped", silent, f" of {samples}", f"{clipped}these joints are treated as no_torque"),
+    ):
+        if joints:
+            said = list_names([f"{kind}.{joint} in {rows[joint]}{share} rows" for joint in joints])
+            trials = tuple(t.name for t in log.trials if _marked_rows(replace(log, trials=(t,)), joints))
+            places = tuple(f"{kind}.{joint}" for joint in joints)
+            figures = {"rows": float(sum(rows[joint] for joint in joints))}
+            case.add(finding, f"{said}: {what}", figures, places, trials=trials)
+    if held:
+        kept = ~np.isin(log.header.joints, held)
+        case.change_trials(lambda t: t if t.beyond is None else replace(t, beyond=_flags(t.beyond & kept)))
+    if silent:
+        case.ignore_torques(silent)
+
+
+def _flags(flags: NDArray[np.bool_]) -> NDArray[np.bool_] | None:
+    return flags if flags.any() else None
+
+
+def _marked_rows(log: Log, joints: Sequence[str]) -> int:
+    """Rows in which a torque of some joints is at an end of its range, counted for each."""
+    columns = [log.header.joints.index(joint) for joint in joints]
+    return sum(int(trial.beyond[:, columns].sum()) for trial in log.trials if trial.beyond is not None)
+
+
+def kind_of_torque(log: Log) -> str:
+    """First part of the names of the log's torques or currents."""
+    return "i" if log.header.torque == "current" else "tau"
+
+
+def _trial_torques(trial: Trial) -> Array | None:
+    return trial.tau if trial.tau is not None else trial.current
+
+
+def mark_rails(log: Log) -> Log:
+    """The log with its trials' samples marked in which a torque or current is at an end of its range.
+
+    A trial that reaches the end at which another one is clipped is at it too.
+    """
+    kind, rails = kind_of_torque(log), set[tuple[int, float]]()
+    for trial in log.trials:
+        values = _trial_torques(trial)
+        for j, joint in enumerate(log.header.joints):
+            count = trial.cleaning.clipped.get(f"{kind}.{joint}", 0)
+            if values is not None and count:
+                # The channel was found to be clipped at one end or both; at an end that it is not it stays a moment.
+                ends = (float(values[:, j].min()), float(values[:, j].max()))
+                rails |= {(j, end) for end in ends if 4 * (values[:, j] == end).sum() >= count}
+
+    def marked(trial: Trial) -> Trial:
+        values = _trial_torques(trial)
+        if values is None:
+            return trial
+        flags = np.zeros(values.shape, dtype=np.bool_)
+        for j, rail in rails:
+            flags[:, j] |= values[:, j] == rail
+        return replace(trial, beyond=flags) if flags.any() else trial
+
+    return replace(log, trials=tuple(map(marked, log.trials))) if rails else log
+
+
+def torque_overshoot(robot: Robot, log: Log, joint: str) -> float | None:
+    """How far beyond its rail a joint's torque should be by the motion, in deviations of what is left elsewhere.
+
+    A drive at its limit gives no more than it says, and the motion is what that torque makes of it; a sensor or an
+    estimate at the end of its range says less than there is. The joint's own row of the equations, with its bodies,
+    friction and rotor, is fitted where the torque is within its range and predicts the rest.
+
+    Args:
+        robot: the nominal model.
+        log: the log, its trials marked.
+        joint: one of its joints that has a torque.
+
+    Returns:
+        Mean over the samples at the rail; None where the log does not tell.
+    """
+    robot, settings = robot_in_log(robot, log.header, log.folder), ProblemSettings()
+    filters = settings.filters(floating=False)
+    column, place = log.header.joints.index(joint), robot.n_base_v + robot.joint_index(joint)
+    parts = []
+    for trial in log.trials:
+        values = _trial_torques(trial)
+        try:
+            k = trial_kinematics(robot, log.header, trial, settings, filters)
+        except LogError:
+            continue
+        if values is None:
+            continue
+        here = np.flatnonzero(k.in_motion)
+        here = here[:: max(1, int(len(log.trials) * len(here) / THRESHOLD.rail_samples))]
+        q, v, a = k.q[here], k.v[here], k.a[here]
+        samples = JointSamples(robot, q, v, a, [place], settings.coulomb_width, None)
+        terms = ("viscous", "coulomb", "offset", "armature")
+        drives = np.concatenate([DRIVE_TERMS[term].columns(samples) for term in terms], axis=2)[:, 0]
+        torque = forces_on_grid(trial.time, values[:, [column]], k.time)[here, 0]
+        flags = np.zeros_like(values, dtype=np.bool_) if trial.beyond is None else trial.beyond
+        parts.append(
+            (
+                np.hstack([motor_regressor(robot, q, v, a)[:, place], drives]),
+                torque - motor_torques(robot, q, v, a)[:, place],
+                flags_at(trial.time, flags[:, [column]], k.time)[here, 0],
+                torque,
+            )
+        )
+    if not parts:
+        return None
+    x, y, at, measured = (np.concatenate(part) for part in zip(*parts, strict=True))
+    if (~at).sum() < THRESHOLD.fewest_at_rail or not at.any():
+        return None
+    x = x / np.maximum(np.linalg.norm(x[~at], axis=0), 1e-9)
+    gram = x[~at].T @ x[~at] + THRESHOLD.held_to_nominal * np.eye(x.shape[1])
+    left = y - x @ np.linalg.solve(gram, x[~at].T @ y[~at])
+    outwards = np.sign(measured[at] - np.median(measured[~at]))
+    deviation = float(np.sqrt((left[~at] ** 2).mean()))
+    return -float((outwards * left[at]).mean()) / max(deviation, 1e-300)
