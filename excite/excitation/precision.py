@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array, Moved
 from excite.errors import InputError
-from excite.excitation.conditioning import RANK_TOLERANCE, MotionFactor
 from excite.regressor.base_parameters import BaseParameters, r_factor
 from excite.regressor.columns import DRIVE_TERMS, measured_columns, regressor_rows
 from excite.regressor.contact_forces import stance_flags
@@ -50,46 +49,6 @@ def row_noise(robot: Robot) -> Array:
         variance[:3] += sensor.noise_force**2
         variance[3:] += sensor.noise_moment**2 + sensor.noise_force**2 * (lever @ lever - lever**2)
     return np.sqrt(variance)
-
-
-def predicted_std(
-    robot: Robot, factor: MotionFactor, base: BaseParameters, noise: Array | None = None
-) -> Array:
-    """Standard deviations that least squares would have on the base parameters.
-
-    The sensors' noise is white at the robot's log rate. Exact where the factor's rows were divided by
-    ``noise`` (``motion_factor(..., row_std=noise)``) or the noise is equal in all rows; else an upper bound,
-    since (YᵀY)⁻¹YᵀΣY(YᵀY)⁻¹ is at most max σ² (YᵀY)⁻¹.
-
-    Args:
-        robot: the robot.
-        factor: of all the motions that will be run.
-        base: structural base parameters.
-        noise: ``(r,)`` standard deviation of each of a sample's rows; :func:`row_noise` if None.
-
-    Returns:
-        ``(n_base,)`` [SI]; infinite for parameters that the motions do not determine.
-
-    Raises:
-        InputError: noise of a wrong shape, or base parameters of other columns.
-    """
-    noise = row_noise(robot) if noise is None else np.asarray(noise, dtype=float)
-    weights = np.ones_like(noise) if factor.row_std is None else factor.row_std
-    if noise.shape != (robot.n_equations,) or noise.shape != weights.shape:
-        raise InputError(
-            f"noise of shape {noise.shape}", field="noise", remedy="one number a row of a sample"
-        )
-    if base.names != factor.columns.names:
-        raise InputError(
-            "base parameters of other columns than the motion's", source=", ".join(factor.motions)
-        )
-    scale = (noise / weights).max() * np.sqrt(factor.rate_hz / robot.description.sensors.rate_hz)
-    _, found, vectors = np.linalg.svd(factor.matrix[:, base.independent], full_matrices=True)
-    values = np.concatenate([found, np.zeros(base.rank - len(found))])
-    known = values > RANK_TOLERANCE * values[0]
-    std = scale * np.sqrt(((vectors[known] / values[known, None]) ** 2).sum(axis=0))
-    undetermined = (vectors[~known] ** 2).sum(axis=0) > 1e-12
-    return np.where(undetermined, np.inf, std)
 
 
 def nominal_values(robot: Robot, base: BaseParameters) -> Array:
