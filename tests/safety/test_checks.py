@@ -14,7 +14,7 @@ from excite.robot.robot import Robot
 from excite.safety.check import CHECKS, check_motion
 from excite.safety.checks.base import Check
 from excite.safety.checks.joints import drive_torques
-from excite.safety.checks.motion import SamplingCheck
+from excite.safety.checks.motion import judge_sampling
 from excite.safety.checks.sweep import Sweep
 from excite.safety.verdict import MARGIN_FIELDS, CheckReport
 from tests.safety.motions import (
@@ -104,7 +104,7 @@ def test_check_battery(name: str, humanoid: Robot, squatting: Motion, arm: Robot
 
 
 def test_sampling_runs_first_and_every_margin_has_one_check() -> None:
-    assert next(iter(CHECKS.values())) is SamplingCheck
+    assert next(iter(CHECKS.values())) is judge_sampling
     filled = [check.margin_field for check in CHECKS.values() if check.margin_field is not None]
     assert sorted(filled) == sorted(MARGIN_FIELDS)
 
@@ -309,7 +309,7 @@ def test_jumping_acceleration_is_no_inconsistency(arm: Robot) -> None:
         speed[:, None] * column,
         np.where(time < switch, alpha, -alpha)[:, None] * column,
     )
-    assert SamplingCheck().run(arm, motion).violations == ()
+    assert judge_sampling(Sweep(arm, motion)).violations == ()
 
 
 # --- Files
