@@ -220,7 +220,7 @@ def test_a_flight_has_no_margin() -> None:
 def test_an_arm_has_no_balance() -> None:
     sweep = standing(robot=SimpleNamespace(feet=()))
     for check in (judge_zero_moment_point, judge_centre_of_mass, judge_contact_wrench, judge_feet):
-        assert check().judge(sweep) == CheckResult(applicable=False)
+        assert check(sweep) == CheckResult(applicable=False)
 
 
 def lean(sweep: SimpleNamespace, samples: slice | list[int], margin: float) -> CheckResult:
