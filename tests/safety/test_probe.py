@@ -20,10 +20,10 @@ from excite.robot.shapes.collision import collision_model
 from excite.safety.checks import collision
 from excite.safety.checks.collision import Distances, approach_rates, find_closest, judge_self_collision
 from excite.safety.checks.sweep import Sweep
-from excite.safety.filter import milder_candidates
 from excite.safety.repairs.collisions import EXTRA, CollisionProbe, TooClose
 from excite.safety.repairs.draft import Draft, Rejection
 from excite.safety.repairs.waypoints import Waypoints
+from excite.safety.repairs.whole_body import milder_candidates
 from tests.safety.motions import moved_joint, smooth, squat
 
 

@@ -16,12 +16,12 @@ from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.safety.checks.motion import judge_sampling
 from excite.safety.checks.sweep import Sweep
-from excite.safety.filter import Sampling
 from excite.safety.repairs.collisions import CollisionProbe
 from excite.safety.repairs.draft import Draft, Rejection
 from excite.safety.repairs.path import MotionPath, TimeLaw
-from excite.safety.repairs.retiming import Retiming, fastest_rate, plan_transfer, smoothed_law
+from excite.safety.repairs.retiming import Retiming, fastest_rate, smoothed_law
 from excite.safety.repairs.rows import PathLimits, Rows
+from excite.safety.repairs.sampling import Sampling, plan_transfer
 from excite.safety.repairs.shares import Shares
 from excite.safety.repairs.time_scaling import TimeScaling, largest_factor
 
