@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, partial
 from importlib.metadata import version
 from typing import Any, NamedTuple
@@ -34,7 +34,6 @@ from excite.regressor.adjoint import regressor_gradient
 from excite.regressor.kernels import Placements
 from excite.robot.robot import Robot
 from excite.safety.check import check_motion
-from excite.safety.verdict import Verdict
 from excite.threads import one_blas_thread
 
 NAME = "optimised_fourier"
@@ -273,12 +272,10 @@ class Solution:
     Attributes:
         x: the point.
         feasible: whether they hold there.
-        evaluations: of objective and gradient.
     """
 
     x: Array
     feasible: bool
-    evaluations: int
 
 
 def solve_program(
@@ -331,7 +328,7 @@ def solve_program(
     if np.isfinite(end).all():
         watched.look(end)
     best = watched.best[1]
-    return Solution(end if best is None else best, best is not None, watched.evaluations)
+    return Solution(end if best is None else best, best is not None)
 
 
 class _Watched:
@@ -342,7 +339,6 @@ class _Watched:
         self._last: tuple[bytes, tuple[float, Array]] = (b"", (np.inf, np.zeros(0)))
         self.best: tuple[float, Array | None] = (np.inf, None)
         self.raised: BaseException | None = None
-        self.evaluations = 0
 
     def look(self, point: Any) -> tuple[float, Array]:
         """Value and gradient at a point; what is raised is kept."""
@@ -353,7 +349,6 @@ class _Watched:
             except BaseException as error:
                 self.raised = error
                 raise
-            self.evaluations += 1
             if self._last[1][0] < self.best[0] and self._rows.excess(x) <= _ROOM:
                 self.best = self._last[1][0], x
         return self._last[1]
@@ -426,13 +421,11 @@ class Point:
         x: variables ``(size,)``.
         value: smoothed criterion and a penalty on what is violated, by which points are compared.
         multipliers: of the nonlinear rows.
-        evaluations: of the objective so far.
     """
 
     x: Array
     value: float
     multipliers: Array
-    evaluations: int
 
 
 class SeriesSearch:
@@ -448,12 +441,8 @@ class SeriesSearch:
     """
 
     def __init__(self, task: ExcitationTask, effort: float = 1.0) -> None:
-        self.task, self._effort, self.layout, self.n_base = (
-            task,
-            effort,
-            task.layout(),
-            len(task.rows.independent),
-        )
+        # What has no rows is refused here, and not in other processes.
+        self.task, self._effort, self.layout, self.rows = task, effort, task.layout(), task.rows
 
     # What watches bodies does not travel to other processes: each makes its own.
     @cached_property
@@ -485,14 +474,12 @@ class SeriesSearch:
             best = self.coarse.choose([self._draw(rng) for _ in range(_DRAWS)])
             return self._staged(best, self.coarse.no_multipliers(best), self.coarse, _STAGES)
         if number == rounds - 1:
-            found = self._staged(point.x, point.multipliers, self._fine, _LAST)
-            return replace(found, evaluations=point.evaluations + found.evaluations)
+            return self._staged(point.x, point.multipliers, self._fine, _LAST)
         x = point.x + _KICK * rng.standard_normal(len(point.x))
         n = len(self.layout.reach)
         x[:n] = np.clip(x[:n], -0.9, 0.9)
         found = self._staged(self.fitted(x), point.multipliers, self.coarse, _KICK_STAGES)
-        chosen = found if found.value < point.value else point
-        return replace(chosen, evaluations=point.evaluations + found.evaluations)
+        return found if found.value < point.value else point
 
     def fitted(self, x: Array) -> Array:
         """Variables made smaller where they pass limits."""
@@ -506,7 +493,6 @@ class SeriesSearch:
     def _staged(
         self, x: Array, multipliers: Array, program: SeriesProgram, stages: tuple[tuple[float, int], ...]
     ) -> Point:
-        evaluations = 0
         for p, iterations in stages:
             found = solve_program(
                 partial(program.evaluate, p=p, multipliers=multipliers),
@@ -514,11 +500,10 @@ class SeriesSearch:
                 x,
                 iterations=max(1, round(self._effort * iterations)),
             )
-            evaluations += found.evaluations
             if found.feasible:
                 x, multipliers = found.x, program.updated(found.x, multipliers)
         value = program.evaluate(x, _LAST[-1][0], np.zeros_like(multipliers))[0]
-        return Point(x, value, multipliers, evaluations)
+        return Point(x, value, multipliers)
 
 
 @dataclass(frozen=True, eq=False)
@@ -530,16 +515,12 @@ class OptimisedMotion:
         curve: of all joints.
         motion: the same as samples at the robot's rate.
         value: the criterion, finely sampled; for conditions the condition number.
-        verdict: of the independent check.
-        evaluations: of objective and gradient.
     """
 
     start: int
     curve: Curve
     motion: Motion
     value: float
-    verdict: Verdict
-    evaluations: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -548,14 +529,10 @@ class SearchResult:
 
     Attributes:
         found: safe motions, the best first.
-        refused: by reason, how many starts ended in none.
-        n_base: number of base parameters.
         interrupted: whether the user broke off; the motions are then the best until then.
     """
 
     found: tuple[OptimisedMotion, ...]
-    refused: dict[str, int]
-    n_base: int
     interrupted: bool
 
     @property
@@ -613,15 +590,15 @@ def optimise_excitation(
             raise
     ends = [_made_safe(search, index, point) for index, point in enumerate(points) if point is not None]
     found = [end for end in ends if isinstance(end, OptimisedMotion)]
-    refused = Counter(end for end in ends if isinstance(end, str))
     if not found:
-        reasons = ", ".join(f"{count} {reason}" for reason, count in refused.items())
+        counted = Counter(end for end in ends if isinstance(end, str))
+        reasons = ", ".join(f"{count} {reason}" for reason, count in counted.items())
         raise NoSolutionError(
             f"none of {len(points)} starts ends in a safe motion of {task.robot.name} ({reasons})",
             remedy="give more room to the joints, more starts, or another rest posture",
         )
     found.sort(key=lambda motion: (motion.value, motion.start))
-    return SearchResult(tuple(found), dict(refused), search.n_base, interrupted)
+    return SearchResult(tuple(found), interrupted)
 
 
 def _run_step(search: SeriesSearch, step: tuple[Point | None, int, int, int]) -> Point:
@@ -639,12 +616,10 @@ def _made_safe(search: SeriesSearch, index: int, point: Point) -> OptimisedMotio
         smaller = search.layout.scaled(x, share)
         curve = search.layout.curve(smaller)
         motion = sample_curve(task.robot, curve, f"{NAME}_{index:03d}", index)
-        verdict = check_motion(task.robot, motion)
-        refused = [
-            one.kind for one in verdict.violations if task.avoid_collisions or one.kind != "self_collision"
-        ]
+        kinds = [one.kind for one in check_motion(task.robot, motion).violations]
+        refused = [kind for kind in kinds if task.avoid_collisions or kind != "self_collision"]
         if not refused:
-            return OptimisedMotion(index, curve, motion, search.figure(smaller), verdict, point.evaluations)
+            return OptimisedMotion(index, curve, motion, search.figure(smaller))
         reason, share = refused[0], share * _SMALLER
     return reason
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Sized
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -44,32 +44,37 @@ class SafetyFilter:
         shares = Shares(robots=stated_parameters(robot)) if robust else Shares()
         self._repairs = make_repairs(robot, shares)
 
-    def filter(self, candidate: Candidate | Motion) -> FilterOutcome:
-        """Repair a candidate and judge the motion that results; a motion is judged as it is."""
+    def filter(self, asked: Filtered) -> FilterOutcome:
+        """Repair a candidate, which a proposal is drawn to be, and judge the motion that results; a motion is judged
+        as it is."""
         seconds: dict[str, float] = {}
-        if isinstance(candidate, Motion):
-            return self._judged(candidate.metadata.generator, candidate, seconds)
-        draft: Draft | Rejection = Draft(candidate)
-        for repair in self._repairs:
-            if isinstance(draft, Rejection):
-                break
-            start = time.process_time()
-            draft = repair.repair(draft)
-            seconds[repair.name] = time.process_time() - start
-        if isinstance(draft, Rejection):
-            return FilterOutcome(candidate.name, candidate.generator, None, None, draft, seconds)
-        if draft.motion is None:
-            rejection = draft.rejected("no_motion", "repairs")
-            return FilterOutcome(candidate.name, candidate.generator, None, None, rejection, seconds)
-        return self._judged(candidate.generator, draft.motion, seconds)
 
-    def _judged(self, generator: str, motion: Motion, seconds: dict[str, float]) -> FilterOutcome:
-        start = time.process_time()
-        verdict = check_motion(self._robot, motion, robust=self._robust)
-        seconds["check"] = time.process_time() - start
+        def timed(stage: str, work: Callable[[], Any]) -> Any:
+            start = time.process_time()
+            found = work()
+            seconds[stage] = time.process_time() - start
+            return found
+
+        if isinstance(asked, Proposal):
+            proposal = asked
+            asked = timed("draw", lambda: draw_candidate(self._robot, proposal))
+        if isinstance(asked, Motion):
+            motion = asked
+        else:
+            draft: Draft | Rejection = Draft(asked)
+            for repair in self._repairs:
+                if isinstance(draft, Rejection):
+                    break
+                draft = timed(repair.name, partial(repair.repair, draft))
+            if isinstance(draft, Draft) and draft.motion is None:
+                draft = draft.rejected("no_motion", "repairs")
+            if isinstance(draft, Rejection):
+                return FilterOutcome(asked.name, asked.generator, None, None, draft, seconds)
+            motion = draft.motion
+        verdict = timed("check", lambda: check_motion(self._robot, motion, robust=self._robust))
         return FilterOutcome(
             candidate=motion.name,
-            generator=generator,
+            generator=motion.metadata.generator,
             motion=with_verdict(motion, verdict.to_json(), self._robot.hash) if verdict.safe else None,
             verdict=verdict,
             rejection=_rejection_of(motion.name, verdict),
@@ -98,13 +103,7 @@ def filter_candidate(robot: Robot, candidate: Filtered, *, robust: bool = False)
     Raises:
         RobotError: the robot's collision geometry cannot be read.
     """
-    if not isinstance(candidate, Proposal):
-        return _filter_of(robot, robust).filter(candidate)
-    start = time.process_time()
-    drawn = draw_candidate(robot, candidate)
-    seconds = {"draw": time.process_time() - start}
-    outcome = _filter_of(robot, robust).filter(drawn)
-    return replace(outcome, seconds={**seconds, **outcome.seconds})
+    return _filter_of(robot, robust).filter(candidate)
 
 
 def filter_candidates(
@@ -178,15 +177,12 @@ def _posture_at(motion: Motion, time_s: float | None) -> tuple[float, ...] | Non
     return tuple(float(x) for x in motion.q[index])
 
 
-def _handed_over(robot: Robot, outcome: FilterOutcome, keep: Keep | None) -> FilterOutcome:
-    if keep is None or not outcome.accepted or outcome.motion is None:
-        return outcome
-    return replace(outcome, motion=None, kept=keep(robot, outcome.motion))
-
-
 def _filter_one(shared: tuple[Robot, Keep | None, bool], candidate: Filtered) -> FilterOutcome:
     robot, keep, robust = shared
-    return _handed_over(robot, filter_candidate(robot, candidate, robust=robust), keep)
+    outcome = filter_candidate(robot, candidate, robust=robust)
+    if keep is None or outcome.motion is None:
+        return outcome
+    return replace(outcome, motion=None, kept=keep(robot, outcome.motion))
 
 
 # All repairs, in the order in which they run: cheap rejections first. A new one is one file and its line

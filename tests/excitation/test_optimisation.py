@@ -161,7 +161,6 @@ def test_value_is_the_condition_number_of_the_motion(found: SearchResult, iiwa: 
     from excite.excitation.conditioning import compute_conditioning
 
     report = compute_conditioning(iiwa, [motion_factor(iiwa, found.best.motion, 200.0)])
-    assert found.n_base == report.n_base_parameters
     assert found.best.value == pytest.approx(report.full, rel=0.02)
 
 
@@ -208,7 +207,7 @@ def test_interrupt_keeps_the_best_so_far(iiwa: Robot) -> None:
     )
     assert result.interrupted
     assert len(result.found) == 1
-    assert result.best.verdict.safe
+    assert check_motion(iiwa, result.best.motion).safe
 
 
 def test_interrupt_inside_the_solver_reaches_the_caller(iiwa: Robot) -> None:

@@ -82,6 +82,13 @@ def first_violations(
     return tuple(found)
 
 
+def first_violation(
+    kind: str, where: str, time: Array, values: Array, limit: float, bad: NDArray[np.bool_]
+) -> tuple[Violation, ...]:
+    """The violation at the first bad of times, ``(n,)`` each, if any is; arguments as of :func:`first_violations`."""
+    return first_violations(kind, (where,), time, values[:, None], np.array([limit]), bad[:, None])
+
+
 def nearest_joints(kind: str, robot: Robot, room: Array) -> tuple[Nearest, ...]:
     """The joints that come nearest to their limits, those that slide and those that turn apart.
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from itertools import chain
+
 import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.safety.checks.base import CheckResult
+from excite.safety.checks.base import CheckResult, first_violation
 from excite.safety.checks.sweep import Sweep
 from excite.safety.ground_forces import RESIDUAL_TOLERANCE, polygon_margin
 from excite.safety.verdict import Violation
@@ -32,26 +34,18 @@ def judge_zero_moment_point(sweep: Sweep) -> CheckResult:
     robot, time = sweep.robot, sweep.fine.time
     if not robot.feet:
         return CheckResult(applicable=False)
-    violations = []
     airborne: NDArray[np.bool_] = np.logical_not(sweep.contacts.any(axis=1))
+    found: tuple[Violation, ...] = ()
     if airborne.any():
-        violations.append(Violation("no_contact", _first_time(time, airborne), "feet", None, None))
+        found = (Violation("no_contact", float(time[int(np.argmax(airborne))]), "feet", None, None),)
     share = sweep.wrench[:, 2] / (robot.mass * np.linalg.norm(robot.model.gravity.linear))
     light = np.logical_not(share >= MIN_WEIGHT_SHARE)
-    if light.any():
-        value = float(share[int(np.argmax(light))])
-        violations.append(
-            Violation("weight_share", _first_time(time, light), "feet", value, MIN_WEIGHT_SHARE)
-        )
+    found += first_violation("weight_share", "feet", time, share, MIN_WEIGHT_SHARE, light)
     margin = support_margin(sweep, sweep.zmp)
     outside = margin < ZMP_MARGIN
-    if outside.any():
-        value = float(margin[int(np.argmax(outside))])
-        violations.append(
-            Violation("zmp", _first_time(time, outside), _name_feet(sweep, outside), value, ZMP_MARGIN)
-        )
+    found += first_violation("zmp", _name_feet(sweep, outside), time, margin, ZMP_MARGIN, outside)
     smallest = float(margin.min())
-    return CheckResult(smallest if np.isfinite(smallest) else None, tuple(violations))
+    return CheckResult(smallest if np.isfinite(smallest) else None, found)
 
 
 def judge_centre_of_mass(sweep: Sweep) -> CheckResult:
@@ -65,17 +59,8 @@ def judge_centre_of_mass(sweep: Sweep) -> CheckResult:
     time = sweep.fine.time
     margin = support_margin(sweep, sweep.dynamics.com[:, :2])
     outside = ~(margin >= ZMP_MARGIN) & _stance_samples(sweep)
-    if not outside.any():
-        return CheckResult()
-    value = float(margin[int(np.argmax(outside))])
-    found = Violation(
-        "com",
-        _first_time(time, outside),
-        _name_feet(sweep, outside),
-        value if np.isfinite(value) else None,
-        ZMP_MARGIN,
-    )
-    return CheckResult(violations=(found,))
+    where = _name_feet(sweep, outside)
+    return CheckResult(violations=first_violation("com", where, time, margin, ZMP_MARGIN, outside))
 
 
 def judge_contact_wrench(sweep: Sweep) -> CheckResult:
@@ -88,12 +73,10 @@ def judge_contact_wrench(sweep: Sweep) -> CheckResult:
         return CheckResult(applicable=False)
     residual = sweep.contact_forces[0].residual
     bad = ~(residual <= RESIDUAL_TOLERANCE)
-    if not bad.any():
-        return CheckResult()
-    row = int(np.argmax(bad))
-    value = float(residual[row]) if np.isfinite(residual[row]) else None
-    time = float(sweep.fine.time[sweep.torque_samples[row]])
-    return CheckResult(violations=(Violation("contact_wrench", time, "feet", value, RESIDUAL_TOLERANCE),))
+    time = sweep.fine.time[sweep.torque_samples]
+    return CheckResult(
+        violations=first_violation("contact_wrench", "feet", time, residual, RESIDUAL_TOLERANCE, bad)
+    )
 
 
 def support_margin(sweep: Sweep, points: Array) -> Array:
@@ -118,10 +101,6 @@ def _stance_samples(sweep: Sweep) -> NDArray[np.bool_]:
     return judged
 
 
-def _first_time(time: Array, bad: NDArray[np.bool_]) -> float:
-    return float(time[int(np.argmax(bad))])
-
-
 def _name_feet(sweep: Sweep, bad: NDArray[np.bool_]) -> str:
     row = sweep.contacts[int(np.argmax(bad))]
     return "+".join(foot.name for foot, flag in zip(sweep.robot.feet, row, strict=True) if flag) or "feet"
@@ -144,13 +123,13 @@ def judge_feet(sweep: Sweep) -> CheckResult:
     """
     if not sweep.robot.feet:
         return CheckResult(applicable=False)
-    found: list[Violation] = []
+    found: tuple[Violation, ...] = ()
     for i, foot in enumerate(sweep.robot.feet):
         found += _judge_foot(foot.name, sweep.fine.time, sweep.sole_corners[i], sweep.contacts[:, i])
-    return CheckResult(violations=tuple(found))
+    return CheckResult(violations=found)
 
 
-def _judge_foot(name: str, time: Array, corners: Array, loaded: NDArray[np.bool_]) -> list[Violation]:
+def _judge_foot(name: str, time: Array, corners: Array, loaded: NDArray[np.bool_]) -> tuple[Violation, ...]:
     low, high = corners[:, :, 2].min(axis=1), corners[:, :, 2].max(axis=1)
     slip, speed = np.zeros(len(time)), np.zeros(len(time))
     # A phase starts where the flag rises.
@@ -167,9 +146,5 @@ def _judge_foot(name: str, time: Array, corners: Array, loaded: NDArray[np.bool_
         ("foot_slip", loaded & ~(slip <= SLIP_TOLERANCE), slip, SLIP_TOLERANCE),
         ("foot_slip_speed", loaded & ~(speed <= SLIP_SPEED_TOLERANCE), speed, SLIP_SPEED_TOLERANCE),
     )
-    found = []
-    for kind, bad, values, limit in cases:
-        if bad.any():
-            row = int(np.argmax(bad))
-            found.append(Violation(kind, float(time[row]), name, float(values[row]), limit))
-    return found
+    found = (first_violation(kind, name, time, values, limit, bad) for kind, bad, values, limit in cases)
+    return tuple(chain.from_iterable(found))

@@ -101,25 +101,23 @@ def time_faults(motion: Motion) -> tuple[Violation, ...]:
     if len(time) < 3:
         return (Violation("too_few_samples", None, "time", float(len(time)), 3.0),)
     step = np.diff(time)
-    if (step <= 0.0).any():
-        k = int(np.argmax(step <= 0.0))
-        return (Violation("time_not_increasing", float(time[k]), "time", float(step[k]), 0.0),)
     median = float(np.median(step))
+    shortest, longest = _SHORTEST_STEP * median, min(_STEP_RATIO * median, 1.0 / SLOWEST_SAMPLES_HZ)
+    sparse = not motion.is_goal and is_sparse(time)
+    cases = [("time_not_increasing", step <= 0.0, 0.0)]
     if motion.is_goal:
-        if motion.duration > LONGEST_GOAL_S:
-            k = int(np.argmax(step))
-            return (Violation("time_gap", float(time[k]), "time", float(step[k]), LONGEST_GOAL_S),)
-        return ()
-    if is_sparse(time):
-        return (Violation("rate_too_low", None, "time", 1.0 / median, SLOWEST_SAMPLES_HZ),)
-    if (step < _SHORTEST_STEP * median).any():
-        k = int(np.argmax(step < _SHORTEST_STEP * median))
-        return (Violation("time_step", float(time[k]), "time", float(step[k]), _SHORTEST_STEP * median),)
-    longest = min(_STEP_RATIO * median, 1.0 / SLOWEST_SAMPLES_HZ)
-    if (step > longest * (1.0 + 1e-9)).any():
-        k = int(np.argmax(step > longest * (1.0 + 1e-9)))
-        return (Violation("time_gap", float(time[k]), "time", float(step[k]), longest),)
-    return ()
+        too_long = (step == step.max()) & (motion.duration > LONGEST_GOAL_S)
+        cases.append(("time_gap", too_long, LONGEST_GOAL_S))
+    elif not sparse:
+        cases += [
+            ("time_step", step < shortest, shortest),
+            ("time_gap", step > longest * (1.0 + 1e-9), longest),
+        ]
+    for kind, bad, limit in cases:
+        if bad.any():
+            k = int(np.argmax(bad))
+            return (Violation(kind, float(time[k]), "time", float(step[k]), limit),)
+    return (Violation("rate_too_low", None, "time", 1.0 / median, SLOWEST_SAMPLES_HZ),) if sparse else ()
 
 
 def _check_contacts(robot: Robot, motion: Motion) -> tuple[Violation, ...]:
