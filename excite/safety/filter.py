@@ -55,22 +55,23 @@ class SafetyFilter:
             seconds[stage] = time.process_time() - start
             return found
 
-        if isinstance(asked, Proposal):
-            proposal = asked
-            asked = timed("draw", lambda: draw_candidate(self._robot, proposal))
-        if isinstance(asked, Motion):
-            motion = asked
-        else:
-            draft: Draft | Rejection = Draft(asked)
+        made: Candidate | Motion = (
+            timed("draw", partial(draw_candidate, self._robot, asked))
+            if isinstance(asked, Proposal)
+            else asked
+        )
+        if isinstance(made, Candidate):
+            candidate, draft = made, Draft(made)
             for repair in self._repairs:
-                if isinstance(draft, Rejection):
-                    break
-                draft = timed(repair.name, partial(repair.repair, draft))
-            if isinstance(draft, Draft) and draft.motion is None:
-                draft = draft.rejected("no_motion", "repairs")
-            if isinstance(draft, Rejection):
-                return FilterOutcome(asked.name, asked.generator, None, None, draft, seconds)
-            motion = draft.motion
+                repaired = timed(repair.name, partial(repair.repair, draft))
+                if isinstance(repaired, Rejection):
+                    return FilterOutcome(candidate.name, candidate.generator, None, None, repaired, seconds)
+                draft = repaired
+            if draft.motion is None:
+                rejection = draft.rejected("no_motion", "repairs")
+                return FilterOutcome(candidate.name, candidate.generator, None, None, rejection, seconds)
+            made = draft.motion
+        motion = made
         verdict = timed("check", lambda: check_motion(self._robot, motion, robust=self._robust))
         return FilterOutcome(
             candidate=motion.name,
