@@ -20,7 +20,7 @@ from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
 from excite.robot.joint_values import Limits
 from excite.robot.robot import Robot
-from excite.safety.repairs.shares import Shares
+from excite.safety.repairs.rows import Shares
 
 # What optimised series are to be: their criterion and their period.
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from excite.arrays import Array, Moved
 from excite.errors import InputError
 from excite.regressor.base_parameters import BaseParameters, r_factor
-from excite.regressor.columns import DRIVE_TERMS, measured_columns, regressor_rows
+from excite.regressor.columns import DRIVE_TERMS, Columns, measured_columns, regressor_rows
 from excite.regressor.contact_forces import stance_flags
 from excite.regressor.kernels import forward_kinematics
 from excite.robot.joint_values import per_joint
@@ -57,10 +57,7 @@ def nominal_values(robot: Robot, base: BaseParameters) -> Array:
     Raises:
         InputError: base parameters of other columns than those that the robot's sensors see.
     """
-    drives = tuple(term for term in DRIVE_TERMS if f"{term}({robot.joint_names[0]})" in base.names)
-    columns = measured_columns(robot, drives)
-    if columns.names != base.names:
-        raise InputError("base parameters of other columns than the robot's", source=robot.name)
+    columns = _columns_of(robot, base)
     blocks = robot.description.drives
     stated = {"viscous": blocks.viscous, "coulomb": blocks.coulomb, "armature": blocks.armature}
     zero = np.zeros(robot.n_joints)
@@ -100,25 +97,28 @@ def excitable_parameters(robot: Robot, base: BaseParameters, seed: int = 0) -> N
     Raises:
         InputError: base parameters of other columns than those that the robot's sensors see.
     """
+    columns, random = _columns_of(robot, base), np.random.default_rng(seed)
+    n, count = 3 * len(columns.names) // robot.n_equations + 1, 1 + len(robot.feet)
+
+    def factor(foot: Foot | None, count: int, closed: NDArray[np.bool_] | None = None) -> Array:
+        states = [_random_state(robot, foot, random) for _ in range(count)]
+        q, v, a = (np.array([state[i] for state in states]) for i in range(3))
+        rows = regressor_rows(robot, columns, q, v, a, closed)
+        return r_factor(rows.reshape(-1, rows.shape[2])[:, base.independent])
+
+    if robot.floating and not robot.measures_contacts:
+        return determined_columns(factor(None, n * count, stance_flags(robot, n * count)), _SILENT)
+    feet: tuple[Foot | None, ...] = robot.feet if robot.floating and robot.feet else (None,)
+    return determined_columns(np.vstack([factor(foot, n) for foot in feet]), _SILENT)
+
+
+def _columns_of(robot: Robot, base: BaseParameters) -> Columns:
+    """Columns that the robot's sensors see, if the base parameters are of these."""
     drives = tuple(term for term in DRIVE_TERMS if f"{term}({robot.joint_names[0]})" in base.names)
     columns = measured_columns(robot, drives)
     if columns.names != base.names:
         raise InputError("base parameters of other columns than the robot's", source=robot.name)
-    random = np.random.default_rng(seed)
-    n = 3 * len(columns.names) // robot.n_equations + 1
-    feet: tuple[Foot | None, ...] = robot.feet if robot.floating and robot.feet else (None,)
-    parts = []
-    if robot.floating and not robot.measures_contacts:
-        states = [_random_state(robot, None, random) for _ in range(n * (1 + len(robot.feet)))]
-        q, v, a = (np.array([state[i] for state in states]) for i in range(3))
-        rows = regressor_rows(robot, columns, q, v, a, stance_flags(robot, len(q)))
-        return determined_columns(r_factor(rows.reshape(-1, rows.shape[2])[:, base.independent]), _SILENT)
-    for foot in feet:
-        states = [_random_state(robot, foot, random) for _ in range(n)]
-        q, v, a = (np.array([state[i] for state in states]) for i in range(3))
-        rows = regressor_rows(robot, columns, q, v, a)
-        parts.append(r_factor(rows.reshape(-1, rows.shape[2])[:, base.independent]))
-    return determined_columns(np.vstack(parts), _SILENT)
+    return columns
 
 
 def determined_columns(factor: Array, tol: float) -> NDArray[np.bool_]:

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Moved
 from excite.errors import InputError, NoSolutionError
 from excite.excitation.near_bodies import NearBodies
 from excite.excitation.precision import nominal_values
@@ -163,11 +163,11 @@ class SeriesProgram:
         """Largest share of its limits that each joint uses, ``(n_joints,)``, of variables."""
         return self._layout.shares if self._further is None else self._further.shares
 
-    def states(self, x: Array) -> tuple[Array, Array, Array]:
+    def states(self, x: Array) -> Moved:
         """Positions, velocities and accelerations ``(n, n_joints)`` of variables ``(size,)``."""
         offset, table = self._layout.parts(x)
         q, v, a = (basis @ table.T for basis in self._bases)
-        return offset + q, v, a
+        return Moved(offset + q, v, a)
 
     def value(self, x: Array, p: float = np.inf) -> float:
         """The criterion alone, a logarithm; with Coulomb friction's sign as it is where maxima are."""

@@ -25,8 +25,8 @@ from excite.safety.parameter_set import stated_parameters
 from excite.safety.repairs.collisions import CollisionProbe
 from excite.safety.repairs.draft import Draft, Rejection, Repair
 from excite.safety.repairs.retiming import Retiming
+from excite.safety.repairs.rows import Shares
 from excite.safety.repairs.sampling import Sampling
-from excite.safety.repairs.shares import Shares
 from excite.safety.repairs.time_scaling import TimeScaling
 from excite.safety.repairs.waypoints import Waypoints
 from excite.safety.repairs.whole_body import WholeBody

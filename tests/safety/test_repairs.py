@@ -16,9 +16,8 @@ from excite.safety.checks.sweep import Sweep
 from excite.safety.filter import REPAIRS, make_repairs
 from excite.safety.repairs.collisions import CollisionProbe
 from excite.safety.repairs.draft import Draft, Rejection, Repair
-from excite.safety.repairs.rows import PathLimits, support_of, zmp_rows
+from excite.safety.repairs.rows import PathLimits, Shares, support_of, zmp_rows
 from excite.safety.repairs.sampling import plan_transfer
-from excite.safety.repairs.shares import Shares
 from excite.safety.repairs.time_scaling import largest_factor
 from tests.safety.soles import foot_displacements
 

@@ -20,9 +20,8 @@ from excite.safety.repairs.collisions import CollisionProbe
 from excite.safety.repairs.draft import Draft, Rejection
 from excite.safety.repairs.path import MotionPath, TimeLaw
 from excite.safety.repairs.retiming import Retiming, fastest_rate, smoothed_law
-from excite.safety.repairs.rows import PathLimits, Rows
+from excite.safety.repairs.rows import PathLimits, Rows, Shares
 from excite.safety.repairs.sampling import Sampling, plan_transfer
-from excite.safety.repairs.shares import Shares
 from excite.safety.repairs.time_scaling import TimeScaling, largest_factor
 
 # --- Time laws

@@ -21,7 +21,7 @@ from excite.motion.generators.generator import (
     support_reach,
 )
 from excite.motion.generators.joint_motions import posture_curve, posture_draws
-from excite.motion.generators.lifted_foot import Lift, lifting_candidate, swing_displacements
+from excite.motion.generators.leg_swing import Lift, lifting_candidate, swing_displacements
 from excite.robot.robot import Foot, Robot
 from excite.robot.shapes.shape import has_area
 

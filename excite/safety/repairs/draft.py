@@ -12,8 +12,7 @@ from excite.motion.motion import Motion
 from excite.robot.robot import Robot
 from excite.safety.repairs.collisions import CollisionProbe
 from excite.safety.repairs.path import MotionPath, TimeLaw
-from excite.safety.repairs.rows import PathLimits
-from excite.safety.repairs.shares import Shares
+from excite.safety.repairs.rows import PathLimits, Shares
 
 
 @dataclass(frozen=True)
