@@ -132,9 +132,9 @@ class ArmRows(DesignRows):
         """Raise InputError for a robot without gradients."""
         if self.robot.floating or self.robot.mechanism is not None:
             raise InputError(
-                "motions are designed by gradients for arms with a motor in every joint",
+                "motions are optimised for arms with a motor in every joint",
                 source=self.robot.name,
-                remedy="use another generator",
+                remedy="use another generator: gradient for a robot that stands on force sensors",
             )
 
     @cached_property
