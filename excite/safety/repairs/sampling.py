@@ -15,7 +15,7 @@ from excite.errors import NoSolutionError
 from excite.motion.generators.generator import rest_joints
 from excite.motion.motion import Motion, MotionMetadata
 from excite.robot.robot import Robot
-from excite.safety.repairs.draft import Draft, Rejection, Repair
+from excite.safety.repairs.draft import Draft, Rejection, Repair, refused_by
 from excite.safety.repairs.path import run_path
 
 _VERSIONS = ("excite", "pin", "placo", "toppra", "ruckig", "numpy", "scipy")
@@ -50,14 +50,7 @@ class Sampling(Repair):
                 ways = part.q if self.robot.closing is None else self.robot.closing.closed(part.q)
                 collision = self.probe.first(ways)
                 if collision is not None:
-                    near = self.probe.closest(ways[collision:])
-                    return draft.rejected(
-                        "self_collision",
-                        f"transfer, {near.pair}",
-                        value=near.distance,
-                        limit=near.required,
-                        posture=near.posture,
-                    )
+                    return refused_by(draft, self.probe.closest(ways[collision:]), "transfer, {}")
             q, v, a = _join_phases(there, (q, v, a), back)
             if self.robot.closing is not None:
                 q, v, a = self.robot.closing.completed(q, v, a)

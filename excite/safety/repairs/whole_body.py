@@ -27,7 +27,7 @@ from excite.motion.generators.generator import (
 from excite.robot.robot import Foot, Robot
 from excite.robot.shapes.shape import has_area
 from excite.safety.ground_forces import wrench_at_world_origin, zero_moment_point
-from excite.safety.repairs.draft import Draft, Rejection, Repair
+from excite.safety.repairs.draft import Draft, Rejection, Repair, refused_by
 from excite.safety.repairs.path import MotionPath, coordinates_of
 from excite.safety.repairs.waypoints import SAMPLES_PER_SPAN
 
@@ -102,10 +102,7 @@ class WholeBody(Repair):
             return draft.rejected("foot_ground", foot[0], posture=foot[1])
         collision = self.probe.first(q)
         if collision is not None:
-            near = self.probe.closest(q[collision:])
-            return draft.rejected(
-                "self_collision", near.pair, value=near.distance, limit=near.required, posture=near.posture
-            )
+            return refused_by(draft, self.probe.closest(q[collision:]))
         return replace(draft, path=MotionPath(self.robot, s, coordinates_of(self.robot, q)))
 
     def _corners(self, phase: SupportPhase) -> Array:
