@@ -38,7 +38,7 @@ from excite.results import write_json
 from excite.robot.robot import Robot
 from excite.safety.check import check_motion
 from excite.safety.filter import filter_candidates
-from excite.safety.repairs.shares import Shares
+from excite.safety.repairs.rows import Shares
 from excite.safety.verdict import CheckReport, Verdict
 from excite.simulation.rehearsal import rehearse_motions
 

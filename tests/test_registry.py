@@ -8,10 +8,10 @@ import excite
 from excite.errors import ExciteError, InputError, UnknownNameError
 from excite.export.plain_tables import CsvExporter
 from excite.registry import Registry, load_member
-from excite.safety.checks.joints import JointTorqueCheck
+from excite.safety.check import CHECKS
 
 
-@pytest.mark.parametrize(("axis", "member"), [("exporters", CsvExporter), ("checks", JointTorqueCheck)])
+@pytest.mark.parametrize(("axis", "member"), [("exporters", CsvExporter), ("checks", CHECKS["joint_torque"])])
 def test_a_name_of_the_package_cannot_be_taken(axis: str, member: type) -> None:
     with pytest.raises(InputError, match="is taken"):
         excite.catalogue.register(axis, member)

@@ -188,7 +188,7 @@ def check_target(target_rsd: float) -> None:
 
 # What motions promise for each base parameter: whether it can be excited, is excited, and how precisely.
 
-# As in excite.excitation.unexcited_directions: feet stay on the ground to the tolerance of a solver only.
+# As of unexcited_parameters in excite.excitation.conditioning: feet stay on the ground to a solver's tolerance.
 _UNEXCITED = 1e-6
 _NAMED = 6
 

@@ -24,8 +24,13 @@ from excite.display import Shown, count
 from excite.documents.campaign import Campaign, Iteration, Miss
 from excite.documents.plan import PlanDocument
 from excite.errors import InputError, NoSolutionError
-from excite.excitation.conditioning import Conditioning, MotionFactor, compute_conditioning, motion_factor
-from excite.excitation.unexcited_directions import unexcited_parameters
+from excite.excitation.conditioning import (
+    Conditioning,
+    MotionFactor,
+    compute_conditioning,
+    motion_factor,
+    unexcited_parameters,
+)
 from excite.folder_lock import claim_folder
 from excite.identification.identify import identify
 from excite.identification.judgement.forecast import Forecast

@@ -10,26 +10,17 @@ from typing import ClassVar
 import numpy as np
 
 from excite.campaign.expected import TARGET_RSD
-from excite.errors import InputError, NoSolutionError
-from excite.excitation.optimisation.limits import JointLimits
-from excite.excitation.optimisation.motions import FourierFamily
-from excite.excitation.optimisation.objective import make_criterion
-from excite.excitation.optimisation.sampling import NAME
-from excite.excitation.optimisation.search import OptimisedMotion, SearchSettings, optimise_excitation
-from excite.excitation.optimisation.task import ExcitationTask
+from excite.errors import NoSolutionError
+from excite.excitation.series import ExcitationTask, check_criterion, fourier_family
+from excite.excitation.series_search import NAME, OptimisedMotion, SearchSettings, optimise_excitation
 from excite.formats.number import check_number
-from excite.motion.generators.generator import (
-    Candidate,
-    SupportPhase,
-    central_range,
-    free_upper_body,
-    rest_joints,
-)
+from excite.motion.generators.generator import Candidate, central_range, rest_joints
 from excite.motion.motion import Motion
 from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
+from excite.robot.joint_values import Limits
 from excite.robot.robot import Robot
-from excite.safety.repairs.shares import Shares
+from excite.safety.repairs.rows import Shares
 
 # What optimised series are to be: their criterion and their period.
 
@@ -59,7 +50,7 @@ class SeriesSettings:
 
     def __post_init__(self) -> None:
         """Check the bounds; raises UnknownNameError or InputError."""
-        make_criterion(self.criterion)
+        check_criterion(self.criterion)
         if self.period_s is not None:
             check_number(self.period_s, "period", *_ANY_PERIOD, "s")
 
@@ -130,8 +121,6 @@ class CandidateSearch(ABC):
 
 # Candidates from the optimiser: each start of its search is a candidate, repaired and judged like all others.
 
-# Share of a joint's range that stays on either side of where it rests.
-_ROOM_AT_REST = 0.02
 # Period of the series [s]: the slowest joint's range takes one, within these bounds.
 _PERIODS = (6.0, 20.0)
 
@@ -143,9 +132,9 @@ _OTHERS = 0.4
 class OptimisedSeries(CandidateSearch):
     """Optimised Fourier series within the share of the limits that repairs leave alone.
 
-    Of an arm, or of a robot whose upper body moves while its base stands still. Starts that end in no safe motion are
-    left out. Joints that are aimed at have each their share of the starts: one has the whole of its range, the
-    others a part of theirs about where they rest.
+    Of an arm; of a standing robot ``gradient`` designs motions. Starts that end in no safe motion are left out. Joints
+    that are aimed at have each their share of the starts: one has the whole of its range, the others a part of theirs
+    about where they rest.
     """
 
     name = NAME
@@ -156,7 +145,7 @@ class OptimisedSeries(CandidateSearch):
         Raises:
             NoSolutionError: limits leave no room, or no start ended in a safe motion.
             UnknownNameError: a target is no joint of the robot.
-            InputError: a target stands still in these series; the criterion needs noise that the robot does not state.
+            InputError: no arm with a motor in every joint; the criterion needs noise that the robot does not state.
         """
         return _optimise_candidates(asked, seed)
 
@@ -165,14 +154,8 @@ def _optimise_candidates(asked: Asked, seed: int) -> list[Candidate]:
     robot, count, targets = asked.robot, asked.count, asked.targets
     settings = asked.series or SeriesSettings()
     settings.fit(robot)
-    moved = free_upper_body(robot)
     for joint in targets:
-        if not moved[robot.joint_index(joint)]:
-            raise InputError(
-                f"joint {joint!r} stands still in optimised series",
-                source=robot.name,
-                remedy="aim at a joint of the upper body that carries no foot, or use another generator",
-            )
+        robot.joint_index(joint)
     aims: list[str | None] = [*targets[:count]] or [None]
     made: list[Candidate] = []
     failed: NoSolutionError | None = None
@@ -187,7 +170,7 @@ def _optimise_candidates(asked: Asked, seed: int) -> list[Candidate]:
             # Other targets may have more room.
             failed = error
             continue
-        made += [_build_candidate(robot, item, aim, seed + place) for item in found]
+        made += [_build_candidate(item, aim, seed + place) for item in found]
     if failed is not None and not made:
         raise failed
     return [replace(candidate, name=f"{NAME}_{i:03d}") for i, candidate in enumerate(made)]
@@ -197,45 +180,35 @@ def _excitation_task(robot: Robot, aim: str | None, settings: SeriesSettings) ->
     limits = usual_limits(robot)
     period = settings.period_s
     if period is None:
-        span = (limits.upper - limits.lower) / limits.velocity
-        period = float(np.clip(np.pi * span[free_upper_body(robot)].max(), *_PERIODS))
+        span = (limits.position_upper - limits.position_lower) / limits.velocity
+        period = float(np.clip(np.pi * span.max(), *_PERIODS))
     if aim is not None:
-        rest = np.clip(rest_joints(robot), limits.lower, limits.upper)
+        lower, upper = limits.position_lower, limits.position_upper
+        rest = np.clip(rest_joints(robot), lower, upper)
         share = np.full(robot.n_joints, _OTHERS)
         share[robot.joint_index(aim)] = 1.0
         limits = replace(
-            limits, lower=rest + share * (limits.lower - rest), upper=rest + share * (limits.upper - rest)
+            limits,
+            position_lower=rest + share * (lower - rest),
+            position_upper=rest + share * (upper - rest),
         )
-    return ExcitationTask(robot, FourierFamily(period, HARMONICS), settings.criterion, limits)
+    return ExcitationTask(robot, fourier_family(period, HARMONICS), settings.criterion, limits)
 
 
-def usual_limits(robot: Robot) -> JointLimits:
+def usual_limits(robot: Robot) -> Limits:
     """The middle of the joints' ranges, and the shares of their other limits that repairs leave alone."""
     lower, upper = central_range(robot)
     own, shares = robot.limits, Shares()
-    if robot.feet:
-        # A standing robot starts at rest, which may be outside the central range.
-        away = _ROOM_AT_REST * (own.position_upper - own.position_lower)
-        rest = rest_joints(robot)
-        lower = np.minimum(lower, np.maximum(own.position_lower, rest - away))
-        upper = np.maximum(upper, np.minimum(own.position_upper, rest + away))
-    return JointLimits(
-        lower=lower,
-        upper=upper,
+    return replace(
+        own,
+        position_lower=lower,
+        position_upper=upper,
         velocity=shares.velocity * own.velocity,
         acceleration=shares.acceleration * own.acceleration,
         torque=shares.torque * own.torque,
     )
 
 
-def _build_candidate(robot: Robot, item: OptimisedMotion, aim: str | None, seed: int) -> Candidate:
-    feet = tuple(foot.name for foot in robot.feet)
-    return Candidate(
-        name=item.motion.name,
-        generator=NAME,
-        targets=item.motion.metadata.targets if aim is None else (aim,),
-        seed=seed,
-        posture=item.curve,
-        speed=1.0,
-        phases=(SupportPhase(0.0, item.curve.length, feet),) if feet else (),
-    )
+def _build_candidate(item: OptimisedMotion, aim: str | None, seed: int) -> Candidate:
+    targets = item.motion.metadata.targets if aim is None else (aim,)
+    return Candidate(item.motion.name, NAME, targets, seed, item.curve, speed=1.0)

@@ -18,7 +18,7 @@ from excite.doctor.examine import examine
 from excite.documents.campaign import Miss, Reason
 from excite.documents.document import read_document
 from excite.errors import LogError
-from excite.excitation.unexcited_directions import UnexcitedParameter
+from excite.excitation.conditioning import UnexcitedParameter
 from excite.identification.adaptation import with_terms_of
 from excite.identification.judgement.judgement import PATIENCE
 from excite.identification.parameter_statistics import BaseParameter

@@ -302,6 +302,48 @@ def _row_weights(factor: MotionFactor) -> Array:
     return np.ones(1) if factor.row_std is None else factor.row_std
 
 
+# What motions do not excite.
+
+
+@dataclass(frozen=True)
+class UnexcitedParameter:
+    """A base parameter that motions leave undetermined.
+
+    Attributes:
+        index: among the base parameters.
+        label: name of its own column.
+        expression: the whole combination.
+        share: how much of it lies in undetermined directions, up to 1.
+    """
+
+    index: int
+    label: str
+    expression: str
+    share: float
+
+
+def unexcited_parameters(
+    conditioning: Conditioning, tol: float = 1e-6, share: float = 0.25
+) -> tuple[UnexcitedParameter, ...]:
+    """Base parameters that the motions do not determine.
+
+    Args:
+        conditioning: of the motions.
+        tol: directions with a singular value below this share of the largest count as undetermined. Motions
+            that keep the feet on the ground do so only to the tolerance of a solver, so that exact zeros are
+            rare.
+        share: a parameter is reported when more than this share of its unit vector's square lies in them.
+    """
+    base = conditioning.base
+    values = base_singular_values(conditioning.factor, base)
+    vectors = np.linalg.svd(conditioning.factor.matrix[:, base.independent], full_matrices=True)[2]
+    shares = (vectors[values < tol * values[0]] ** 2).sum(axis=0)
+    return tuple(
+        UnexcitedParameter(int(i), base.labels[i], base.expressions[i], float(shares[i]))
+        for i in np.flatnonzero(shares > share)
+    )
+
+
 # Motions ranked by how well each of them alone excites each segment.
 
 

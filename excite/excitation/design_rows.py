@@ -58,19 +58,25 @@ class DesignRows(ABC):
 
     Attributes:
         robot: the robot.
+        terms: of each joint's drive that count as parameters, where sensors see them.
+        is_weighted: whether rows are divided by the noise that the description states.
+        chosen: columns that stand for the base parameters; the first independent ones if None.
     """
 
     robot: Robot
+    terms: tuple[str, ...] = DRIVE_TERMS
+    is_weighted: bool = True
+    chosen: NDArray[np.int64] | None = None
 
     @cached_property
     def base(self) -> BaseParameters:
         """The base parameters, drives included where sensors see them."""
-        return structural_base_parameters(self.robot, DRIVE_TERMS)
+        return structural_base_parameters(self.robot, self.terms)
 
-    @property
+    @cached_property
     def independent(self) -> NDArray[np.int64]:
         """Columns that stand for the base parameters, ``(n_base,)``."""
-        return self.base.independent
+        return self.base.independent if self.chosen is None else self.chosen
 
     @cached_property
     def tree(self) -> KinematicTree:
@@ -79,11 +85,11 @@ class DesignRows(ABC):
 
     @cached_property
     def _weights(self) -> Array:
-        return 1.0 / row_noise(self.robot)
+        return 1.0 / row_noise(self.robot) if self.is_weighted else np.ones(self.robot.n_equations)
 
     @cached_property
     def _inertial(self) -> NDArray[np.int64]:
-        return measured_columns(self.robot, DRIVE_TERMS).inertial
+        return measured_columns(self.robot, self.terms).inertial
 
     @property
     @abstractmethod
@@ -126,9 +132,9 @@ class ArmRows(DesignRows):
         """Raise InputError for a robot without gradients."""
         if self.robot.floating or self.robot.mechanism is not None:
             raise InputError(
-                "motions are designed by gradients for arms with a motor in every joint",
+                "motions are optimised for arms with a motor in every joint",
                 source=self.robot.name,
-                remedy="use another generator",
+                remedy="use another generator: gradient for a robot that stands on force sensors",
             )
 
     @cached_property
@@ -158,24 +164,28 @@ class ArmRows(DesignRows):
 
     def weighted(self, full: Array, v: Array, a: Array, sign: Array) -> Array:
         """Base columns over the noise, ``(n, n_joints, n_base)``, of a joint torque regressor ``full``."""
-        n, n_joints = v.shape
-        rows = np.zeros((n, n_joints, len(self._inertial) + 4 * n_joints))
+        rows = np.zeros((*v.shape, len(self._inertial) + len(self.terms) * v.shape[1]))
         rows[:, :, : len(self._inertial)] = full[:, :, self._inertial]
-        joints, first = np.arange(n_joints), len(self._inertial)
-        for k, values in enumerate((v, sign, np.ones_like(v), a)):
-            rows[:, joints, first + k * n_joints + joints] = values
+        values = {"viscous": v, "coulomb": sign, "offset": np.ones_like(v), "armature": a}
+        for term, part in self._by_term(rows).items():
+            np.einsum("njj->nj", part)[:] = values[term]
         return rows[:, :, self.independent] * self._weights[:, None]
 
     def pulled(self, slope: Array, sign_slope: Array, size: int) -> Pulled:
         """Weights of the regressor's entries ``(n, n_joints, size)``, and what drives pull at v and a."""
         n, n_joints, _ = slope.shape
-        whole = np.zeros((n, n_joints, len(self._inertial) + 4 * n_joints))
+        whole = np.zeros((n, n_joints, len(self._inertial) + len(self.terms) * n_joints))
         whole[:, :, self.independent] = slope * self._weights[:, None]
         weights = np.zeros((n, n_joints, size))
         weights[:, :, self._inertial] = whole[:, :, : len(self._inertial)]
-        joints, first = np.arange(n_joints), len(self._inertial)
-        viscous, coulomb, _, armature = (whole[:, joints, first + k * n_joints + joints] for k in range(4))
-        return Pulled(weights, viscous + coulomb * sign_slope, armature)
+        pull = dict.fromkeys(DRIVE_TERMS, np.zeros((n, n_joints)))
+        pull |= {term: np.einsum("njj->nj", part) for term, part in self._by_term(whole).items()}
+        return Pulled(weights, pull["viscous"] + pull["coulomb"] * sign_slope, pull["armature"])
+
+    def _by_term(self, rows: Array) -> dict[str, Array]:
+        """The columns of the drives' terms among all, ``(n, n_joints, n_joints)`` each."""
+        ways = np.split(rows[:, :, len(self._inertial) :], len(self.terms), axis=2) if self.terms else []
+        return dict(zip(self.terms, ways, strict=True))
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ from scipy.optimize import minimize
 
 from excite.arrays import Array
 from excite.excitation.design_rows import DesignRows
-from excite.excitation.optimisation.near_bodies import NearBodies, NearPairs
+from excite.excitation.near_bodies import NearBodies, NearPairs
 from excite.excitation.selection import Criterion
 from excite.motion.motion import Motion, interpolate_motion
 from excite.regressor.adjoint import RegressorGradient, regressor_gradient

@@ -8,9 +8,8 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array, Moved
 from excite.errors import InputError
-from excite.excitation.conditioning import RANK_TOLERANCE, MotionFactor
 from excite.regressor.base_parameters import BaseParameters, r_factor
-from excite.regressor.columns import DRIVE_TERMS, measured_columns, regressor_rows
+from excite.regressor.columns import DRIVE_TERMS, Columns, measured_columns, regressor_rows
 from excite.regressor.contact_forces import stance_flags
 from excite.regressor.kernels import forward_kinematics
 from excite.robot.joint_values import per_joint
@@ -52,56 +51,13 @@ def row_noise(robot: Robot) -> Array:
     return np.sqrt(variance)
 
 
-def predicted_std(
-    robot: Robot, factor: MotionFactor, base: BaseParameters, noise: Array | None = None
-) -> Array:
-    """Standard deviations that least squares would have on the base parameters.
-
-    The sensors' noise is white at the robot's log rate. Exact where the factor's rows were divided by
-    ``noise`` (``motion_factor(..., row_std=noise)``) or the noise is equal in all rows; else an upper bound,
-    since (YᵀY)⁻¹YᵀΣY(YᵀY)⁻¹ is at most max σ² (YᵀY)⁻¹.
-
-    Args:
-        robot: the robot.
-        factor: of all the motions that will be run.
-        base: structural base parameters.
-        noise: ``(r,)`` standard deviation of each of a sample's rows; :func:`row_noise` if None.
-
-    Returns:
-        ``(n_base,)`` [SI]; infinite for parameters that the motions do not determine.
-
-    Raises:
-        InputError: noise of a wrong shape, or base parameters of other columns.
-    """
-    noise = row_noise(robot) if noise is None else np.asarray(noise, dtype=float)
-    weights = np.ones_like(noise) if factor.row_std is None else factor.row_std
-    if noise.shape != (robot.n_equations,) or noise.shape != weights.shape:
-        raise InputError(
-            f"noise of shape {noise.shape}", field="noise", remedy="one number a row of a sample"
-        )
-    if base.names != factor.columns.names:
-        raise InputError(
-            "base parameters of other columns than the motion's", source=", ".join(factor.motions)
-        )
-    scale = (noise / weights).max() * np.sqrt(factor.rate_hz / robot.description.sensors.rate_hz)
-    _, found, vectors = np.linalg.svd(factor.matrix[:, base.independent], full_matrices=True)
-    values = np.concatenate([found, np.zeros(base.rank - len(found))])
-    known = values > RANK_TOLERANCE * values[0]
-    std = scale * np.sqrt(((vectors[known] / values[known, None]) ** 2).sum(axis=0))
-    undetermined = (vectors[~known] ** 2).sum(axis=0) > 1e-12
-    return np.where(undetermined, np.inf, std)
-
-
 def nominal_values(robot: Robot, base: BaseParameters) -> Array:
     """Base parameters of the model and its declared drives, ``(n_base,)`` [SI].
 
     Raises:
         InputError: base parameters of other columns than those that the robot's sensors see.
     """
-    drives = tuple(term for term in DRIVE_TERMS if f"{term}({robot.joint_names[0]})" in base.names)
-    columns = measured_columns(robot, drives)
-    if columns.names != base.names:
-        raise InputError("base parameters of other columns than the robot's", source=robot.name)
+    columns = _columns_of(robot, base)
     blocks = robot.description.drives
     stated = {"viscous": blocks.viscous, "coulomb": blocks.coulomb, "armature": blocks.armature}
     zero = np.zeros(robot.n_joints)
@@ -141,25 +97,28 @@ def excitable_parameters(robot: Robot, base: BaseParameters, seed: int = 0) -> N
     Raises:
         InputError: base parameters of other columns than those that the robot's sensors see.
     """
+    columns, random = _columns_of(robot, base), np.random.default_rng(seed)
+    n, count = 3 * len(columns.names) // robot.n_equations + 1, 1 + len(robot.feet)
+
+    def factor(foot: Foot | None, count: int, closed: NDArray[np.bool_] | None = None) -> Array:
+        states = [_random_state(robot, foot, random) for _ in range(count)]
+        q, v, a = (np.array([state[i] for state in states]) for i in range(3))
+        rows = regressor_rows(robot, columns, q, v, a, closed)
+        return r_factor(rows.reshape(-1, rows.shape[2])[:, base.independent])
+
+    if robot.floating and not robot.measures_contacts:
+        return determined_columns(factor(None, n * count, stance_flags(robot, n * count)), _SILENT)
+    feet: tuple[Foot | None, ...] = robot.feet if robot.floating and robot.feet else (None,)
+    return determined_columns(np.vstack([factor(foot, n) for foot in feet]), _SILENT)
+
+
+def _columns_of(robot: Robot, base: BaseParameters) -> Columns:
+    """Columns that the robot's sensors see, if the base parameters are of these."""
     drives = tuple(term for term in DRIVE_TERMS if f"{term}({robot.joint_names[0]})" in base.names)
     columns = measured_columns(robot, drives)
     if columns.names != base.names:
         raise InputError("base parameters of other columns than the robot's", source=robot.name)
-    random = np.random.default_rng(seed)
-    n = 3 * len(columns.names) // robot.n_equations + 1
-    feet: tuple[Foot | None, ...] = robot.feet if robot.floating and robot.feet else (None,)
-    parts = []
-    if robot.floating and not robot.measures_contacts:
-        states = [_random_state(robot, None, random) for _ in range(n * (1 + len(robot.feet)))]
-        q, v, a = (np.array([state[i] for state in states]) for i in range(3))
-        rows = regressor_rows(robot, columns, q, v, a, stance_flags(robot, len(q)))
-        return determined_columns(r_factor(rows.reshape(-1, rows.shape[2])[:, base.independent]), _SILENT)
-    for foot in feet:
-        states = [_random_state(robot, foot, random) for _ in range(n)]
-        q, v, a = (np.array([state[i] for state in states]) for i in range(3))
-        rows = regressor_rows(robot, columns, q, v, a)
-        parts.append(r_factor(rows.reshape(-1, rows.shape[2])[:, base.independent]))
-    return determined_columns(np.vstack(parts), _SILENT)
+    return columns
 
 
 def determined_columns(factor: Array, tol: float) -> NDArray[np.bool_]:

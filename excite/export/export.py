@@ -32,7 +32,7 @@ from excite.robot.robot import Robot
 from excite.safety.check import check_motion
 from excite.safety.checks.motion import coordinate_names
 from excite.safety.repairs.collisions import find_route
-from excite.safety.repairs.retiming import plan_transfer
+from excite.safety.repairs.sampling import plan_transfer
 from excite.safety.verdict import Margins, Verdict, Violation
 from excite.simulation.rehearsal import rehearsed_verdict
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from bisect import bisect_left
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -10,12 +9,12 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+import scipy
 from numpy.typing import NDArray
 
 from excite.arrays import Array, Moved
 from excite.display import count
 from excite.errors import MotionError
-from excite.lazy_kernel import LazyKernel
 from excite.motion.setpoints import Curve, is_sparse
 from excite.robot.robot import Robot
 
@@ -154,9 +153,7 @@ def interpolate_motion(motion: Motion, robot: Robot, time: Array) -> Motion:
     time = np.asarray(time, dtype=float)
     index = np.clip(np.searchsorted(motion.time, time, side="right") - 1, 0, motion.n_samples - 2)
     shares = np.clip((time - motion.time[index]) / (motion.time[index + 1] - motion.time[index]), 0.0, 1.0)
-    q, v, a = (
-        _floating_at(motion, index, shares) if motion.floating else _fixed_at(motion, index, shares[:, None])
-    )
+    q, v, a = _quintics_at(motion, index, shares[:, None])
     contacts = {name: flags[index] for name, flags in motion.contacts.items()}
     return replace(motion, time=time, q=q, v=v, a=a, contacts=contacts)
 
@@ -230,137 +227,54 @@ def closed_contacts(robot: Robot, motion: Motion) -> NDArray[np.bool_]:
     return np.column_stack(flags) if flags else np.zeros((motion.n_samples, 0), dtype=bool)
 
 
-def _floating_at(motion: Motion, index: NDArray[np.intp], shares: Array) -> Moved:
-    """Configurations, velocities and accelerations some shares ``(m,)`` of the way from samples to the next ones."""
-    samples = [
-        np.ascontiguousarray(values, dtype=float) for values in (motion.time, motion.q, motion.v, motion.a)
-    ]
-    q, v, a = (np.empty((len(index), values.shape[1])) for values in samples[1:])
-    evaluate_quintics(*samples, index, shares, q, v, a)
-    return Moved(q, v, a)
-
-
-def _fixed_at(motion: Motion, index: NDArray[np.intp], s: Array) -> Moved:
-    """The same of a fixed base, shares ``(m, 1)``: what few samples of an arm take is less than loading a kernel."""
+def _quintics_at(motion: Motion, index: NDArray[np.intp], s: Array) -> Moved:
+    """Configurations, velocities and accelerations some shares ``(m, 1)`` of the way from samples to the next ones."""
+    start, end = motion.q[index], motion.q[index + 1]
     h = (motion.time[index + 1] - motion.time[index])[:, None]
-    step = motion.q[index + 1] - motion.q[index]
     ends = motion.v[index], motion.v[index + 1], motion.a[index], motion.a[index + 1]
+    step = end - start
+    if motion.floating:
+        known, where = np.unique(index, return_inverse=True)
+        base = base_steps(motion.q[known, :7], motion.q[known + 1, :7])
+        step = np.hstack([base[where], step[:, 7:]])
     c1, c2, c3, c4, c5 = _quintic_coefficients(h, step, *ends)
-    q = motion.q[index] + s * (c1 + s * (c2 + s * (c3 + s * (c4 + s * c5))))
+    way = s * (c1 + s * (c2 + s * (c3 + s * (c4 + s * c5))))
     v = (c1 + s * (2 * c2 + s * (3 * c3 + s * (4 * c4 + s * 5 * c5)))) / h
     a = (2 * c2 + s * (6 * c3 + s * (12 * c4 + s * 20 * c5))) / h**2
-    return Moved(q, v, a)
+    if not motion.floating:
+        return Moved(start + way, v, a)
+    return Moved(np.hstack([moved_bases(start[:, :7], way[:, :6]), start[:, 7:] + way[:, 6:]]), v, a)
 
 
-# Compiled loops that evaluate the quintic polynomials which a motion follows between its samples.
-#
 # A free base's step from one sample to the next is a twist of the frame that it starts from: ``M₁ = M₀
-# exp(step)`` on SE(3), the linear part of the twist first, as in pinocchio.
+# exp(step)`` on SE(3), the linear part of the twist first, as in pinocchio; of all samples at once.
 
 # Squared angles below which sines and cosines are replaced by the first terms of their series, of which those left out
 # are then below a double's rounding.
 _SMALL = 1e-6
 
 
-@LazyKernel
-def base_step(start, end, step):
-    """The twist ``step`` ``(6,)`` from one pose, position and quaternion x y z w ``(7,)``, to another [m, rad]."""
-    ax, ay, az, aw = start[3], start[4], start[5], start[6]
-    bx, by, bz, bw = end[3], end[4], end[5], end[6]
-    # The turn from one to the other, the short way round.
-    x = aw * bx - ax * bw - ay * bz + az * by
-    y = aw * by + ax * bz - ay * bw - az * bx
-    z = aw * bz - ax * by + ay * bx - az * bw
-    w = aw * bw + ax * bx + ay * by + az * bz
-    if w < 0.0:
-        x, y, z, w = -x, -y, -z, -w
-    sine = math.sqrt(x * x + y * y + z * z)
-    angle = 2.0 * math.atan2(sine, w)
-    square = angle * angle
-    scale = 2.0 * (1.0 + square / 24.0) if square < _SMALL else angle / sine
-    rx, ry, rz = scale * x, scale * y, scale * z
-    # The way, in the axes of the start.
-    dx, dy, dz = end[0] - start[0], end[1] - start[1], end[2] - start[2]
-    tx, ty, tz = 2.0 * (ay * dz - az * dy), 2.0 * (az * dx - ax * dz), 2.0 * (ax * dy - ay * dx)
-    px = dx - aw * tx + (ay * tz - az * ty)
-    py = dy - aw * ty + (az * tx - ax * tz)
-    pz = dz - aw * tz + (ax * ty - ay * tx)
-    bend = 1.0 / 12.0 + square / 720.0
-    if square >= _SMALL:
-        bend = (1.0 - 0.5 * angle / math.tan(0.5 * angle)) / square
-    cx, cy, cz = ry * pz - rz * py, rz * px - rx * pz, rx * py - ry * px
-    step[0] = px - 0.5 * cx + bend * (ry * cz - rz * cy)
-    step[1] = py - 0.5 * cy + bend * (rz * cx - rx * cz)
-    step[2] = pz - 0.5 * cz + bend * (rx * cy - ry * cx)
-    step[3], step[4], step[5] = rx, ry, rz
+def base_steps(start: Array, end: Array) -> Array:
+    """Twists ``(n, 6)`` from poses, position and quaternion x y z w ``(n, 7)``, to others [m, rad]."""
+    first = scipy.spatial.transform.Rotation.from_quat(start[:, 3:])
+    turn = (first.inv() * scipy.spatial.transform.Rotation.from_quat(end[:, 3:])).as_rotvec()
+    way, square = first.inv().apply(end[:, :3] - start[:, :3]), (turn**2).sum(axis=1, keepdims=True)
+    half = 0.5 * np.sqrt(np.maximum(square, _SMALL))
+    bend = np.where(square < _SMALL, 1 / 12 + square / 720, (1.0 - half / np.tan(half)) / (4.0 * half**2))
+    across = np.cross(turn, way)
+    return np.hstack([way - 0.5 * across + bend * np.cross(turn, across), turn])
 
 
-@LazyKernel
-def move_base(start, step, end):
-    """The pose ``end`` ``(7,)`` that a twist ``(6,)`` takes a pose to; arguments as of :func:`base_step`."""
-    ax, ay, az, aw = start[3], start[4], start[5], start[6]
-    px, py, pz, rx, ry, rz = step[0], step[1], step[2], step[3], step[4], step[5]
-    square = rx * rx + ry * ry + rz * rz
-    half, first, second, cosine = (
-        0.5 - square / 48.0,
-        0.5 - square / 24.0,
-        1.0 / 6.0 - square / 120.0,
-        1.0 - square / 8.0,
-    )
-    if square >= _SMALL:
-        angle = math.sqrt(square)
-        half, cosine = math.sin(0.5 * angle) / angle, math.cos(0.5 * angle)
-        first, second = (1.0 - math.cos(angle)) / square, (angle - math.sin(angle)) / (square * angle)
-    cx, cy, cz = ry * pz - rz * py, rz * px - rx * pz, rx * py - ry * px
-    dx = px + first * cx + second * (ry * cz - rz * cy)
-    dy = py + first * cy + second * (rz * cx - rx * cz)
-    dz = pz + first * cz + second * (rx * cy - ry * cx)
-    tx, ty, tz = 2.0 * (ay * dz - az * dy), 2.0 * (az * dx - ax * dz), 2.0 * (ax * dy - ay * dx)
-    end[0] = start[0] + dx + aw * tx + (ay * tz - az * ty)
-    end[1] = start[1] + dy + aw * ty + (az * tx - ax * tz)
-    end[2] = start[2] + dz + aw * tz + (ax * ty - ay * tx)
-    bx, by, bz, bw = half * rx, half * ry, half * rz, cosine
-    x = aw * bx + ax * bw + ay * bz - az * by
-    y = aw * by - ax * bz + ay * bw + az * bx
-    z = aw * bz + ax * by - ay * bx + az * bw
-    w = aw * bw - ax * bx - ay * by - az * bz
-    norm = math.sqrt(x * x + y * y + z * z + w * w)
-    end[3], end[4], end[5], end[6] = x / norm, y / norm, z / norm, w / norm
-
-
-@LazyKernel
-def evaluate_quintics(instants, q, v, a, starts, shares, q_at, v_at, a_at):
-    """Fill in a floating robot's motion at other times.
-
-    Args:
-        instants: ``(n,)`` times of its samples [s].
-        q, v, a: samples ``(n, nv + 1)``, the base's pose and the joints; ``(n, nv)``; ``(n, nv)``.
-        starts: ``(m,)`` index of the sample before each time.
-        shares: ``(m,)`` of the interval from there that have passed.
-        q_at, v_at, a_at: what is filled in, ``(m, …)``.
-    """
-    nv = v.shape[1]
-    step, way = np.empty(nv), np.empty(nv)
-    known = -1
-    for i in range(len(starts)):
-        k, s = starts[i], shares[i]
-        h = instants[k + 1] - instants[k]
-        if k != known:
-            base_step(q[k], q[k + 1], step)
-            for j in range(6, nv):
-                step[j] = q[k + 1, j + 1] - q[k, j + 1]
-            known = k
-        for j in range(nv):
-            c1, c2 = h * v[k, j], 0.5 * (h * h) * a[k, j]
-            r0 = step[j] - c1 - c2
-            r1 = h * v[k + 1, j] - c1 - 2.0 * c2
-            r2 = (h * h) * a[k + 1, j] - 2.0 * c2
-            c3 = 10.0 * r0 - 4.0 * r1 + 0.5 * r2
-            c4 = -15.0 * r0 + 7.0 * r1 - r2
-            c5 = 6.0 * r0 - 3.0 * r1 + 0.5 * r2
-            way[j] = s * (c1 + s * (c2 + s * (c3 + s * (c4 + s * c5))))
-            v_at[i, j] = (c1 + s * (2.0 * c2 + s * (3.0 * c3 + s * (4.0 * c4 + s * 5.0 * c5)))) / h
-            a_at[i, j] = (2.0 * c2 + s * (6.0 * c3 + s * (12.0 * c4 + s * 20.0 * c5))) / (h * h)
-        move_base(q[k], way, q_at[i])
-        for j in range(6, nv):
-            q_at[i, j + 1] = q[k, j + 1] + way[j]
+def moved_bases(start: Array, step: Array) -> Array:
+    """The poses ``(n, 7)`` that twists ``(n, 6)`` take poses to; arguments as of :func:`base_steps`."""
+    way, turn = step[:, :3], step[:, 3:]
+    square = (turn**2).sum(axis=1, keepdims=True)
+    angle = np.sqrt(np.maximum(square, _SMALL))
+    small = square < _SMALL
+    first = np.where(small, 1 / 2 - square / 24, (1.0 - np.cos(angle)) / angle**2)
+    second = np.where(small, 1 / 6 - square / 120, (angle - np.sin(angle)) / angle**3)
+    across = np.cross(turn, way)
+    rotation = scipy.spatial.transform.Rotation.from_quat(start[:, 3:])
+    moved = start[:, :3] + rotation.apply(way + first * across + second * np.cross(turn, across))
+    turned = rotation * scipy.spatial.transform.Rotation.from_rotvec(turn)
+    return np.hstack([moved, turned.as_quat()])

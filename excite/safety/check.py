@@ -2,27 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 
 from excite.motion.motion import Motion
 from excite.registry import add_installed
 from excite.robot.prismatic import sliding_joints
 from excite.robot.robot import Robot
 from excite.robot.shapes.stand_ins import shape_conditions
-from excite.safety.checks.base import Check
-from excite.safety.checks.collision import SelfCollisionCheck
-from excite.safety.checks.ground import CentreOfMassCheck, ContactWrenchCheck, FootCheck, ZeroMomentPointCheck
-from excite.safety.checks.joints import (
-    JointAccelerationCheck,
-    JointJerkCheck,
-    JointPositionCheck,
-    JointTorqueCheck,
-    JointVelocityCheck,
-    MechanismCheck,
-    RestCheck,
+from excite.safety.checks.base import Check, CheckResult
+from excite.safety.checks.collision import judge_self_collision
+from excite.safety.checks.ground import (
+    judge_centre_of_mass,
+    judge_contact_wrench,
+    judge_feet,
+    judge_zero_moment_point,
 )
-from excite.safety.checks.motion import IdentityCheck, SamplingCheck
+from excite.safety.checks.joints import (
+    judge_jerks,
+    judge_mechanism,
+    judge_positions,
+    judge_rates,
+    judge_rest,
+    judge_torques,
+)
+from excite.safety.checks.motion import judge_identity, judge_sampling
 from excite.safety.checks.robustness import judge_robustness
 from excite.safety.checks.sweep import Sweep
 from excite.safety.parameter_set import ParameterSet, stated_parameters
@@ -98,25 +103,30 @@ def check_motion(
     )
 
 
-# The checks that make up a verdict, by name, in the order in which they run.
+def _make_check(name: str, judge: Callable[[Sweep], CheckResult], margin: str | None = None) -> type[Check]:
+    members = {"name": name, "margin_field": margin, "judge": lambda _, sweep: judge(sweep)}
+    return type(name, (Check,), members)
+
+
+# The checks that make up a verdict, by name, in the order in which they run; those with a margin with its field.
 
 CHECKS: dict[str, type[Check]] = {
-    check.name: check
-    for check in (
-        SamplingCheck,
-        MechanismCheck,
-        IdentityCheck,
-        RestCheck,
-        JointPositionCheck,
-        JointVelocityCheck,
-        JointAccelerationCheck,
-        JointJerkCheck,
-        FootCheck,
-        ZeroMomentPointCheck,
-        CentreOfMassCheck,
-        ContactWrenchCheck,
-        JointTorqueCheck,
-        SelfCollisionCheck,
+    row[0]: _make_check(*row)
+    for row in (
+        ("sampling", judge_sampling),
+        ("mechanism", judge_mechanism),
+        ("identity", judge_identity),
+        ("rest", judge_rest),
+        ("joint_position", judge_positions, "joint_position_rad"),
+        ("joint_velocity", partial(judge_rates, "velocity"), "joint_velocity_rad_s"),
+        ("joint_acceleration", partial(judge_rates, "acceleration"), "joint_acceleration_rad_s2"),
+        ("joint_jerk", judge_jerks, "joint_jerk_rad_s3"),
+        ("foot", judge_feet),
+        ("zmp", judge_zero_moment_point, "zmp_m"),
+        ("com", judge_centre_of_mass),
+        ("contact_wrench", judge_contact_wrench),
+        ("joint_torque", judge_torques, "joint_torque_nm"),
+        ("self_collision", judge_self_collision, "self_collision_m"),
     )
 }
 add_installed("checks", CHECKS)

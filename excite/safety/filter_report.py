@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -82,11 +82,6 @@ class FilterReport:
         return sum(self.made.values())
 
     @property
-    def acceptance(self) -> dict[str, float]:
-        """Share of accepted candidates by generator."""
-        return {name: self.accepted[name] / count for name, count in sorted(self.made.items())}
-
-    @property
     def motions(self) -> tuple[Motion, ...]:
         """The accepted motions, but for those handed to ``keep``."""
         return tuple(o.motion for o in self.outcomes if o.accepted and o.motion is not None)
@@ -127,21 +122,24 @@ def count_outcomes(
     seconds: dict[str, float] = {}
     tally = RefusalTally(robot)
     first: list[int] = []
-    ended: list[KeyboardInterrupt] = []
-    for index, outcome in _until_interrupted(enumerate(outcomes), ended, partial=partial):
-        made[outcome.generator] += 1
-        accepted[outcome.generator] += outcome.accepted
-        if outcome.rejection is not None:
-            reasons[outcome.rejection.reason] += 1
-            tally.add(outcome.rejection, outcome.verdict, outcome.postures)
-            if len(first) < _FIRST:
-                first.append(index)
-        elif outcome.kept is not None:
-            kept.append(outcome.kept)
-        for stage, spent in outcome.seconds.items():
-            seconds[stage] = seconds.get(stage, 0.0) + spent
-        if whole:
-            held.append(outcome)
+    interrupted = False
+    try:
+        for index, outcome in enumerate(outcomes):
+            made[outcome.generator] += 1
+            accepted[outcome.generator] += outcome.accepted
+            if outcome.rejection is not None:
+                reasons[outcome.rejection.reason] += 1
+                tally.add(outcome.rejection, outcome.verdict, outcome.postures)
+                first += [index] if len(first) < _FIRST else []
+            elif outcome.kept is not None:
+                kept.append(outcome.kept)
+            for stage, spent in outcome.seconds.items():
+                seconds[stage] = seconds.get(stage, 0.0) + spent
+            held += [outcome] if whole else []
+    except KeyboardInterrupt:
+        if not partial:
+            raise
+        interrupted = True
     return FilterReport(
         outcomes=tuple(held),
         kept=tuple(kept),
@@ -151,7 +149,7 @@ def count_outcomes(
         stage_seconds=seconds,
         refused=tally.refused(),
         first_refused=tuple(first),
-        interrupted=bool(ended),
+        interrupted=interrupted,
     )
 
 
@@ -165,15 +163,3 @@ def _add_counts(one: Mapping[str, _Number], other: Mapping[str, _Number]) -> dic
     for name, number in other.items():
         added[name] = added[name] + number if name in added else number
     return added
-
-
-def _until_interrupted(
-    outcomes: Iterable[tuple[int, FilterOutcome]], ended: list[KeyboardInterrupt], *, partial: bool
-) -> Iterator[tuple[int, FilterOutcome]]:
-    """Outcomes until a user's interrupt, which is put into ``ended`` instead of going on."""
-    try:
-        yield from outcomes
-    except KeyboardInterrupt as interrupt:
-        if not partial:
-            raise
-        ended.append(interrupt)

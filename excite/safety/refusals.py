@@ -12,7 +12,7 @@ from excite.robot.prismatic import sliding_joints
 from excite.robot.robot import Robot
 from excite.safety.repairs.draft import Rejection
 from excite.safety.repairs.time_scaling import SPEED_SHARE
-from excite.safety.verdict import Verdict, unit_of
+from excite.safety.verdict import Verdict, Violation, unit_of
 
 # Refusals that a summary lists; the documents have all.
 _LISTED = 5
@@ -126,11 +126,10 @@ class RefusalTally:
         """Count one refused candidate, once for each thing that refuses it; ``postures`` go with its violations."""
         seen: dict[tuple[str, str], Refused] = {}
         for found in self._causes(rejection, verdict, postures):
-            key = (found.reason, found.where)
-            if key not in seen or found.excess > seen[key].excess:
-                seen[key] = found
-        for key, found in seen.items():
-            self._found[key] = _merge_refused(self._found.get(key), found)
+            known = seen.get((found.reason, found.where))
+            if known is None or found.excess > known.excess:
+                seen[found.reason, found.where] = found
+        _count(self._found, seen.values())
 
     def refused(self) -> tuple[Refused, ...]:
         """All that refuses, the commonest first."""
@@ -143,30 +142,31 @@ class RefusalTally:
         postures: tuple[tuple[float, ...] | None, ...],
     ) -> Iterable[Refused]:
         if verdict is None or not verdict.violations:
-            reason = rejection.reason.removeprefix("check_")
-            where = rejection.where.removeprefix("transfer, ")
-            unit = rejection.unit or unit_of(reason, where, self._sliding)
-            yield Refused(
-                reason,
-                where,
-                1,
-                rejection.value,
-                rejection.limit,
-                unit,
-                rejection.time_s,
-                rejection.candidate,
-                rejection.posture,
+            reason, where = (
+                rejection.reason.removeprefix("check_"),
+                rejection.where.removeprefix("transfer, "),
             )
+            posture = rejection.posture
+            yield self._refused(reason, where, rejection, rejection.candidate, posture, rejection.unit)
             return
         for item, posture in zip_longest(verdict.violations, postures):
             where = item.where
             if item.kind == "self_collision":
                 # Shapes are named after their links and numbered.
                 where = " - ".join(name.rsplit("_", 1)[0] for name in where.split(" - "))
-            unit = unit_of(item.kind, where, self._sliding)
-            yield Refused(
-                item.kind, where, 1, item.value, item.limit, unit, item.time_s, rejection.candidate, posture
-            )
+            yield self._refused(item.kind, where, item, rejection.candidate, posture)
+
+    def _refused(
+        self,
+        reason: str,
+        where: str,
+        found: Violation | Rejection,
+        candidate: str,
+        posture: tuple[float, ...] | None,
+        unit: str | None = None,
+    ) -> Refused:
+        unit = unit or unit_of(reason, where, self._sliding)
+        return Refused(reason, where, 1, found.value, found.limit, unit, found.time_s, candidate, posture)
 
 
 def tally_refusals(robot: Robot, rejections: Iterable[Rejection]) -> tuple[Refused, ...]:
@@ -180,18 +180,19 @@ def tally_refusals(robot: Robot, rejections: Iterable[Rejection]) -> tuple[Refus
 def joined_refusals(one: Iterable[Refused], other: Iterable[Refused]) -> tuple[Refused, ...]:
     """What refuses either of two sets of candidates, the commonest first."""
     found: dict[tuple[str, str], Refused] = {}
-    for item in (*one, *other):
-        key = (item.reason, item.where)
-        found[key] = _merge_refused(found.get(key), item)
+    _count(found, (*one, *other))
     return _commonest_first(found.values())
 
 
-def _merge_refused(known: Refused | None, found: Refused) -> Refused:
-    """The worse of two of the same kind, with the number of candidates of both."""
-    if known is None:
-        return found
-    worse = found if found.excess > known.excess else known
-    return replace(worse, candidates=known.candidates + found.candidates)
+def _count(found: dict[tuple[str, str], Refused], more: Iterable[Refused]) -> None:
+    """Count more refusals; of two of the same kind the worse stands, with the number of candidates of both."""
+    for item in more:
+        key = item.reason, item.where
+        known = found.get(key)
+        if known is not None:
+            worse = item if item.excess > known.excess else known
+            item = replace(worse, candidates=known.candidates + item.candidates)
+        found[key] = item
 
 
 def _commonest_first(found: Iterable[Refused]) -> tuple[Refused, ...]:

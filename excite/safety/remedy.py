@@ -28,6 +28,9 @@ _LARGER_M = 0.5
 _MORE_FRICTION = 10.0
 
 
+Lift = Callable[[Robot, tuple[str, ...]], Robot]
+
+
 def find_remedy(
     robot: Robot,
     refused: Sequence[Refused],
@@ -97,10 +100,9 @@ def _refusal_groups(refused: Sequence[Refused]) -> list[tuple[Refused, ...]]:
 
 def _lift_refusal(robot: Robot, group: Sequence[Refused]) -> Robot | None:
     """A robot that is not refused for this; None where nothing can be lifted."""
-    lift = _LIFTS.get(group[0].reason)
-    if lift is None:
+    if group[0].reason not in _LIFTS:
         return None
-    changed = lift(robot, tuple(item.where for item in group))
+    changed = _LIFTS[group[0].reason][0](robot, tuple(item.where for item in group))
     places = ", ".join(item.where for item in group)
     # Collision geometry is remembered by this.
     return replace(changed, hash=f"{robot.hash}, without {group[0].reason} of {places}")
@@ -122,7 +124,7 @@ def _without_pairs(robot: Robot, where: tuple[str, ...]) -> Robot:
     return replace(robot, description=robot.description.model_copy(update={"collision": block}))
 
 
-def _without_limit(kind: str) -> Callable[[Robot, tuple[str, ...]], Robot]:
+def _without_limit(kind: str) -> Lift:
     def lift(robot: Robot, where: tuple[str, ...]) -> Robot:
         values = getattr(robot.limits, kind).copy()
         values[[robot.joint_names.index(joint) for joint in where]] = max(
@@ -153,30 +155,27 @@ def _certain(robot: Robot, where: tuple[str, ...]) -> Robot:
     return replace(robot, description=robot.description.model_copy(update={"uncertainty": certain}))
 
 
-_LIFTS: dict[str, Callable[[Robot, tuple[str, ...]], Robot]] = {
-    "self_collision": _without_pairs,
-    **{f"joint_{kind}": _without_limit(kind) for kind in _UNLIMITED},
-    "zmp": _larger_soles,
-    "com": _larger_soles,
-    "friction": _more_friction,
-    "robust_joint_torque": _certain,
-    "robust_zmp": _certain,
-    "robust_friction": _certain,
+_SOLES = "state the true size of the soles, or a posture.joints with the centre of mass above their middle"
+_SMALLER = "state a smaller uncertainty, as an identification leaves it, or plan without --robust"
+# By reason: the robot without its limit at some places, and what to do about them in words.
+_LIFTS: dict[str, tuple[Lift, str]] = {
+    "self_collision": (
+        _without_pairs,
+        "name {places} in collision.ignored_pairs if they may touch, or change posture.joints",
+    ),
+    **{
+        f"joint_{kind}": (_without_limit(kind), f"raise limits.{kind} of {{places}}, if the drives allow it")
+        for kind in _UNLIMITED
+    },
+    "zmp": (_larger_soles, _SOLES),
+    "com": (_larger_soles, _SOLES),
+    "friction": (_more_friction, "state the true friction of the feet"),
+    **{f"robust_{kind}": (_certain, _SMALLER) for kind in ("joint_torque", "zmp", "friction")},
 }
+_TABLE = "move {places} apart, lower collision.table_height, or start from another posture.joints"
 
 
 def _in_words(group: Sequence[Refused]) -> str:
-    reason, places = group[0].reason, ", ".join(item.where for item in group)
-    if reason == "self_collision" and any(TABLE in item.where.split(" - ") for item in group):
-        return f"move {places} apart, lower collision.table_height, or start from another posture.joints"
-    if reason == "self_collision":
-        return f"name {places} in collision.ignored_pairs if they may touch, or change posture.joints"
-    if reason in {"zmp", "com"}:
-        return (
-            "state the true size of the soles, or a posture.joints with the centre of mass above their middle"
-        )
-    if reason.startswith("robust_"):
-        return "state a smaller uncertainty, as an identification leaves it, or plan without --robust"
-    if reason == "friction":
-        return "state the true friction of the feet"
-    return f"raise limits.{reason.removeprefix('joint_')} of {places}, if the drives allow it"
+    on_table = any(TABLE in item.where.split(" - ") for item in group)
+    words = _TABLE if on_table and group[0].reason == "self_collision" else _LIFTS[group[0].reason][1]
+    return words.format(places=", ".join(item.where for item in group))

@@ -76,11 +76,11 @@ def execute_motion(
         )
     clock = clock_of(virtual, motion, settle_s)
     machine = Machine(virtual) if machine is None else machine
-    start = _start_configuration(robot, motion)
+    start = position_to_mujoco(motion.q[0], floating=robot.floating)
     positions, velocities = _joint_commands(robot, motion, clock)
     kp, kd = virtual.drives.kp, virtual.drives.kd
     controls = positions + velocities * np.divide(kd, kp, out=np.zeros_like(kp), where=kp > 0.0)
-    begun = beginning_key(start, controls[0], np.array(clock.settle))
+    begun = start.tobytes(), controls[0].tobytes(), clock.settle
     # What laws keep is no part of the state.
     known = None if virtual.laws else machine.settled(begun)
     data = mujoco.MjData(machine.model) if known is None else known
@@ -107,11 +107,6 @@ def execute_motion(
     if has_diverged(data) or not np.isfinite(track.gain[: track.count]).all():
         raise DivergedError("the simulation diverged", source=motion.name, remedy="check gains and timestep")
     return track.recording(virtual, motion.name, positions[:: clock.per_sample], clock)
-
-
-def _start_configuration(robot: Robot, motion: Motion) -> Array:
-    """First configuration in MuJoCo's layout."""
-    return position_to_mujoco(motion.q[0], floating=robot.floating)
 
 
 def _joint_commands(robot: Robot, motion: Motion, clock: Clock) -> tuple[Array, Array]:
@@ -263,17 +258,15 @@ def clock_of(virtual: VirtualRobot, motion: Motion, settle_s: float) -> Clock:
     return Clock(period / per_sample, per_sample, settle, samples)
 
 
-def step_of(virtual: VirtualRobot) -> float:
-    """Step of the physics in any run of a virtual robot [s]."""
-    period = 1.0 / virtual.robot.description.sensors.rate_hz
-    return period / _steps_a_sample(virtual, period)
-
-
 def _steps_a_sample(virtual: VirtualRobot, period: float) -> int:
     return max(1, int(np.ceil(period / virtual.world.timestep - 1e-9)))
 
 
 # A virtual robot compiled once, for one run or many.
+
+
+# What tells one beginning of a run from others: configuration, first command, steps that it settles for.
+Beginning = tuple[bytes, bytes, int]
 
 
 class Machine:
@@ -287,22 +280,23 @@ class Machine:
 
     def __init__(self, virtual: VirtualRobot, *, watch: bool = False) -> None:
         """Compile the robot; ``watch`` says whether it is to be known which of its shapes overlap."""
-        self.virtual, self.step = virtual, step_of(virtual)
+        period = 1.0 / virtual.robot.description.sensors.rate_hz
+        self.virtual, self.step = virtual, period / _steps_a_sample(virtual, period)
         self.model = self._compiled(shapes=False)
         self._watch = _Watch(self._compiled(shapes=True)) if watch else None
-        self._settled: tuple[bytes, Any] | None = None
+        self._settled: tuple[Beginning, Any] | None = None
 
     def touching(self, qpos: Array) -> int:
         """How many pairs of shapes that must not meet overlap in a configuration in MuJoCo's layout."""
         return 0 if self._watch is None else self._watch.touching(qpos)
 
-    def settled(self, start: bytes) -> Any:
+    def settled(self, start: Beginning) -> Any:
         """A copy of the state in which a run that began as ``start`` says had settled; None if it is not known."""
         if self._settled is None or self._settled[0] != start:
             return None
         return copy.copy(self._settled[1])
 
-    def remember(self, start: bytes, data: Any) -> None:
+    def remember(self, start: Beginning, data: Any) -> None:
         """Keep the state in which a run that began as ``start`` says has settled: most motions begin at rest."""
         self._settled = (start, copy.copy(data))
 
@@ -356,8 +350,3 @@ class _Watch:
         self._place(self._model, self._data)
         self._collide(self._model, self._data)
         return int(self._data.ncon)
-
-
-def beginning_key(*parts: Array) -> bytes:
-    """What tells one beginning of a run from others."""
-    return b"".join(np.ascontiguousarray(part).tobytes() for part in parts)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
@@ -198,13 +198,8 @@ def _hang_base(spec: mujoco.MjSpec, base: mujoco.MjsBody, robot: Robot) -> None:
     data = robot.model.createData()
     hook = np.array(pin.centerOfMass(robot.model, data, robot.rest)) + np.array([0.0, 0.0, _HOOK])
     pose = pin.XYZQUATToSE3(robot.rest[:7])
-    equality = spec.add_equality(
-        name="harness",
-        type=mujoco.mjtEq.mjEQ_CONNECT,
-        objtype=mujoco.mjtObj.mjOBJ_BODY,
-        name1=base.name,
-        name2="world",
-    )
+    ends = base.name, WORLD
+    equality = _add_equality(spec, "harness", mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtObj.mjOBJ_BODY, *ends)
     equality.data[:3] = pose.actInv(hook)
 
 
@@ -270,17 +265,9 @@ def _add_loop(spec: mujoco.MjSpec, bodies: list[mujoco.MjsBody], closure: Closur
         tendon = spec.add_tendon(name=closure.name)
         for name in names:
             tendon.wrap_site(name)
-        equality = spec.add_equality(
-            name=closure.name,
-            type=mujoco.mjtEq.mjEQ_TENDON,
-            objtype=mujoco.mjtObj.mjOBJ_TENDON,
-            name1=closure.name,
-        )
-        return equality
+        return _add_tendon_equality(spec, closure.name)
     kind = mujoco.mjtEq.mjEQ_WELD if closure.rigid else mujoco.mjtEq.mjEQ_CONNECT
-    equality = spec.add_equality(
-        name=closure.name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, name1=names[0], name2=names[1]
-    )
+    equality = _add_equality(spec, closure.name, kind, mujoco.mjtObj.mjOBJ_SITE, *names)
     if closure.rigid:
         equality.data[10] = 1.0
     return equality
@@ -294,12 +281,7 @@ def _add_coupling(spec: mujoco.MjSpec, robot: Robot, closure: Coupling) -> mujoc
         tendon = spec.add_tendon(name=closure.name)
         for name, factors in zip(names, closure.factors, strict=True):
             tendon.wrap_joint(name, factors[0])
-        equality = spec.add_equality(
-            name=closure.name,
-            type=mujoco.mjtEq.mjEQ_TENDON,
-            objtype=mujoco.mjtObj.mjOBJ_TENDON,
-            name1=closure.name,
-        )
+        equality = _add_tendon_equality(spec, closure.name)
         equality.data[0] = closure.offset
         return equality
     linear = [k for k, factors in enumerate(closure.factors) if len(factors) == 1]
@@ -311,16 +293,23 @@ def _add_coupling(spec: mujoco.MjSpec, robot: Robot, closure: Coupling) -> mujoc
         )
     follower, master = linear[0], 1 - linear[0]
     scale = closure.factors[follower][0]
-    equality = spec.add_equality(
-        name=closure.name,
-        type=mujoco.mjtEq.mjEQ_JOINT,
-        objtype=mujoco.mjtObj.mjOBJ_JOINT,
-        name1=names[follower],
-        name2=names[master],
-    )
+    kind, of = mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtObj.mjOBJ_JOINT
+    equality = _add_equality(spec, closure.name, kind, of, names[follower], names[master])
     values = [closure.offset / scale, *(-factor / scale for factor in closure.factors[master])]
     equality.data[: len(values)] = values
     return equality
+
+
+def _add_equality(
+    spec: mujoco.MjSpec, name: str, kind: Any, of: Any, first: str, second: str = ""
+) -> mujoco.MjsEquality:
+    return spec.add_equality(name=name, type=kind, objtype=of, name1=first, name2=second)
+
+
+def _add_tendon_equality(spec: mujoco.MjSpec, name: str) -> mujoco.MjsEquality:
+    import mujoco
+
+    return _add_equality(spec, name, mujoco.mjtEq.mjEQ_TENDON, mujoco.mjtObj.mjOBJ_TENDON, name)
 
 
 # Collision shapes of a robot in a MuJoCo model that is asked which of them meet.
@@ -343,19 +332,14 @@ def watch_shapes(spec: mujoco.MjSpec, robot: Robot) -> None:
         carrier = body_name(robot.segments[shape.joint - 1].link) if shape.joint else WORLD
         _add_shape(spec, spec.body(carrier), shape)
     for pair in collision_model(robot).collisionPairs:
-        _watch_contacts(spec, shapes[pair.first].name, shapes[pair.second].name)
+        spec.add_pair(geomname1=shapes[pair.first].name, geomname2=shapes[pair.second].name)
     if not robot.feet:
         return
     soles = {foot.joint for foot in robot.feet}
     low = links_below(robot.model, shapes, robot.rest, 0.0, robot.description.collision.margin)
     for shape in shapes:
         if shape.joint not in soles and shape.link not in low:
-            _watch_contacts(spec, GROUND, shape.name)
-
-
-def _watch_contacts(spec: mujoco.MjSpec, first: str, second: str) -> None:
-    """Find contacts of two shapes as soon as they overlap."""
-    spec.add_pair(geomname1=first, geomname2=second)
+            spec.add_pair(geomname1=GROUND, geomname2=shape.name)
 
 
 def _add_shape(spec: mujoco.MjSpec, body: mujoco.MjsBody, shape: Shape) -> None:

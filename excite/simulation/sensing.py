@@ -112,7 +112,7 @@ def log_header(robot: Robot, trials: tuple[TrialHeader, ...]) -> LogHeader:
     Coulomb friction, and rotor inertia where the motors' torque is measured and ``robot.yaml`` declares one.
     """
     description = robot.description
-    torque = description.sensors.joint_torque
+    torque, imu = description.sensors.joint_torque, description.sensors.imu
     drives, motors = nominal_drives(robot), ~robot.passive
     modelled = ["rigid_body"]
     if torque is not None:
@@ -140,15 +140,10 @@ def log_header(robot: Robot, trials: tuple[TrialHeader, ...]) -> LogHeader:
         wrench="on_robot_in_sensor_frame" if robot.sensors else None,
         sensors=sensor_headers(robot) if robot.sensors else (),
         feet=() if robot.measures_contacts else foot_headers(robot),
-        imu=_imu_header(robot),
+        imu=None if imu is None or not robot.floating else ImuHeader(**imu.model_dump()),
         modelled=tuple(modelled),
         trials=trials,
     )
-
-
-def _imu_header(robot: Robot) -> ImuHeader | None:
-    block = robot.description.sensors.imu
-    return ImuHeader(**block.model_dump()) if block is not None and robot.floating else None
 
 
 def _noisy_pose(pose: Array, position: Array, rotation: Array) -> Array:

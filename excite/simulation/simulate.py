@@ -15,7 +15,6 @@ from excite.parallel.engine import in_order
 from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
 from excite.robot.loading import portable_description
-from excite.robot.robot import Robot
 from excite.simulation.replay import Replay, watched_run
 from excite.simulation.sensing import log_header, sense_recording
 from excite.simulation.virtual_robot import VirtualRobot
@@ -90,9 +89,14 @@ def run_experiment(
             )
     starts = np.concatenate([[0.0], np.cumsum([motion.duration + _PAUSE_S for motion in motions])])
     root = seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
+    # The children that ``root.spawn`` would give, without changing ``root``.
+    seeds = (
+        np.random.SeedSequence(root.entropy, spawn_key=(*root.spawn_key, index), pool_size=root.pool_size)
+        for index in range(len(names))
+    )
     tasks = (
-        _Run(motion, roles.get(motion.name, "identification"), _child_seed(root, index), float(starts[index]))
-        for index, motion in enumerate(motions)
+        _Run(motion, roles.get(motion.name, "identification"), seed, float(start))
+        for motion, seed, start in zip(motions, seeds, starts, strict=False)
     )
     done = list(
         in_order(
@@ -116,23 +120,16 @@ def run_experiment(
         )
         for trial, start in zip(trials, starts, strict=False)
     )
-    dated = tuple(_date_trial(trial, header) for trial, header in zip(trials, headers, strict=True))
-    log = Log(header=log_header(virtual.robot, headers), trials=dated, robot_text=_model_text(virtual.robot))
-    return SimulatedRuns(log, tuple(replays))
-
-
-def _model_text(robot: Robot) -> str:
-    """The nominal model that a log brings along: a URDF, which says nothing of loops, or the whole description."""
-    return robot.urdf if robot.mechanism is None else portable_description(robot)
-
-
-def _date_trial(trial: Trial, header: TrialHeader) -> Trial:
-    return replace(trial, session=header.session, start_s=header.start_s)
-
-
-def _child_seed(root: np.random.SeedSequence, index: int) -> np.random.SeedSequence:
-    """The child that ``root.spawn`` would give, without changing ``root``."""
-    return np.random.SeedSequence(root.entropy, spawn_key=(*root.spawn_key, index), pool_size=root.pool_size)
+    dated = tuple(
+        replace(trial, session=header.session, start_s=header.start_s)
+        for trial, header in zip(trials, headers, strict=True)
+    )
+    robot = virtual.robot
+    # The nominal model that a log brings along: a URDF, which says nothing of loops, or the whole description.
+    text = robot.urdf if robot.mechanism is None else portable_description(robot)
+    return SimulatedRuns(
+        Log(header=log_header(robot, headers), trials=dated, robot_text=text), tuple(replays)
+    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from excite.arrays import Array
-from excite.excitation.optimisation.motions import MotionFamily
+from excite.excitation.series import MotionFamily
 from excite.motion.generators.curves import Curve
 
 # Quintic Hermite blend from 0 to 1 with vanishing first and second derivatives at both ends, by power of u.
@@ -51,33 +52,14 @@ class WaypointCurve(Curve):
         return replace(self, points=self.points[0] + factor * (self.points - self.points[0]))
 
 
-class WaypointFamily(MotionFamily):
-    """From waypoint to waypoint, at rest in each: quintic Hermite segments of equal duration."""
+def waypoint_family(segment: float, n_segments: int) -> MotionFamily:
+    """From waypoint to waypoint, at rest in each: quintic Hermite segments of equal duration, half a period each.
 
-    def __init__(self, segment: float, n_segments: int) -> None:
-        self._segment, self._n = segment, n_segments
+    Coefficients are the waypoints after the first, relative to it.
+    """
+    return MotionFamily(n_segments * segment, 0.5 / segment, n_segments, partial(_through, segment))
 
-    @property
-    def n_coefficients(self) -> int:
-        """Waypoints after the first, relative to it."""
-        return self._n
 
-    @property
-    def length(self) -> float:
-        """Of all segments [s]."""
-        return self._n * self._segment
-
-    @property
-    def fastest_hz(self) -> float:
-        """A segment is half a period there and back."""
-        return 0.5 / self._segment
-
-    def basis(self, time: Array, order: int) -> Array:
-        """Values or derivatives, by evaluating the curves of the unit vectors."""
-        return self.curve(np.zeros(self._n), np.eye(self._n)).evaluate(time, order)
-
-    def curve(self, offset: Array, coefficients: Array) -> WaypointCurve:
-        """The motion through the waypoints."""
-        offset = np.asarray(offset, dtype=float)
-        points = np.vstack([offset, offset + coefficients.T])
-        return WaypointCurve(points, self._segment)
+def _through(segment: float, offset: Array, coefficients: Array) -> WaypointCurve:
+    offset = np.asarray(offset, dtype=float)
+    return WaypointCurve(np.vstack([offset, offset + coefficients.T]), segment)

@@ -19,8 +19,8 @@ from excite.campaign.searches import SEARCHES
 from excite.cli.main import _run, app
 from excite.cli.options import EXAMPLES
 from excite.cli.output import command_line, emit_result
-from excite.excitation.optimisation.objective import CRITERIA
 from excite.excitation.selection import SELECTIONS
+from excite.excitation.series import CRITERIA
 from excite.export.registry import EXPORTERS, MODEL_FORMATS
 from excite.human.body import ANTHROPOMETRY
 from excite.identification.estimators.registry import ESTIMATORS

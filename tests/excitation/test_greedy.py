@@ -15,7 +15,7 @@ from excite.excitation.conditioning import (
     rank,
     stack_factors,
 )
-from excite.excitation.precision import nominal_values, predicted_std, row_noise
+from excite.excitation.precision import nominal_values, row_noise
 from excite.excitation.selection import (
     SELECTIONS,
     Candidates,
@@ -100,7 +100,8 @@ def test_the_choice_by_rsd_has_the_least_of_the_three(candidates: Candidates) ->
     scale = np.maximum(np.abs(nominal_values(candidates.robot, candidates.base)), 0.01)
 
     def total(factors: list[MotionFactor]) -> float:
-        return float((predicted_std(candidates.robot, stack_factors(factors), candidates.base) / scale).sum())
+        whole = stack_factors(factors).matrix[:, candidates.base.independent]
+        return float((np.linalg.norm(np.linalg.pinv(whole), axis=1) / scale).sum())
 
     totals = {}
     for rule in SELECTIONS:

@@ -19,7 +19,7 @@ from excite.safety.check import check_motion
 from excite.safety.checks.joints import drive_torques
 from excite.safety.checks.sweep import Sweep
 from excite.safety.repairs.collisions import find_route
-from excite.safety.repairs.retiming import plan_transfer
+from excite.safety.repairs.sampling import plan_transfer
 from tests.safety.motions import check_file
 
 

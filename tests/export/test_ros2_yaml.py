@@ -15,7 +15,7 @@ from excite.motion.files import load_motion
 from excite.motion.motion import Motion
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
-from excite.safety.repairs.retiming import plan_transfer
+from excite.safety.repairs.sampling import plan_transfer
 from tests.safety.motions import check_file
 
 ROBOT = "panda"

@@ -13,8 +13,7 @@ from excite.errors import NothingSafeError
 from excite.motion.generators.registry import make_generator
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
-from excite.safety.filter import path_grid
-from excite.safety.repairs.balancer import Balancer
+from excite.safety.repairs.whole_body import Balancer, path_grid
 from tests.robot.test_scaffold import quadruped, written
 
 _BEND = 0.6

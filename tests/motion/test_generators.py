@@ -228,3 +228,11 @@ def test_plan_shares_and_targets(g1: Robot, panda: Robot) -> None:
     assert {candidate.generator for candidate in arm} == {"fourier"}
     with pytest.raises(UnknownNameError):
         plan_candidates(g1, 3, np.random.SeedSequence(0), targets=["nowhere"])
+
+
+def test_a_generator_without_a_joint_to_aim_at_is_refused() -> None:
+    """All joints of a Go2 are in legs."""
+    robot = load_robot("go2")
+    assert not make_generator("fourier").applies(robot)
+    with pytest.raises(RobotError, match="'fourier' does not apply to it: all its joints are in legs"):
+        make_generator("fourier").candidates(robot, 1, np.random.SeedSequence(0))

@@ -9,12 +9,16 @@ import pytest
 
 from excite.robot.robot import Robot
 from excite.safety.checks.base import CheckResult, first_violations
-from excite.safety.checks.ground import CentreOfMassCheck, ContactWrenchCheck, FootCheck, ZeroMomentPointCheck
+from excite.safety.checks.ground import (
+    judge_centre_of_mass,
+    judge_contact_wrench,
+    judge_feet,
+    judge_zero_moment_point,
+)
 from excite.safety.checks.joints import (
-    JointAccelerationCheck,
-    JointPositionCheck,
-    JointTorqueCheck,
-    JointVelocityCheck,
+    judge_positions,
+    judge_rates,
+    judge_torques,
 )
 from excite.safety.checks.sweep import Sweep
 from excite.safety.ground_forces import ContactForces
@@ -103,27 +107,25 @@ def test_positions_keep_to_both_ends_of_their_range(arm: Robot) -> None:
         for excess, bad in ((0.9e-6, False), (1.1e-6, True), (0.1, True)):
             points = np.tile(arm.rest, (6, 2, 1))
             points[3, 1, 2] = limit[2] + outwards * excess * (upper - lower)[2]
-            result = JointPositionCheck().judge(limited(arm, position=points))
+            result = judge_positions(limited(arm, position=points))
             assert result.margin == pytest.approx(-excess * (upper - lower)[2], abs=1e-12)
             assert bool(result.violations) is bad
             if bad:
                 assert only(result) == Violation(
                     "joint_position", 0.1, arm.joint_names[2], points[3, 1, 2], limit[2]
                 )
-    rest = JointPositionCheck().judge(limited(arm))
+    rest = judge_positions(limited(arm))
     assert rest.margin == pytest.approx(np.minimum(arm.rest - lower, upper - arm.rest).min())
 
 
-@pytest.mark.parametrize(
-    ("check", "name"), [(JointVelocityCheck, "velocity"), (JointAccelerationCheck, "acceleration")]
-)
+@pytest.mark.parametrize("name", ["velocity", "acceleration"])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_speeds_and_accelerations_keep_below_their_limits(check, name: str, sign: float, arm: Robot) -> None:
+def test_speeds_and_accelerations_keep_below_their_limits(name: str, sign: float, arm: Robot) -> None:
     limit = getattr(arm.limits, name)
     for excess, bad in ((-0.5, False), (0.9e-6, False), (1.1e-6, True)):
         points = np.zeros((5 if name == "velocity" else 4, 2, arm.n_joints))
         points[2, 1, 3] = sign * limit[3] * (1.0 + excess)
-        result = check().judge(limited(arm, **{name: points}))
+        result = judge_rates(name, limited(arm, **{name: points}))
         others = np.delete(limit, 3).min()
         assert result.margin == pytest.approx(min(others, -excess * limit[3]), abs=1e-12)
         assert [(v.kind, v.time_s, v.where) for v in result.violations] == (
@@ -157,9 +159,9 @@ def test_torques_keep_below_their_limits(arm: Robot) -> None:
         tau = np.zeros((3, arm.n_joints))
         tau[1, 2] = value * limit[2]
         nearest = (Nearest("elbow_joint", 0.0, "N·m"),)
-        assert JointTorqueCheck().judge(torques(arm, tau)) == CheckResult(0.0, nearest=nearest)
+        assert judge_torques(torques(arm, tau)) == CheckResult(0.0, nearest=nearest)
         tau[1:, 2] *= 1.001
-        result = JointTorqueCheck().judge(torques(arm, tau))
+        result = judge_torques(torques(arm, tau))
         assert result.margin == pytest.approx(-0.001 * limit[2])
         assert only(result) == Violation("joint_torque", 0.1, arm.joint_names[2], abs(tau[1, 2]), limit[2])
 
@@ -167,9 +169,9 @@ def test_torques_keep_below_their_limits(arm: Robot) -> None:
 def test_torques_that_are_no_numbers_leave_no_margin(arm: Robot) -> None:
     tau = np.zeros((3, arm.n_joints))
     tau[1, 2] = np.nan
-    assert JointTorqueCheck().judge(torques(arm, tau)) == CheckResult(None)
+    assert judge_torques(torques(arm, tau)) == CheckResult(None)
     tau[2, 2] = 2.0 * arm.limits.torque[2]
-    assert only(JointTorqueCheck().judge(torques(arm, tau))).time_s == pytest.approx(0.2)
+    assert only(judge_torques(torques(arm, tau))).time_s == pytest.approx(0.2)
 
 
 # --- Balance
@@ -179,7 +181,7 @@ def test_torques_that_are_no_numbers_leave_no_margin(arm: Robot) -> None:
 def test_the_zero_moment_point_keeps_15_mm_from_the_edge(margin: float, bad: bool) -> None:
     zmp = np.zeros((11, 2))
     zmp[4:6, 1] = 0.05 - margin
-    result = ZeroMomentPointCheck().judge(standing(zmp=zmp))
+    result = judge_zero_moment_point(standing(zmp=zmp))
     assert result.margin == pytest.approx(margin)
     assert bool(result.violations) is bad
     if bad:
@@ -192,7 +194,7 @@ def test_the_zero_moment_point_keeps_15_mm_from_the_edge(margin: float, bad: boo
 def test_the_ground_carries_a_fifth_of_the_weight(share: float, bad: bool) -> None:
     sweep = standing()
     sweep.wrench[7, 2] *= share
-    result = ZeroMomentPointCheck().judge(sweep)
+    result = judge_zero_moment_point(sweep)
     assert bool(result.violations) is bad
     if bad:
         violation = only(result)
@@ -204,26 +206,26 @@ def test_the_ground_carries_a_fifth_of_the_weight(share: float, bad: bool) -> No
 def test_a_weight_that_is_no_number_is_too_light() -> None:
     sweep = standing()
     sweep.wrench[7, 2] = np.nan
-    assert only(ZeroMomentPointCheck().judge(sweep)).kind == "weight_share"
+    assert only(judge_zero_moment_point(sweep)).kind == "weight_share"
 
 
 def test_a_flight_has_no_margin() -> None:
     sweep = standing()
     sweep.contacts[3:5] = False
-    result = ZeroMomentPointCheck().judge(sweep)
+    result = judge_zero_moment_point(sweep)
     assert result.margin is None
     assert only(result) == Violation("no_contact", TIME[3], "feet", None, None)
 
 
 def test_an_arm_has_no_balance() -> None:
     sweep = standing(robot=SimpleNamespace(feet=()))
-    for check in (ZeroMomentPointCheck, CentreOfMassCheck, ContactWrenchCheck, FootCheck):
-        assert check().judge(sweep) == CheckResult(applicable=False)
+    for check in (judge_zero_moment_point, judge_centre_of_mass, judge_contact_wrench, judge_feet):
+        assert check(sweep) == CheckResult(applicable=False)
 
 
 def lean(sweep: SimpleNamespace, samples: slice | list[int], margin: float) -> CheckResult:
     sweep.dynamics.com[samples, 1] = 0.05 - margin
-    return CentreOfMassCheck().judge(sweep)
+    return judge_centre_of_mass(sweep)
 
 
 @pytest.mark.parametrize(("margin", "bad"), [(0.0151, False), (0.0149, True)])
@@ -261,13 +263,13 @@ def test_phases_are_told_apart_by_their_feet() -> None:
     )
     sweep.robot.feet = (SimpleNamespace(name="left"), SimpleNamespace(name="right"))
     sweep.dynamics.com[:] = [0.0, 0.1, 0.0]
-    assert CentreOfMassCheck().judge(sweep).violations == ()
+    assert judge_centre_of_mass(sweep).violations == ()
     sweep.dynamics.com[[3, 6], 1] = -0.1
-    assert CentreOfMassCheck().judge(sweep).violations == ()
+    assert judge_centre_of_mass(sweep).violations == ()
     for at in (8, 15, 23):
         sweep.dynamics.com[:] = [0.0, 0.1, 0.0]
         sweep.dynamics.com[at, 1] = -0.1
-        violation = only(CentreOfMassCheck().judge(sweep))
+        violation = only(judge_centre_of_mass(sweep))
         assert (violation.time_s, violation.where) == (pytest.approx(0.1 * at), "left+right")
         assert violation.value == pytest.approx(-0.05)
 
@@ -275,7 +277,7 @@ def test_phases_are_told_apart_by_their_feet() -> None:
 def test_a_centre_of_mass_without_support_has_no_value() -> None:
     sweep = standing()
     sweep.contacts[-1] = False
-    assert only(CentreOfMassCheck().judge(sweep)) == Violation("com", TIME[-1], "feet", None, 0.015)
+    assert only(judge_centre_of_mass(sweep)) == Violation("com", TIME[-1], "feet", None, 0.015)
 
 
 @pytest.mark.parametrize(
@@ -287,7 +289,7 @@ def test_a_thousandth_of_the_wrench_may_be_missing(residual: float, value: float
     sweep = standing(
         torque_samples=np.arange(0, 11, 2), contact_forces=(ContactForces(np.zeros(0), residuals),)
     )
-    result = ContactWrenchCheck().judge(sweep)
+    result = judge_contact_wrench(sweep)
     if value == 0.0:
         assert result == CheckResult()
     else:
@@ -300,7 +302,7 @@ def test_a_thousandth_of_the_wrench_may_be_missing(residual: float, value: float
 def judge_foot(corners: np.ndarray, loaded: np.ndarray | None = None) -> tuple[Violation, ...]:
     loaded = np.ones(len(corners), bool) if loaded is None else loaded
     sweep = standing(contacts=loaded[:, None], sole_corners=(corners,))
-    return FootCheck().judge(sweep).violations
+    return judge_feet(sweep).violations
 
 
 def still_foot() -> np.ndarray:
@@ -361,4 +363,4 @@ def test_a_loaded_foot_slips_no_faster_than_3_cm_a_second(speed: float, bad: boo
     time[5:] -= 0.04
     sweep = standing(sole_corners=(corners,), fine=SimpleNamespace(time=time))
     expected = (Violation("foot_slip_speed", TIME[4], "left", pytest.approx(speed), 0.03),) if bad else ()
-    assert FootCheck().judge(sweep).violations == expected
+    assert judge_feet(sweep).violations == expected

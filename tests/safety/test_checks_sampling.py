@@ -9,7 +9,8 @@ import pytest
 
 from excite.motion.motion import Motion
 from excite.robot.robot import Robot
-from excite.safety.checks.motion import SamplingCheck
+from excite.safety.checks.motion import judge_sampling
+from excite.safety.checks.sweep import Sweep
 from excite.safety.verdict import Violation
 
 
@@ -31,7 +32,7 @@ def changed(motion: Motion, field: str, index: object, value: float) -> Motion:
 
 
 def found(robot: Robot, motion: Motion) -> tuple[Violation, ...]:
-    return SamplingCheck().run(robot, motion).violations
+    return judge_sampling(Sweep(robot, motion)).violations
 
 
 def only(robot: Robot, motion: Motion) -> Violation:

@@ -37,7 +37,7 @@ def test_stages_and_progress(g1: Robot) -> None:
     report = filter_candidates(g1, candidates, progress=lambda *news: told.append(news))
     assert told == [("filter", 1, 2), ("filter", 2, 2)]
     assert list(report.stage_seconds) == [*REPAIRS, "check"]
-    assert set(report.acceptance) == {candidate.generator for candidate in candidates}
+    assert set(report.accepted) == {candidate.generator for candidate in candidates}
     assert "2 candidates accepted" in report.summary()
 
 

@@ -15,8 +15,7 @@ from excite.robot.joint_values import per_joint
 from excite.robot.loading import load_robot
 from excite.safety.filter import make_repairs
 from excite.safety.repairs.draft import Draft
-from excite.safety.repairs.rows import PathLimits, friction_rows, support_of
-from excite.safety.repairs.shares import Shares
+from excite.safety.repairs.rows import PathLimits, Shares, friction_rows, support_of
 
 SHARES = Shares()
 

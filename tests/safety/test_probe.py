@@ -18,12 +18,12 @@ from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.robot.shapes.collision import collision_model
 from excite.safety.checks import collision
-from excite.safety.checks.collision import Distances, SelfCollisionCheck, approach_rates, find_closest
+from excite.safety.checks.collision import Distances, approach_rates, find_closest, judge_self_collision
 from excite.safety.checks.sweep import Sweep
-from excite.safety.filter import milder_candidates
 from excite.safety.repairs.collisions import EXTRA, CollisionProbe, TooClose
 from excite.safety.repairs.draft import Draft, Rejection
 from excite.safety.repairs.waypoints import Waypoints
+from excite.safety.repairs.whole_body import milder_candidates
 from tests.safety.motions import moved_joint, smooth, squat
 
 
@@ -137,7 +137,7 @@ def inwards(humanoid: Robot) -> Motion:
 def test_a_pair_is_reported_at_the_first_sample_that_is_too_close(humanoid: Robot, inwards: Motion) -> None:
     required = humanoid.description.collision.margin
     sweep = Sweep(humanoid, inwards)
-    result = SelfCollisionCheck().judge(sweep)
+    result = judge_self_collision(sweep)
     every = np.array([all_distances(humanoid, q) for q in sweep.fine.q])
     assert result.margin == pytest.approx(every.min(), abs=2e-3)
     assert result.violations
@@ -177,7 +177,7 @@ def test_a_bound_below_what_is_required_leaves_no_margin(
         monkeypatch.setattr(
             collision, "find_closest", lambda *_, lower=lower: collision.Closest(lower, lower + 1e-4, {})
         )
-        result = SelfCollisionCheck().judge(sweep)
+        result = judge_self_collision(sweep)
         assert (result.margin, result.violations) == (margin, ())
 
 

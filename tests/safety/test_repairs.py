@@ -12,15 +12,12 @@ from excite.motion.generators.curves import SplineCurve
 from excite.motion.generators.registry import make_generator
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
-from excite.robot.shapes.collision import collision_model
 from excite.safety.checks.sweep import Sweep
 from excite.safety.filter import REPAIRS, make_repairs
 from excite.safety.repairs.collisions import CollisionProbe
 from excite.safety.repairs.draft import Draft, Rejection, Repair
-from excite.safety.repairs.path import MotionPath
-from excite.safety.repairs.retiming import fastest_rate, plan_transfer, smoothed_law
-from excite.safety.repairs.rows import PathLimits, Rows, support_of, zmp_rows
-from excite.safety.repairs.shares import Shares
+from excite.safety.repairs.rows import PathLimits, Shares, support_of, zmp_rows
+from excite.safety.repairs.sampling import plan_transfer
 from excite.safety.repairs.time_scaling import largest_factor
 from tests.safety.soles import foot_displacements
 
@@ -134,48 +131,6 @@ def test_scaling_is_quadratic(drafts: list[Draft]) -> None:
     assert two.factor == pytest.approx(0.5 * one.factor, rel=1e-3)
 
 
-def test_probe_agrees_with_distances(g1: Robot) -> None:
-    probe, geometry = CollisionProbe(g1), collision_model(g1).copy()
-    data, state = g1.model.createData(), geometry.createData()
-    margin = g1.description.collision.margin
-    rng = np.random.default_rng(0)
-    seen = set()
-    for _ in range(40):
-        q = g1.rest.copy()
-        q[7:] += rng.normal(size=29) * rng.choice([0.05, 0.3])
-        pin.updateGeometryPlacements(g1.model, data, geometry, state, q)
-        closest = min(
-            pin.computeDistance(geometry, state, k).min_distance for k in range(len(geometry.collisionPairs))
-        )
-        if closest < margin - 1e-6:
-            assert probe.collides(q)
-        if not probe.collides(q):
-            assert closest >= margin - 1e-6
-        seen.add(probe.collides(q))
-    assert seen == {True, False}
-
-
-def test_waypoints_redraw_what_collides(g1: Robot, repairs: list[Repair]) -> None:
-    candidate = make_generator("random_joint").candidates(g1, 1, np.random.SeedSequence(9))[0]
-    control = candidate.posture.control.copy()
-    control[5] = control[4]
-    control[5, g1.joint_index("left_shoulder_roll_joint")] = -1.5
-    broken = replace(candidate, posture=SplineCurve(control))
-    probe = CollisionProbe(g1)
-
-    def collides(curve: SplineCurve) -> bool:
-        s = np.linspace(0.0, curve.length, 400)
-        q = np.tile(g1.rest, (len(s), 1))
-        q[:, 7:] = curve.evaluate(s)
-        return probe.first(q) is not None
-
-    assert collides(broken.posture)
-    outcome = repairs[0].repair(Draft(broken))
-    assert isinstance(outcome, Draft)
-    assert not collides(outcome.candidate.posture)
-    assert np.array_equal(outcome.candidate.posture.control[:3], control[:3])
-
-
 def test_talos_swings_its_legs_though_its_hips_are_12_mm_apart() -> None:
     """Where the lean brings the thighs together it is reduced, and the rest of the motion stays."""
     talos = load_robot("talos")
@@ -247,30 +202,6 @@ def test_zmp_rows_are_distances() -> None:
     wrench = np.array([0.0, 0.0, 1.0, point[1], -point[0], 0.0])
     rows = zmp_rows(wrench[None], support, 0.02)
     assert rows.max() == pytest.approx(10.0 * (0.02 - 0.03))
-
-
-def test_fastest_rate_of_a_double_integrator() -> None:
-    """|s̈| ≤ 1 from rest to rest over a length of 4: ṡ rises to √(2·2) and the time is 4 s."""
-    s = np.linspace(0.0, 4.0, 401)
-    one = np.ones((len(s), 1))
-    rows = Rows(
-        (("a", "x"), ("a", "x")), np.hstack([-one, -one]), 0.0 * np.hstack([one, one]), np.hstack([one, -one])
-    )
-    rate = fastest_rate(s, rows, np.full(len(s), np.inf))
-    assert rate is not None
-    assert rate.max() == pytest.approx(2.0, rel=1e-2)
-    law = smoothed_law(s, rate)
-    assert law.duration == pytest.approx(4.0, abs=0.35)
-    assert np.abs(law.evaluate(np.linspace(0, law.duration, 500), 2)).max() < 1.05
-    assert law.evaluate(np.array([0.0, law.duration])) == pytest.approx([0.0, 4.0])
-
-
-def test_path_through_given_joints() -> None:
-    robot = load_robot("panda")
-    s = np.linspace(0.0, 3.0, 40)
-    joints = robot.rest + np.sin(s)[:, None] ** 2 * 0.2
-    path = MotionPath(robot, s, joints)
-    assert np.allclose(path.sample(s).q, joints)
 
 
 def test_transfer_is_straight_and_limited() -> None:

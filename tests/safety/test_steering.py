@@ -12,7 +12,7 @@ from excite.robot.init_robot.files import write_scaffold
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.safety.filter import filter_candidate
-from excite.safety.repairs.balancer import find_steering
+from excite.safety.repairs.whole_body import find_steering
 
 ALL = {"x", "y", "height", "roll", "pitch", "yaw"}
 

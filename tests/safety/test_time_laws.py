@@ -14,14 +14,14 @@ from excite.motion.generators.generator import Candidate, SupportPhase
 from excite.motion.generators.registry import make_generator
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
-from excite.safety.checks.motion import SamplingCheck
-from excite.safety.filter import Sampling
+from excite.safety.checks.motion import judge_sampling
+from excite.safety.checks.sweep import Sweep
 from excite.safety.repairs.collisions import CollisionProbe
 from excite.safety.repairs.draft import Draft, Rejection
 from excite.safety.repairs.path import MotionPath, TimeLaw
-from excite.safety.repairs.retiming import Retiming, fastest_rate, plan_transfer, smoothed_law
-from excite.safety.repairs.rows import PathLimits, Rows
-from excite.safety.repairs.shares import Shares
+from excite.safety.repairs.retiming import Retiming, fastest_rate, smoothed_law
+from excite.safety.repairs.rows import PathLimits, Rows, Shares
+from excite.safety.repairs.sampling import Sampling, plan_transfer
 from excite.safety.repairs.time_scaling import TimeScaling, largest_factor
 
 # --- Time laws
@@ -299,7 +299,7 @@ def test_a_motion_that_starts_elsewhere_is_reached_and_left(
         assert np.allclose(motion.time, np.arange(motion.n_samples) / rate)
         assert np.allclose(motion.q[[0, -1]], panda.rest, atol=1e-9)
         assert np.allclose(motion.v[[0, -1]], 0.0, atol=1e-6)
-        assert SamplingCheck().run(panda, motion).violations == ()
+        assert judge_sampling(Sweep(panda, motion)).violations == ()
         assert motion.metadata.robot_hash == panda.hash
         assert motion.metadata.seed == candidate.seed
     there = plan_transfer(panda, panda.rest, away.coordinates[0], rate)

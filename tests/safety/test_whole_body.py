@@ -16,10 +16,9 @@ from excite.motion.generators.generator import Candidate, pelvis_joint
 from excite.motion.generators.registry import make_generator
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
-from excite.safety.filter import WholeBody, follow_zmp, path_grid
-from excite.safety.repairs.balancer import Balancer
 from excite.safety.repairs.collisions import CollisionProbe
 from excite.safety.repairs.draft import Draft, Rejection
+from excite.safety.repairs.whole_body import Balancer, WholeBody, follow_zmp, path_grid
 from tests.robot.test_scaffold import biped, written
 
 

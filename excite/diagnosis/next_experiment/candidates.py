@@ -18,7 +18,7 @@ from excite.motion.motion import Motion, MotionMetadata
 from excite.robot.robot import Robot
 from excite.robot.shapes.collision import collision_shapes
 from excite.safety.check import CHECKS, check_motion
-from excite.safety.checks.collision import SelfCollisionCheck
+from excite.safety.checks.collision import judge_self_collision
 from excite.safety.checks.sweep import Sweep
 from excite.safety.filter import filter_candidate
 
@@ -59,7 +59,7 @@ class Offer:
         if has_shapes(self.robot):
             return self.sketch if check_motion(self.robot, self.sketch).safe else None
         sweep = Sweep(self.robot, self.sketch, None)
-        judged = (check().judge(sweep) for check in CHECKS.values() if check is not SelfCollisionCheck)
+        judged = (check().judge(sweep) for name, check in CHECKS.items() if name != "self_collision")
         return None if any(result.violations for result in judged) else self.sketch
 
 
@@ -81,8 +81,8 @@ def touching(samples: ArmSamples) -> tuple[str, ...]:
     if not has_shapes(robot):
         return ()
     link = {shape.name: shape.link for shape in collision_shapes(robot)}
-    judged = SelfCollisionCheck().judge(Sweep(robot, retraced(samples, _PATHS)[0], None))
-    pairs = [v.where.split(" - ") for v in judged.violations if v.kind == SelfCollisionCheck.name]
+    judged = judge_self_collision(Sweep(robot, retraced(samples, _PATHS)[0], None))
+    pairs = [v.where.split(" - ") for v in judged.violations if v.kind == "self_collision"]
     return tuple(dict.fromkeys(" and ".join(link.get(name, name) for name in pair) for pair in pairs))
 
 

@@ -12,7 +12,7 @@ from excite.motion.generators.generator import (
     Candidate,
     Draws,
     Generator,
-    SupportPhase,
+    all_feet,
     leg_joints,
     stands_on_either,
     upper_body,
@@ -71,8 +71,7 @@ class Aimed(Generator):
         for target in targets:
             column = robot.joint_index(target)
             curve.control[draws.first : draws.stop, column] = _from_end_to_end(draws, column, stays, rng)
-        feet = tuple(foot.name for foot in robot.feet)
-        phases = (SupportPhase(0.0, curve.length, feet),) if feet else ()
+        phases = all_feet(robot, curve.length)
         return Candidate(name, self.name, targets, seed, curve, draws=draws, phases=phases)
 
 

@@ -66,12 +66,12 @@ class Generator(ABC):
         self, robot: Robot, count: int, seed: np.random.SeedSequence, targets: Sequence[str] = ()
     ) -> Iterator[Proposal]:
         """What :meth:`candidates` draws, not drawn yet; same arguments and errors."""
-        if not self.applies(robot):
+        aims = tuple(targets) or (self.aims(robot) if self.applies(robot) else ())
+        if not aims or not self.applies(robot):
             why = f": {self.needs}" if self.needs else ""
             raise RobotError(f"generator {self.name!r} does not apply to it{why}", source=robot.name)
         for joint in targets:
             robot.joint_index(joint)
-        aims = tuple(targets) or self.aims(robot)
         return (
             Proposal(self.name, child_seed(seed, i), (aims[i % len(aims)],), f"{self.name}_{i:03d}")
             for i in range(count)
@@ -105,6 +105,12 @@ class SupportPhase:
     end: float
     feet: tuple[str, ...]
     rate: float = float("inf")
+
+
+def all_feet(robot: Robot, length: float) -> tuple[SupportPhase, ...]:
+    """One phase on all feet, of a path of that length; none for a robot without feet."""
+    feet = tuple(foot.name for foot in robot.feet)
+    return (SupportPhase(0.0, length, feet),) if feet else ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ from excite.motion.generators.generator import (
     Candidate,
     Draws,
     Generator,
-    SupportPhase,
+    all_feet,
     central_range,
     rest_joints,
     upper_body,
@@ -57,15 +57,9 @@ def posture_curve(robot: Robot, draws: Draws, n_control: int, rng: np.random.Gen
     return SplineCurve(control)
 
 
-class RandomJoint(Generator):
-    """Random positions between 10 % and 90 % of the range, run as fast as the limits allow.
+class _UpperBody(Generator):
+    """Aims at joints that are in no leg."""
 
-    For each degree of freedom in turn there are motions that throw it through its range while the other
-    joints use a random part of theirs. Legs of a standing robot only balance.
-    """
-
-    name: ClassVar[str] = "random_joint"
-    summary: ClassVar[str] = "random positions in 10–90 % of each joint's range, upper body or arm"
     needs: ClassVar[str] = "all its joints are in legs"
 
     def applies(self, robot: Robot) -> bool:
@@ -78,6 +72,17 @@ class RandomJoint(Generator):
             joint for joint, upper in zip(robot.joint_names, upper_body(robot), strict=True) if upper
         )
 
+
+class RandomJoint(_UpperBody):
+    """Random positions between 10 % and 90 % of the range, run as fast as the limits allow.
+
+    For each degree of freedom in turn there are motions that throw it through its range while the other
+    joints use a random part of theirs. Legs of a standing robot only balance.
+    """
+
+    name: ClassVar[str] = "random_joint"
+    summary: ClassVar[str] = "random positions in 10–90 % of each joint's range, upper body or arm"
+
     def draw(self, robot: Robot, seed: int, targets: tuple[str, ...], name: str) -> Candidate:
         """A spline through random control points, from rest to rest."""
         rng = np.random.default_rng(seed)
@@ -85,8 +90,7 @@ class RandomJoint(Generator):
         others = rng.uniform(*_OTHERS, size=robot.n_joints)
         draws = posture_draws(robot, targets, others, 3, 3 + n)
         posture = posture_curve(robot, draws, n + 6, rng)
-        feet = tuple(foot.name for foot in robot.feet)
-        phases = (SupportPhase(0.0, posture.length, feet),) if feet else ()
+        phases = all_feet(robot, posture.length)
         return Candidate(name, self.name, targets, seed, posture, draws=draws, phases=phases)
 
 
@@ -125,7 +129,7 @@ def amplitude_scale(a: Array, b: Array, omega: float, position: Array, velocity:
     return np.asarray(np.minimum(position / reach, velocity / speed))
 
 
-class Fourier(Generator):
+class Fourier(_UpperBody):
     """Fourier series whose coefficients are drawn, then scaled to the limits.
 
     The offset lies between the rest posture and the middle of each joint's range for an arm, and at rest for
@@ -134,16 +138,6 @@ class Fourier(Generator):
 
     name: ClassVar[str] = "fourier"
     summary: ClassVar[str] = "finite Fourier series with random coefficients, upper body or arm"
-
-    def applies(self, robot: Robot) -> bool:
-        """Always."""
-        return True
-
-    def aims(self, robot: Robot) -> tuple[str, ...]:
-        """Every joint that is in no leg."""
-        return tuple(
-            joint for joint, upper in zip(robot.joint_names, upper_body(robot), strict=True) if upper
-        )
 
     def draw(self, robot: Robot, seed: int, targets: tuple[str, ...], name: str) -> Candidate:
         """One period of a series with five harmonics; the targets use the whole of their limits."""
@@ -164,8 +158,7 @@ class Fourier(Generator):
         share[~moving] = 0.0
         factor = share * amplitude_scale(a, b, omega, reach, 0.8 * robot.limits.velocity)
         curve = FourierCurve(offset, factor[:, None] * a, factor[:, None] * b, omega)
-        feet = tuple(foot.name for foot in robot.feet)
-        phases = (SupportPhase(0.0, curve.length, feet),) if feet else ()
+        phases = all_feet(robot, curve.length)
         return Candidate(name, self.name, targets, seed, curve, speed=1.0, phases=phases)
 
 

@@ -13,14 +13,16 @@ from excite.motion.generators.registry import GENERATORS, make_generator
 from excite.robot.robot import Robot
 from excite.robot.shapes.shape import has_area
 
-# Shares of a plan. Leg swings are what completes the rank of the base-link regressor.
-STANDING_MIX: Mapping[str, float] = {"random_joint": 0.5, "leg_swing": 0.3, "squat": 0.2}
-ARM_MIX: Mapping[str, float] = {"random_joint": 0.5, "fourier": 0.5}
-MANY_FEET_MIX: Mapping[str, float] = {"random_joint": 0.2, "sway": 0.4, "foot_swing": 0.4}
-# The same where joints are aimed at. Squats load legs as no swing does.
-AIMED_STANDING_MIX: Mapping[str, float] = {"aimed": 0.8, "squat": 0.2}
-AIMED_ARM_MIX: Mapping[str, float] = {"aimed": 1.0}
-AIMED_MANY_FEET_MIX: Mapping[str, float] = {"aimed": 0.4, "sway": 0.2, "foot_swing": 0.4}
+# Shares of a plan by what a robot stands on, and of one that aims at some joints. Leg swings complete the rank
+# of the base-link regressor; squats load legs as no swing does.
+MIXES: Mapping[str, tuple[Mapping[str, float], Mapping[str, float]]] = {
+    "nothing": ({"random_joint": 0.5, "fourier": 0.5}, {"aimed": 1.0}),
+    "two feet": ({"random_joint": 0.5, "leg_swing": 0.3, "squat": 0.2}, {"aimed": 0.8, "squat": 0.2}),
+    "more feet": (
+        {"random_joint": 0.2, "sway": 0.4, "foot_swing": 0.4},
+        {"aimed": 0.4, "sway": 0.2, "foot_swing": 0.4},
+    ),
+}
 
 
 def draw_candidate(robot: Robot, proposal: Proposal) -> Candidate:
@@ -104,12 +106,8 @@ def usual_mix(robot: Robot, *, aimed: bool) -> dict[str, float]:
             field="feet",
             remedy="describe more feet or corners, or say that its base is suspended or held",
         )
-    if len(robot.feet) > 2:
-        usual = AIMED_MANY_FEET_MIX if aimed else MANY_FEET_MIX
-    elif robot.feet:
-        usual = AIMED_STANDING_MIX if aimed else STANDING_MIX
-    else:
-        usual = AIMED_ARM_MIX if aimed else ARM_MIX
+    stands = "nothing" if not robot.feet else "two feet" if len(robot.feet) <= 2 else "more feet"
+    usual = MIXES[stands][int(aimed)]
     shares = {name: share for name, share in usual.items() if make_generator(name).applies(robot)}
     if not shares:
         needs = "; ".join(f"{name}: {make_generator(name).needs}" for name in usual)

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.motion.motion import Motion
 from excite.robot.prismatic import sliding_joints
 from excite.robot.robot import Robot
 from excite.safety.checks.sweep import Sweep
@@ -40,8 +39,7 @@ class CheckResult:
 class Check(ABC):
     """A judgement on a motion. It repairs nothing, and what it cannot compute it does not let pass.
 
-    Subclasses are final: to add a check write one file with one subclass and name it in
-    :data:`excite.safety.check.CHECKS`.
+    The package's own are functions, a row each of :data:`excite.safety.check.CHECKS`; others derive from this.
 
     Attributes:
         name: registry name.
@@ -54,10 +52,6 @@ class Check(ABC):
     @abstractmethod
     def judge(self, sweep: Sweep) -> CheckResult:
         """Judge a motion; quantities that several checks need are computed once, in the sweep."""
-
-    def run(self, robot: Robot, motion: Motion) -> CheckResult:
-        """Judge a motion on its own, without the other checks."""
-        return self.judge(Sweep(robot, motion))
 
 
 def first_violations(
@@ -86,6 +80,13 @@ def first_violations(
             Violation(kind, float(time[row]), names[column], value if np.isfinite(value) else None, limit)
         )
     return tuple(found)
+
+
+def first_violation(
+    kind: str, where: str, time: Array, values: Array, limit: float, bad: NDArray[np.bool_]
+) -> tuple[Violation, ...]:
+    """The violation at the first bad of times, ``(n,)`` each, if any is; arguments as of :func:`first_violations`."""
+    return first_violations(kind, (where,), time, values[:, None], np.array([limit]), bad[:, None])
 
 
 def nearest_joints(kind: str, robot: Robot, room: Array) -> tuple[Nearest, ...]:

@@ -7,7 +7,6 @@ from bisect import bisect_left, bisect_right
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import count
-from typing import ClassVar
 
 import numpy as np
 import pinocchio as pin
@@ -24,7 +23,7 @@ from excite.robot.shapes.collision import (
     pair_distance,
     watched_model,
 )
-from excite.safety.checks.base import Check, CheckResult
+from excite.safety.checks.base import CheckResult
 from excite.safety.checks.sweep import Sweep
 from excite.safety.verdict import Violation
 
@@ -56,7 +55,7 @@ class Closest:
     found: dict[int, tuple[float, float]]
 
 
-class SelfCollisionCheck(Check):
+def judge_self_collision(sweep: Sweep) -> CheckResult:
     """Bodies keep the distance that ``collision.margin`` of the robot asks for.
 
     The margin is a lower bound of the smallest distance over all pairs and all instants, 1 mm below it at
@@ -72,24 +71,19 @@ class SelfCollisionCheck(Check):
     search that ends undecided leaves the margin None. It means nothing for a robot each of whose moving bodies has a
     shape and no two of which need stay apart: a pendulum's touch at their joints alone.
     """
-
-    name: ClassVar[str] = "self_collision"
-    margin_field: ClassVar[str | None] = "self_collision_m"
-
-    def judge(self, sweep: Sweep) -> CheckResult:
-        required = sweep.robot.description.collision.margin
-        distances = Distances(sweep)
-        if not distances.n_pairs:
-            if _all_have_shapes(sweep.robot):
-                return CheckResult(applicable=False)
-            return CheckResult(violations=(Violation("no_collision_pairs", None, "collision", None, None),))
-        closest = find_closest(distances, required)
-        if closest.found:
-            firsts = [
-                distances.first_below(pair, required, *event) for pair, event in sorted(closest.found.items())
-            ]
-            return CheckResult(closest.upper, tuple(firsts))
-        return CheckResult(closest.lower if closest.lower >= required else None)
+    required = sweep.robot.description.collision.margin
+    distances = Distances(sweep)
+    if not distances.n_pairs:
+        if _all_have_shapes(sweep.robot):
+            return CheckResult(applicable=False)
+        return CheckResult(violations=(Violation("no_collision_pairs", None, "collision", None, None),))
+    closest = find_closest(distances, required)
+    if closest.found:
+        firsts = [
+            distances.first_below(pair, required, *event) for pair, event in sorted(closest.found.items())
+        ]
+        return CheckResult(closest.upper, tuple(firsts))
+    return CheckResult(closest.lower if closest.lower >= required else None)
 
 
 def _all_have_shapes(robot: Robot) -> bool:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.safety.checks.base import Check, CheckResult
+from excite.safety.checks.base import CheckResult, first_violation
 from excite.safety.checks.sweep import Sweep
 from excite.safety.ground_forces import RESIDUAL_TOLERANCE, polygon_margin
 from excite.safety.verdict import Violation
@@ -25,90 +25,58 @@ MIN_WEIGHT_SHARE = 0.2
 STEP_S = 1.5
 
 
-class ZeroMomentPointCheck(Check):
+def judge_zero_moment_point(sweep: Sweep) -> CheckResult:
     """The zero-moment point stays inside the support polygon, at every sample of the finer grid.
 
     The polygon is the hull of the soles of all feet whose contact flag is set, projected on level ground at
     height zero. The margin is None if the robot has no contact or leaves the ground anywhere.
     """
-
-    name: ClassVar[str] = "zmp"
-    margin_field: ClassVar[str | None] = "zmp_m"
-
-    def judge(self, sweep: Sweep) -> CheckResult:
-        robot, time = sweep.robot, sweep.fine.time
-        if not robot.feet:
-            return CheckResult(applicable=False)
-        violations = []
-        airborne: NDArray[np.bool_] = np.logical_not(sweep.contacts.any(axis=1))
-        if airborne.any():
-            violations.append(Violation("no_contact", _first_time(time, airborne), "feet", None, None))
-        share = sweep.wrench[:, 2] / (robot.mass * np.linalg.norm(robot.model.gravity.linear))
-        light = np.logical_not(share >= MIN_WEIGHT_SHARE)
-        if light.any():
-            value = float(share[int(np.argmax(light))])
-            violations.append(
-                Violation("weight_share", _first_time(time, light), "feet", value, MIN_WEIGHT_SHARE)
-            )
-        margin = support_margin(sweep, sweep.zmp)
-        outside = margin < ZMP_MARGIN
-        if outside.any():
-            value = float(margin[int(np.argmax(outside))])
-            violations.append(
-                Violation("zmp", _first_time(time, outside), _name_feet(sweep, outside), value, ZMP_MARGIN)
-            )
-        smallest = float(margin.min())
-        return CheckResult(smallest if np.isfinite(smallest) else None, tuple(violations))
+    robot, time = sweep.robot, sweep.fine.time
+    if not robot.feet:
+        return CheckResult(applicable=False)
+    airborne: NDArray[np.bool_] = np.logical_not(sweep.contacts.any(axis=1))
+    found: tuple[Violation, ...] = ()
+    if airborne.any():
+        found = (Violation("no_contact", float(time[int(np.argmax(airborne))]), "feet", None, None),)
+    share = sweep.wrench[:, 2] / (robot.mass * np.linalg.norm(robot.model.gravity.linear))
+    light = np.logical_not(share >= MIN_WEIGHT_SHARE)
+    found += first_violation("weight_share", "feet", time, share, MIN_WEIGHT_SHARE, light)
+    margin = support_margin(sweep, sweep.zmp)
+    outside = margin < ZMP_MARGIN
+    found += first_violation("zmp", _name_feet(sweep, outside), time, margin, ZMP_MARGIN, outside)
+    smallest = float(margin.min())
+    return CheckResult(smallest if np.isfinite(smallest) else None, found)
 
 
-class CentreOfMassCheck(Check):
+def judge_centre_of_mass(sweep: Sweep) -> CheckResult:
     """The centre of mass stays above the support polygon, so that the motion may be stopped.
 
     Judged at the first and the last sample, and throughout every contact phase of at least :data:`STEP_S`;
     in the shorter phases of a walk the zero-moment point alone decides.
     """
-
-    name: ClassVar[str] = "com"
-
-    def judge(self, sweep: Sweep) -> CheckResult:
-        if not sweep.robot.feet:
-            return CheckResult(applicable=False)
-        time = sweep.fine.time
-        margin = support_margin(sweep, sweep.dynamics.com[:, :2])
-        outside = ~(margin >= ZMP_MARGIN) & _stance_samples(sweep)
-        if not outside.any():
-            return CheckResult()
-        value = float(margin[int(np.argmax(outside))])
-        found = Violation(
-            "com",
-            _first_time(time, outside),
-            _name_feet(sweep, outside),
-            value if np.isfinite(value) else None,
-            ZMP_MARGIN,
-        )
-        return CheckResult(violations=(found,))
+    if not sweep.robot.feet:
+        return CheckResult(applicable=False)
+    time = sweep.fine.time
+    margin = support_margin(sweep, sweep.dynamics.com[:, :2])
+    outside = ~(margin >= ZMP_MARGIN) & _stance_samples(sweep)
+    where = _name_feet(sweep, outside)
+    return CheckResult(violations=first_violation("com", where, time, margin, ZMP_MARGIN, outside))
 
 
-class ContactWrenchCheck(Check):
+def judge_contact_wrench(sweep: Sweep) -> CheckResult:
     """Forces inside the soles' friction pyramids can supply the whole required wrench.
 
     Stronger than the zero-moment point: it also excludes slipping and turning on the spot. Evaluated at about
     200 Hz (:data:`~excite.safety.checks.sweep.TORQUE_RATE_HZ`).
     """
-
-    name: ClassVar[str] = "contact_wrench"
-
-    def judge(self, sweep: Sweep) -> CheckResult:
-        if not sweep.robot.feet:
-            return CheckResult(applicable=False)
-        residual = sweep.contact_forces[0].residual
-        bad = ~(residual <= RESIDUAL_TOLERANCE)
-        if not bad.any():
-            return CheckResult()
-        row = int(np.argmax(bad))
-        value = float(residual[row]) if np.isfinite(residual[row]) else None
-        time = float(sweep.fine.time[sweep.torque_samples[row]])
-        return CheckResult(violations=(Violation("contact_wrench", time, "feet", value, RESIDUAL_TOLERANCE),))
+    if not sweep.robot.feet:
+        return CheckResult(applicable=False)
+    residual = sweep.contact_forces[0].residual
+    bad = ~(residual <= RESIDUAL_TOLERANCE)
+    time = sweep.fine.time[sweep.torque_samples]
+    return CheckResult(
+        violations=first_violation("contact_wrench", "feet", time, residual, RESIDUAL_TOLERANCE, bad)
+    )
 
 
 def support_margin(sweep: Sweep, points: Array) -> Array:
@@ -133,10 +101,6 @@ def _stance_samples(sweep: Sweep) -> NDArray[np.bool_]:
     return judged
 
 
-def _first_time(time: Array, bad: NDArray[np.bool_]) -> float:
-    return float(time[int(np.argmax(bad))])
-
-
 def _name_feet(sweep: Sweep, bad: NDArray[np.bool_]) -> str:
     row = sweep.contacts[int(np.argmax(bad))]
     return "+".join(foot.name for foot, flag in zip(sweep.robot.feet, row, strict=True) if flag) or "feet"
@@ -150,26 +114,22 @@ SLIP_TOLERANCE = 0.003  # way of a loaded sole's corner from where it was put do
 SLIP_SPEED_TOLERANCE = 0.03  # its horizontal speed [m/s]
 
 
-class FootCheck(Check):
+def judge_feet(sweep: Sweep) -> CheckResult:
     """Soles against level ground at height zero, at every sample of the finer grid.
 
     While a foot's contact flag is set, each corner of its sole stays within 3 mm of the ground and within 3
     mm horizontally of where the phase began, and moves at no more than 0.03 m/s. While it is not set no
     corner is more than 3 mm below the ground.
     """
-
-    name: ClassVar[str] = "foot"
-
-    def judge(self, sweep: Sweep) -> CheckResult:
-        if not sweep.robot.feet:
-            return CheckResult(applicable=False)
-        found: list[Violation] = []
-        for i, foot in enumerate(sweep.robot.feet):
-            found += _judge_foot(foot.name, sweep.fine.time, sweep.sole_corners[i], sweep.contacts[:, i])
-        return CheckResult(violations=tuple(found))
+    if not sweep.robot.feet:
+        return CheckResult(applicable=False)
+    found: tuple[Violation, ...] = ()
+    for i, foot in enumerate(sweep.robot.feet):
+        found += _judge_foot(foot.name, sweep.fine.time, sweep.sole_corners[i], sweep.contacts[:, i])
+    return CheckResult(violations=found)
 
 
-def _judge_foot(name: str, time: Array, corners: Array, loaded: NDArray[np.bool_]) -> list[Violation]:
+def _judge_foot(name: str, time: Array, corners: Array, loaded: NDArray[np.bool_]) -> tuple[Violation, ...]:
     low, high = corners[:, :, 2].min(axis=1), corners[:, :, 2].max(axis=1)
     slip, speed = np.zeros(len(time)), np.zeros(len(time))
     # A phase starts where the flag rises.
@@ -186,9 +146,5 @@ def _judge_foot(name: str, time: Array, corners: Array, loaded: NDArray[np.bool_
         ("foot_slip", loaded & ~(slip <= SLIP_TOLERANCE), slip, SLIP_TOLERANCE),
         ("foot_slip_speed", loaded & ~(speed <= SLIP_SPEED_TOLERANCE), speed, SLIP_SPEED_TOLERANCE),
     )
-    found = []
-    for kind, bad, values, limit in cases:
-        if bad.any():
-            row = int(np.argmax(bad))
-            found.append(Violation(kind, float(time[row]), name, float(values[row]), limit))
-    return found
+    found = (first_violation(kind, name, time, values, limit, bad) for kind, bad, values, limit in cases)
+    return tuple(chain.from_iterable(found))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import ClassVar
 
 import numpy as np
 
@@ -13,7 +12,7 @@ from excite.motion.files import thinned
 from excite.motion.motion import Motion
 from excite.robot.joint_values import per_joint
 from excite.robot.robot import Robot
-from excite.safety.checks.base import Check, CheckResult, first_violations, nearest_joints
+from excite.safety.checks.base import CheckResult, first_violations, nearest_joints
 from excite.safety.checks.control_points import jerk_bounds
 from excite.safety.checks.motion import coordinate_names, velocity_tolerance
 from excite.safety.checks.sweep import FINER, MIN_RATE_HZ, Sweep
@@ -30,51 +29,33 @@ from excite.safety.verdict import Violation
 _ROUNDING = 1e-6
 
 
-class JointPositionCheck(Check):
+def judge_positions(sweep: Sweep) -> CheckResult:
     """Joints stay inside their range."""
-
-    name: ClassVar[str] = "joint_position"
-    margin_field: ClassVar[str | None] = "joint_position_rad"
-
-    def judge(self, sweep: Sweep) -> CheckResult:
-        limits, low, high = sweep.robot.limits, sweep.bounds.lowest, sweep.bounds.highest
-        lower = limits.while_between("position_lower", low, high)
-        upper = limits.while_between("position_upper", low, high)
-        below, above = lower - low, high - upper
-        excess = np.maximum(below, above)
-        bad = excess > _ROUNDING * (limits.position_upper - limits.position_lower)
-        values = np.where(below > above, low, high)
-        passed = np.where(below > above, lower, upper)
-        names, time = sweep.robot.joint_names, sweep.fine.time
-        return CheckResult(
-            float(-excess.max()),
-            first_violations("joint_position", names, time, values, passed, bad),
-            nearest=nearest_joints("joint_position", sweep.robot, -excess.max(axis=0)),
-        )
+    limits, low, high = sweep.robot.limits, sweep.bounds.lowest, sweep.bounds.highest
+    lower = limits.while_between("position_lower", low, high)
+    upper = limits.while_between("position_upper", low, high)
+    below, above = lower - low, high - upper
+    excess = np.maximum(below, above)
+    bad = excess > _ROUNDING * (limits.position_upper - limits.position_lower)
+    values = np.where(below > above, low, high)
+    passed = np.where(below > above, lower, upper)
+    names, time = sweep.robot.joint_names, sweep.fine.time
+    return CheckResult(
+        float(-excess.max()),
+        first_violations("joint_position", names, time, values, passed, bad),
+        nearest=nearest_joints("joint_position", sweep.robot, -excess.max(axis=0)),
+    )
 
 
-class JointVelocityCheck(Check):
-    """Joint speeds stay below their limits."""
-
-    name: ClassVar[str] = "joint_velocity"
-    margin_field: ClassVar[str | None] = "joint_velocity_rad_s"
-
-    def judge(self, sweep: Sweep) -> CheckResult:
-        return magnitude_result("joint_velocity", sweep, sweep.bounds.speed, _limits(sweep, "velocity"))
+def judge_rates(quantity: str, sweep: Sweep) -> CheckResult:
+    """Joint speeds, or accelerations, stay below their limits, those that depend on positions too."""
+    bounds = sweep.bounds
+    values = bounds.speed if quantity == "velocity" else bounds.acceleration
+    limits = sweep.robot.limits.while_between(quantity, bounds.lowest, bounds.highest)
+    return magnitude_result(f"joint_{quantity}", sweep, values, limits)
 
 
-class JointAccelerationCheck(Check):
-    """Joint accelerations stay below their limits."""
-
-    name: ClassVar[str] = "joint_acceleration"
-    margin_field: ClassVar[str | None] = "joint_acceleration_rad_s2"
-
-    def judge(self, sweep: Sweep) -> CheckResult:
-        values, limits = sweep.bounds.acceleration, _limits(sweep, "acceleration")
-        return magnitude_result("joint_acceleration", sweep, values, limits)
-
-
-class JointJerkCheck(Check):
+def judge_jerks(sweep: Sweep) -> CheckResult:
     """Accelerations change no faster than the jerk limit lets them, at the start and the end from and to rest.
 
     Of dense samples the mean jerk from sample to sample is judged, which is never more than the motion's own: what is
@@ -82,30 +63,20 @@ class JointJerkCheck(Check):
     through them, whose control points are bounded. Of positions alone the jerk is that of the spline through no more
     than :data:`~excite.safety.checks.sweep.MIN_RATE_HZ` of them a second: six decimals at 500 Hz are 500 rad/s³.
     """
-
-    name: ClassVar[str] = "joint_jerk"
-    margin_field: ClassVar[str | None] = "joint_jerk_rad_s3"
-
-    def judge(self, sweep: Sweep) -> CheckResult:
-        motion, own = sweep.motion, (sweep.motion.n_samples - 1) / sweep.motion.duration
-        if own * FINER < MIN_RATE_HZ * (1.0 - _ROUNDING):
-            motion = sweep.fine
-            values = jerk_bounds(motion)
-        else:
-            if motion.curve == "spline" and own >= 2.0 * MIN_RATE_HZ:
-                motion = thinned(motion, int(own / MIN_RATE_HZ))
-            values = np.abs(np.diff(motion.joint_accelerations(), axis=0)) / np.diff(motion.time)[:, None]
-        step = np.diff(motion.time)
-        for row, neighbour in ((0, motion.metadata.previous), (-1, motion.metadata.following)):
-            if not neighbour:
-                jump = np.abs(motion.joint_accelerations()[row]) / step[row]
-                values[row] = np.maximum(values[row], jump)
-        return magnitude_result("joint_jerk", sweep, values, sweep.robot.limits.jerk, motion.time)
-
-
-def _limits(sweep: Sweep, quantity: str) -> Array:
-    """Limits of a quantity on the intervals of the finer grid, those that depend on positions too."""
-    return sweep.robot.limits.while_between(quantity, sweep.bounds.lowest, sweep.bounds.highest)
+    motion, own = sweep.motion, (sweep.motion.n_samples - 1) / sweep.motion.duration
+    if own * FINER < MIN_RATE_HZ * (1.0 - _ROUNDING):
+        motion = sweep.fine
+        values = jerk_bounds(motion)
+    else:
+        if motion.curve == "spline" and own >= 2.0 * MIN_RATE_HZ:
+            motion = thinned(motion, int(own / MIN_RATE_HZ))
+        values = np.abs(np.diff(motion.joint_accelerations(), axis=0)) / np.diff(motion.time)[:, None]
+    step = np.diff(motion.time)
+    for row, neighbour in ((0, motion.metadata.previous), (-1, motion.metadata.following)):
+        if not neighbour:
+            jump = np.abs(motion.joint_accelerations()[row]) / step[row]
+            values[row] = np.maximum(values[row], jump)
+    return magnitude_result("joint_jerk", sweep, values, sweep.robot.limits.jerk, motion.time)
 
 
 def magnitude_result(
@@ -127,31 +98,27 @@ def magnitude_result(
 TOLERANCE = 1e-4
 
 
-class MechanismCheck(Check):
+def judge_mechanism(sweep: Sweep) -> CheckResult:
     """Loops are closed and coupled joints move together, so that what follows from them can be believed.
 
     Motions whose mechanism is open tell of a robot that does not exist; near a singular position its joints do not
     follow from the motors, and nothing about their torques can be computed.
     """
-
-    name: ClassVar[str] = "mechanism"
-
-    def judge(self, sweep: Sweep) -> CheckResult:
-        mechanism = sweep.robot.mechanism
-        if mechanism is None:
-            return CheckResult()
-        gaps, time = mechanism.gaps(sweep.fine.q), sweep.fine.time
-        worst = int(np.argmax(gaps > TOLERANCE))
-        if gaps[worst] > TOLERANCE:
-            where = mechanism.widest(sweep.fine.q[worst])
-            found = Violation("mechanism_open", float(time[worst]), where, float(gaps[worst]), TOLERANCE)
-            return CheckResult(violations=(found,), readable=False)
-        try:
-            mechanism.motion_maps(sweep.fine.q)
-        except MotionError as error:
-            found = Violation("mechanism_singular", None, error.field or "loops", None, None)
-            return CheckResult(violations=(found,), readable=False)
+    mechanism = sweep.robot.mechanism
+    if mechanism is None:
         return CheckResult()
+    gaps, time = mechanism.gaps(sweep.fine.q), sweep.fine.time
+    worst = int(np.argmax(gaps > TOLERANCE))
+    if gaps[worst] > TOLERANCE:
+        where = mechanism.widest(sweep.fine.q[worst])
+        found = Violation("mechanism_open", float(time[worst]), where, float(gaps[worst]), TOLERANCE)
+        return CheckResult(violations=(found,), readable=False)
+    try:
+        mechanism.motion_maps(sweep.fine.q)
+    except MotionError as error:
+        found = Violation("mechanism_singular", None, error.field or "loops", None, None)
+        return CheckResult(violations=(found,), readable=False)
+    return CheckResult()
 
 
 # Motions start and end at rest, or where another one ends and starts.
@@ -160,40 +127,34 @@ class MechanismCheck(Check):
 _APART = 1e-5
 
 
-class RestCheck(Check):
+def judge_rest(sweep: Sweep) -> CheckResult:
     """Velocities of joints and base at the first and the last sample.
 
     A controller that is handed a motion starts it from a standing robot and stops where it ends. What counts as
-    standing is what :class:`~excite.safety.checks.motion.SamplingCheck` lets velocities be off by: half a percent of
+    standing is what :func:`~excite.safety.checks.motion.judge_sampling` lets velocities be off by: half a percent of
     a joint's limit. Motions that start and end at rest, sampled at 50 to 1000 Hz and stripped of all but positions,
     use up to 14 % of that. A motion whose file names the one before or after it may start or end moving, if that one is
     among those that are judged together, names it in turn, and ends or starts in the same posture with the same
     velocities and contacts; and if the chain comes from rest and to rest at its ends.
     """
-
-    name: ClassVar[str] = "rest"
-
-    def judge(self, sweep: Sweep) -> CheckResult:
-        robot, motion = sweep.robot, sweep.motion
-        names = coordinate_names(robot)
-        found: list[Violation] = []
-        for row, kind in ((0, "starts_moving"), (-1, "ends_moving")):
-            neighbour = _neighbour_name(motion, row)
-            speed, limit = np.abs(motion.v[row]), velocity_tolerance(robot)
-            if neighbour:
-                apart = _open_end(motion, row, sweep.neighbours) or _describe_misfit(
-                    robot, motion, row, sweep.neighbours[neighbour]
-                )
-                if apart is not None:
-                    time = float(motion.time[row])
-                    found.append(Violation("chain_does_not_fit", time, f"{neighbour} ({apart})", None, None))
-                continue
-            for column in np.flatnonzero(~(speed <= limit)):
-                value = float(speed[column])
-                found.append(
-                    Violation(kind, float(motion.time[row]), names[column], value, float(limit[column]))
-                )
-        return CheckResult(violations=tuple(found))
+    robot, motion = sweep.robot, sweep.motion
+    names = coordinate_names(robot)
+    found: list[Violation] = []
+    for row, kind in ((0, "starts_moving"), (-1, "ends_moving")):
+        neighbour = _neighbour_name(motion, row)
+        speed, limit = np.abs(motion.v[row]), velocity_tolerance(robot)
+        if neighbour:
+            apart = _open_end(motion, row, sweep.neighbours) or _describe_misfit(
+                robot, motion, row, sweep.neighbours[neighbour]
+            )
+            if apart is not None:
+                time = float(motion.time[row])
+                found.append(Violation("chain_does_not_fit", time, f"{neighbour} ({apart})", None, None))
+            continue
+        for column in np.flatnonzero(~(speed <= limit)):
+            value = float(speed[column])
+            found.append(Violation(kind, float(motion.time[row]), names[column], value, float(limit[column])))
+    return CheckResult(violations=tuple(found))
 
 
 def _open_end(motion: Motion, row: int, others: Mapping[str, Motion]) -> str | None:
@@ -239,7 +200,7 @@ def _is_near(a: Array, b: Array, tolerance: Array) -> bool:
 # Torque limits of the joints, with the ground's forces in the legs.
 
 
-class JointTorqueCheck(Check):
+def judge_torques(sweep: Sweep) -> CheckResult:
     """Drive torques stay below their limits: ``τ = RNEA(q, v, a) − Σ Jᵀ f`` plus the drives' own friction
     and inertia.
 
@@ -248,27 +209,20 @@ class JointTorqueCheck(Check):
     and the smallest forces are taken (:func:`~excite.safety.ground_forces.distribute_wrench`). Where the
     contacts cannot carry the motion there is no torque to speak of and the margin is None.
     """
-
-    name: ClassVar[str] = "joint_torque"
-    margin_field: ClassVar[str | None] = "joint_torque_nm"
-
-    def judge(self, sweep: Sweep) -> CheckResult:
-        robot, samples = sweep.robot, sweep.torque_samples
-        tau = drive_torques(sweep)
-        limits = robot.limits.while_between("torque", sweep.fine.q[samples, robot.n_base_q :])
-        bad = ~(np.abs(tau) <= limits) & np.isfinite(tau)
-        time = sweep.fine.time[samples]
-        violations = first_violations("joint_torque", robot.joint_names, time, np.abs(tau), limits, bad)
-        computed = np.isfinite(tau).all() and not (
-            bool(robot.feet)
-            and robot.floating
-            and (sweep.contact_forces[0].residual > RESIDUAL_TOLERANCE).any()
-        )
-        if not computed:
-            return CheckResult(violations=violations)
-        room = limits - np.abs(tau)
-        nearest = nearest_joints("joint_torque", robot, room.min(axis=0))
-        return CheckResult(float(room.min()), violations, nearest=nearest)
+    robot, samples = sweep.robot, sweep.torque_samples
+    tau = drive_torques(sweep)
+    limits = robot.limits.while_between("torque", sweep.fine.q[samples, robot.n_base_q :])
+    bad = ~(np.abs(tau) <= limits) & np.isfinite(tau)
+    time = sweep.fine.time[samples]
+    violations = first_violations("joint_torque", robot.joint_names, time, np.abs(tau), limits, bad)
+    computed = np.isfinite(tau).all() and not (
+        bool(robot.feet) and robot.floating and (sweep.contact_forces[0].residual > RESIDUAL_TOLERANCE).any()
+    )
+    if not computed:
+        return CheckResult(violations=violations)
+    room = limits - np.abs(tau)
+    nearest = nearest_joints("joint_torque", robot, room.min(axis=0))
+    return CheckResult(float(room.min()), violations, nearest=nearest)
 
 
 def drive_torques(sweep: Sweep) -> Array:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 import numpy as np
 import pinocchio as pin
 
@@ -11,7 +9,7 @@ from excite.arrays import Array
 from excite.motion.motion import Motion
 from excite.motion.setpoints import LONGEST_GOAL_S, SLOWEST_SAMPLES_HZ, is_sparse
 from excite.robot.robot import Robot
-from excite.safety.checks.base import Check, CheckResult, first_violations
+from excite.safety.checks.base import CheckResult, first_violations
 from excite.safety.checks.sweep import Sweep
 from excite.safety.verdict import Violation
 
@@ -30,7 +28,7 @@ _BASE_VELOCITY_TOLERANCE = (0.01, 0.02)
 _BASE_ACCELERATION_TOLERANCE = (0.2, 0.3)
 
 
-class SamplingCheck(Check):
+def judge_sampling(sweep: Sweep) -> CheckResult:
     """Shapes, joint order, finite values, time, contact flags, and v, a as derivatives of q.
 
     The first five kinds leave nothing that could be computed (``readable`` is False). The derivatives are
@@ -38,19 +36,15 @@ class SamplingCheck(Check):
     ``Δq/h = (v₀+v₁)/2 − h(a₁−a₀)/12 + O(h⁴)`` and ``Δv/h = (a₀+a₁)/2 + O(h²)``, with room for an acceleration
     that jumps once inside the interval, as time-optimal motions do.
     """
-
-    name: ClassVar[str] = "sampling"
-
-    def judge(self, sweep: Sweep) -> CheckResult:
-        robot, motion = sweep.robot, sweep.motion
-        for broken in (_check_structure(robot, motion), _check_values(motion), time_faults(motion)):
-            if broken:
-                return CheckResult(violations=broken, readable=False)
-        contacts = _check_contacts(robot, motion)
-        if contacts:
-            return CheckResult(violations=contacts, readable=False)
-        # Between setpoints a controller runs the curve that these ask for, whatever it does.
-        return CheckResult(violations=() if motion.is_goal else _check_derivatives(robot, motion))
+    robot, motion = sweep.robot, sweep.motion
+    for broken in (_check_structure(robot, motion), _check_values(motion), time_faults(motion)):
+        if broken:
+            return CheckResult(violations=broken, readable=False)
+    contacts = _check_contacts(robot, motion)
+    if contacts:
+        return CheckResult(violations=contacts, readable=False)
+    # Between setpoints a controller runs the curve that these ask for, whatever it does.
+    return CheckResult(violations=() if motion.is_goal else _check_derivatives(robot, motion))
 
 
 def coordinate_names(robot: Robot) -> tuple[str, ...]:
@@ -107,25 +101,23 @@ def time_faults(motion: Motion) -> tuple[Violation, ...]:
     if len(time) < 3:
         return (Violation("too_few_samples", None, "time", float(len(time)), 3.0),)
     step = np.diff(time)
-    if (step <= 0.0).any():
-        k = int(np.argmax(step <= 0.0))
-        return (Violation("time_not_increasing", float(time[k]), "time", float(step[k]), 0.0),)
     median = float(np.median(step))
+    shortest, longest = _SHORTEST_STEP * median, min(_STEP_RATIO * median, 1.0 / SLOWEST_SAMPLES_HZ)
+    sparse = not motion.is_goal and is_sparse(time)
+    cases = [("time_not_increasing", step <= 0.0, 0.0)]
     if motion.is_goal:
-        if motion.duration > LONGEST_GOAL_S:
-            k = int(np.argmax(step))
-            return (Violation("time_gap", float(time[k]), "time", float(step[k]), LONGEST_GOAL_S),)
-        return ()
-    if is_sparse(time):
-        return (Violation("rate_too_low", None, "time", 1.0 / median, SLOWEST_SAMPLES_HZ),)
-    if (step < _SHORTEST_STEP * median).any():
-        k = int(np.argmax(step < _SHORTEST_STEP * median))
-        return (Violation("time_step", float(time[k]), "time", float(step[k]), _SHORTEST_STEP * median),)
-    longest = min(_STEP_RATIO * median, 1.0 / SLOWEST_SAMPLES_HZ)
-    if (step > longest * (1.0 + 1e-9)).any():
-        k = int(np.argmax(step > longest * (1.0 + 1e-9)))
-        return (Violation("time_gap", float(time[k]), "time", float(step[k]), longest),)
-    return ()
+        too_long = (step == step.max()) & (motion.duration > LONGEST_GOAL_S)
+        cases.append(("time_gap", too_long, LONGEST_GOAL_S))
+    elif not sparse:
+        cases += [
+            ("time_step", step < shortest, shortest),
+            ("time_gap", step > longest * (1.0 + 1e-9), longest),
+        ]
+    for kind, bad, limit in cases:
+        if bad.any():
+            k = int(np.argmax(bad))
+            return (Violation(kind, float(time[k]), "time", float(step[k]), limit),)
+    return (Violation("rate_too_low", None, "time", 1.0 / median, SLOWEST_SAMPLES_HZ),) if sparse else ()
 
 
 def _check_contacts(robot: Robot, motion: Motion) -> tuple[Violation, ...]:
@@ -177,23 +169,19 @@ def _derivative_tolerances(robot: Robot) -> tuple[Array, Array]:
 # Is it this robot's motion, and the one that was judged?
 
 
-class IdentityCheck(Check):
+def judge_identity(sweep: Sweep) -> CheckResult:
     """What a motion's file says of its robot and of its samples has to be so.
 
     A motion of another robot, or of this one with another description, geometry or limits, may fit by its joints' names
     and hit something all the same. Samples that are not those of the stated hash were changed by somebody who judged
     nothing. A motion that states neither, as one that was made elsewhere, is judged by its samples alone.
     """
-
-    name: ClassVar[str] = "identity"
-
-    def judge(self, sweep: Sweep) -> CheckResult:
-        robot, motion = sweep.robot, sweep.motion
-        found = []
-        if motion.robot != robot.name:
-            found.append(Violation("other_robot", None, motion.robot, None, None))
-        elif motion.metadata.robot_hash and motion.metadata.robot_hash != robot.hash:
-            found.append(Violation("other_version_of_robot", None, motion.robot, None, None))
-        if motion.metadata.stated_hash:
-            found.append(Violation("changed_since_written", None, "samples", None, None))
-        return CheckResult(violations=tuple(found))
+    robot, motion = sweep.robot, sweep.motion
+    found = []
+    if motion.robot != robot.name:
+        found.append(Violation("other_robot", None, motion.robot, None, None))
+    elif motion.metadata.robot_hash and motion.metadata.robot_hash != robot.hash:
+        found.append(Violation("other_version_of_robot", None, motion.robot, None, None))
+    if motion.metadata.stated_hash:
+        found.append(Violation("changed_since_written", None, "samples", None, None))
+    return CheckResult(violations=tuple(found))

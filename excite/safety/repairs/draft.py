@@ -10,10 +10,9 @@ from excite.arrays import Array
 from excite.motion.generators.generator import Candidate
 from excite.motion.motion import Motion
 from excite.robot.robot import Robot
-from excite.safety.repairs.collisions import CollisionProbe
+from excite.safety.repairs.collisions import CollisionProbe, TooClose
 from excite.safety.repairs.path import MotionPath, TimeLaw
-from excite.safety.repairs.rows import PathLimits
-from excite.safety.repairs.shares import Shares
+from excite.safety.repairs.rows import PathLimits, Shares
 
 
 @dataclass(frozen=True)
@@ -72,6 +71,17 @@ class Draft:
         """A rejection of this draft's candidate."""
         shown = None if posture is None else tuple(float(x) for x in posture)
         return Rejection(self.candidate.name, reason, where, time_s, value, limit, unit, shown)
+
+
+def refused_by(draft: Draft, near: TooClose, where: str = "{}") -> Rejection:
+    """The rejection of a draft in which two bodies come too close; ``where`` holds their names."""
+    return draft.rejected(
+        "self_collision",
+        where.format(near.pair),
+        value=near.distance,
+        limit=near.required,
+        posture=near.posture,
+    )
 
 
 class Repair(ABC):

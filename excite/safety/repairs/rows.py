@@ -14,16 +14,59 @@ from numpy.typing import NDArray
 from excite.arrays import Array, Moved, distinct_rows
 from excite.motion.generators.generator import Candidate, leg_joints
 from excite.robot.joint_values import per_joint
-from excite.robot.legs import usable_torque
+from excite.robot.legs import TORQUE_SHARE, usable_torque
 from excite.robot.robot import Robot
 from excite.safety.parameter_set import ParameterSet, RowsOfSet, parameter_set
 from excite.safety.repairs.path import MotionPath, PathSample
-from excite.safety.repairs.shares import Shares
 
 # An edge faces the free foot within this cosine of the angle to it.
 _FACING = 0.7
 # Path parameter about a change of feet over which such an edge keeps the others' distance, before it may be approached.
 _AT_BORDER = 0.5
+
+
+@dataclass(frozen=True)
+class Shares:
+    """How much of each limit repairs use, so that the verdict finds a margin.
+
+    Attributes:
+        velocity: of the joint velocity (Jovic et al. 2015, section II.B: 80 %).
+        acceleration: of the joint acceleration.
+        torque: of the joint torque, for joints outside legs.
+        leg_torque: of the joint torque in legs, where the sharing of the load is an assumption.
+        jerk: of the joint jerk.
+        friction: of the friction coefficient.
+        friction_one_foot: the same over one foot, which a quick swing of the other leg turns about its sole's middle.
+        weight: smallest share of the weight that the ground carries.
+        zmp: distance of the zero-moment point from the support polygon's edge [m].
+        zmp_both_feet: where both feet stay down that distance is at most this share of the polygon's inradius.
+        zmp_one_foot: over one foot it is at most this share of the sole's inradius: the centre of mass
+            stands off the sole's middle there.
+        zmp_inwards: distance from the edges that face the free foot, where that is less [m]: the centre of mass
+            stands nearer to them, which would leave broad feet no room to swing a leg faster than statically, and
+            a robot that tips over them steps on its other foot. The verdict asks for 0.015 m.
+        zmp_shift: the same while the weight shifts from two feet to one or back, where a push outwards tips the
+            robot over the foot's outer edge.
+        robots: for all of which the limits shall hold, too; None for the model's own alone.
+        of_robots: of torque and friction, for each of these: what smoothing and the finer grid of the verdict need,
+            where the other shares also leave room for robots that are not as the model says.
+    """
+
+    velocity: float = 0.8
+    acceleration: float = 0.92
+    torque: float = TORQUE_SHARE
+    leg_torque: float = 0.6
+    jerk: float = 0.97
+    friction: float = 0.6
+    friction_one_foot: float = 0.4
+    weight: float = 0.5
+    zmp: float = 0.066
+    zmp_both_feet: float = 0.87
+    zmp_one_foot: float = 0.64
+    zmp_inwards: float = 0.02
+    zmp_shift: float = 0.7
+    robots: ParameterSet | None = None
+    of_robots: float = 0.95
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +154,8 @@ class PathLimits:
             wrench[..., :3] = np.einsum("nij,nkj->nki", rotation, tau[..., :3])
             moment = np.einsum("nij,nkj->nki", rotation, tau[..., 3:6])
             wrench[..., 3:] = moment + np.cross(knots.q[:, None, :3], wrench[..., :3])
-            take_off_contacts(self.candidate, self.path, self._soles, tau, wrench)
+            shares = shares_of_feet(self.candidate, self.path, self._soles, wrench)
+            take_off_contacts(self.path, shares, tau, wrench)
         if robot.mechanism is not None:
             tau = np.stack([robot.mechanism.on_motors(knots.q, tau[:, k]) for k in range(3)], axis=1)
         armature = per_joint(robot.description.drives.armature, robot.joint_names, np.zeros(robot.n_joints))
@@ -388,67 +432,40 @@ def _interpolate_rows(knots: Array, values: Array, s: Array) -> Array:
 # How the feet share the load along a path, and what that takes off the joints' torques.
 
 
-def take_off_contacts(
-    candidate: Candidate, path: MotionPath, soles: Mapping[str, Array], tau: Array, wrench: Array
-) -> None:
+def take_off_contacts(path: MotionPath, shares: Array, tau: Array, wrench: Array) -> None:
     """Take the contact forces' torques off generalised forces at the knots of a path, in place.
 
-    Both are linear in the wrench, as the rows of a path's limits have to be: two soles share it by their nearness to
-    where it acts, any other feet so that the forces on their corners are smallest. That none of them pulls is for the
-    verdict to say.
-
     Args:
-        candidate: says which feet carry, where.
         path: the path.
-        soles: corners of each foot at rest, where a carrying foot always is, ``(n_corners, 3)`` [m].
+        shares: ``(n, n_feet, 6, 6)`` of each foot, from :func:`shares_of_feet`.
         tau: ``(n, 3, nv)`` generalised forces without contacts for 1, ṡ², s̈.
         wrench: ``(n, 3, 6)`` the wrench that the ground must supply, about the world origin.
     """
-    feet = path.robot.feet
-    carried = np.column_stack([candidate.supports(path.knots.s, foot.name) for foot in feet])
-    if len(feet) == 2 and all(foot.flat for foot in feet):
-        _by_nearness(path, soles, carried, tau, wrench)
-    else:
-        _by_corners(path, soles, carried, tau, wrench)
-
-
-def _by_nearness(
-    path: MotionPath, soles: Mapping[str, Array], carried: NDArray[np.bool_], tau: Array, wrench: Array
-) -> None:
-    robot, knots = path.robot, path.knots
+    robot = path.robot
     data = robot.model.createData()
-    centres = {name: corners.mean(axis=0) for name, corners in soles.items()}
-    point = np.column_stack([-wrench[:, 0, 4], wrench[:, 0, 3]]) / wrench[:, 0, 2:3]
-    share = load_shares(point, np.array([centres[foot.name] for foot in robot.feet]), carried)
-    middle = share @ np.array([centres[foot.name] for foot in robot.feet])
-    about_middle = wrench[..., 3:] - np.cross(middle[:, None], wrench[..., :3])
-    bears = share > 0.0
-    rotation = np.empty((len(knots.q), len(robot.feet), 3, 3))
-    position = np.zeros((len(knots.q), len(robot.feet), 3))
-    jacobians = {}
-    placed = [(data.oMi[foot.joint].rotation, data.oMi[foot.joint].translation) for foot in robot.feet]
-    for i, q in enumerate(knots.q):
+    for i, q in enumerate(path.knots.q):
         pin.forwardKinematics(robot.model, data, q)
-        for k in np.flatnonzero(bears[i]).tolist():
-            rotation[i, k], position[i, k] = placed[k]
-            jacobians[i, k] = pin.computeJointJacobian(robot.model, data, q, robot.feet[k].joint)
-    for k, foot in enumerate(robot.feet):
-        force = share[:, k, None, None] * wrench[..., :3]
-        moment = share[:, k, None, None] * about_middle
-        rows = np.flatnonzero(bears[:, k])
-        lever = centres[foot.name] - position[rows, k]
-        shifted = moment[rows] + np.cross(lever[:, None], force[rows])
-        local = np.concatenate([force[rows] @ rotation[rows, k], shifted @ rotation[rows, k]], axis=2)
-        for row, i in enumerate(rows.tolist()):
-            tau[i] -= local[row] @ jacobians[i, k]
+        for k in np.flatnonzero(shares[i].any(axis=(1, 2))).tolist():
+            joint = robot.feet[k].joint
+            jacobian = pin.computeJointJacobian(robot.model, data, q, joint)
+            # The transpose of a pose's action takes a wrench from the world's origin to the joint's frame.
+            tau[i] -= wrench[i] @ shares[i, k].T @ data.oMi[joint].toActionMatrix() @ jacobian
 
 
 def shares_of_feet(
     candidate: Candidate, path: MotionPath, soles: Mapping[str, Array], wrench: Array
 ) -> Array:
-    """Wrench of each foot about the world origin per total wrench at the knots, ``(n, n_feet, 6, 6)``.
+    """Wrench of each foot about the world origin per total wrench at the knots of a path, ``(n, n_feet, 6, 6)``.
 
-    The shares are those of :func:`take_off_contacts`, whose arguments these are; zero for free feet.
+    They are linear in the wrench, as the rows of a path's limits have to be: two soles share it by their nearness to
+    where it acts, any other feet so that the forces on their corners are smallest. That none of them pulls is for the
+    verdict to say. Free feet have no share.
+
+    Args:
+        candidate: says which feet carry, where.
+        path: the path.
+        soles: corners of each foot at rest, where a carrying foot always is, ``(n_corners, 3)`` [m].
+        wrench: ``(n, 3, 6)`` the wrench that the ground must supply for 1, ṡ², s̈, about the world origin.
     """
     feet, knots = path.robot.feet, path.knots
     carried = np.column_stack([candidate.supports(knots.s, foot.name) for foot in feet])
@@ -473,23 +490,6 @@ def load_shares(point: Array, centres: Array, carried: NDArray[np.bool_]) -> Arr
     share = np.column_stack([1.0 - second, second])
     share = np.where(carried, np.maximum(share, 1e-9), 0.0)
     return np.asarray(share / share.sum(axis=1, keepdims=True))
-
-
-def _by_corners(
-    path: MotionPath, soles: Mapping[str, Array], carried: NDArray[np.bool_], tau: Array, wrench: Array
-) -> None:
-    robot, knots = path.robot, path.knots
-    data = robot.model.createData()
-    patterns, member = distinct_rows(carried)
-    shares = [corner_shares(robot, soles, pattern) for pattern in patterns]
-    for i, pattern in enumerate(member):
-        wrenches = np.einsum("jkl,al->jak", shares[pattern], wrench[i])
-        pin.forwardKinematics(robot.model, data, knots.q[i])
-        for k in np.flatnonzero(carried[i]):
-            joint = robot.feet[k].joint
-            jacobian = pin.computeJointJacobian(robot.model, data, knots.q[i], joint)
-            # The transpose of a pose's action takes a wrench from the world's origin to the joint's frame.
-            tau[i] -= wrenches[k] @ data.oMi[joint].toActionMatrix() @ jacobian
 
 
 def corner_shares(robot: Robot, soles: Mapping[str, Array], carried: NDArray[np.bool_]) -> Array:

@@ -14,7 +14,7 @@ from excite.errors import MotionError
 from excite.motion.generators.curves import Curve, SplineCurve
 from excite.motion.generators.generator import Candidate, Draws
 from excite.robot.legs import holding_torques, usable_torque
-from excite.safety.repairs.draft import Draft, Rejection, Repair
+from excite.safety.repairs.draft import Draft, Rejection, Repair, refused_by
 from excite.safety.repairs.retiming import SHARE_USED
 
 # Samples in a span; a span takes 0.2 s or more, and between samples the probe's extra margin holds.
@@ -67,10 +67,7 @@ class Waypoints(Repair):
             return draft.rejected(
                 "joint_torque", joint, value=strain, limit=1.0, unit=SHARE_USED, posture=self._last
             )
-        near = self.probe.closest(self._last[None])
-        return draft.rejected(
-            "self_collision", near.pair, value=near.distance, limit=near.required, posture=near.posture
-        )
+        return refused_by(draft, self.probe.closest(self._last[None]))
 
     def _shrink(self, candidate: Candidate) -> Curve | None:
         curve = candidate.posture

@@ -1,20 +1,239 @@
-"""Base and legs that keep feet, centre of mass and pelvis where they belong (placo)."""
+"""Base and legs that keep feet, centre of mass and pelvis where they belong, along a path (placo)."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, ClassVar
 from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
 import scipy
 from defusedxml.ElementTree import fromstring
-from scipy.linalg import qr
+from scipy.linalg import qr, solve_banded
 
 from excite.arrays import Array
-from excite.motion.generators.generator import Candidate, leg_joints, pelvis_joint
+from excite.errors import MotionError
+from excite.motion.generators.curves import Curve, PolynomialCurve, SplineCurve, hermite_curve
+from excite.motion.generators.generator import (
+    Candidate,
+    SupportPhase,
+    leg_joints,
+    pelvis_joint,
+    support_corners,
+)
 from excite.robot.robot import Foot, Robot
+from excite.robot.shapes.shape import has_area
+from excite.safety.ground_forces import wrench_at_world_origin, zero_moment_point
+from excite.safety.repairs.draft import Draft, Rejection, Repair, refused_by
+from excite.safety.repairs.path import MotionPath, coordinates_of
+from excite.safety.repairs.waypoints import SAMPLES_PER_SPAN
+
+# Samples of a Fourier series: per second of its own time.
+_SAMPLES_PER_SECOND = 40.0
+# The same of a walk, and how often its centre of mass is corrected.
+_WALK_SAMPLES_PER_SECOND, _CORRECTIONS = 80.0, 3
+# A free sole's corners may come this close to the ground [m].
+_GROUND = 1e-3
+# Distance from the position limits that the path keeps at its knots [rad or m].
+_LIMIT = 1e-3
+
+
+class WholeBody(Repair):
+    """Finds base and legs along the path; upper-body joints, feet and centre of mass are as asked for.
+
+    Feet (six coordinates of a sole, three of a point or an edge), the horizontal centre of mass and the pelvis's
+    height and orientation are hard tasks: as many as there are free coordinates for legs of six joints, or three, so
+    that the solution is a smooth function of the path. A robot without feet keeps its base where it rests.
+    """
+
+    name: ClassVar[str] = "whole_body"
+
+    @cached_property
+    def _balancer(self) -> Balancer | None:
+        return Balancer(self.robot) if self.robot.feet else None
+
+    def repair(self, draft: Draft) -> Draft | Rejection:
+        """A draft with a path; or ``unreachable``, ``mechanism``, ``joint_position``, ``self_collision`` or
+        ``foot_ground``."""
+        outcome = self._attempt(draft)
+        for smaller in milder_candidates(draft.candidate):
+            if isinstance(outcome, Draft):
+                break
+            outcome = self._attempt(replace(draft, candidate=smaller))
+        return outcome
+
+    def _attempt(self, draft: Draft) -> Draft | Rejection:
+        candidate = draft.candidate
+        if not all(has_area(self._corners(phase)) for phase in candidate.phases):
+            return draft.rejected("no_support", "feet")
+        s = path_grid(candidate)
+        q = np.tile(self.robot.rest, (len(s), 1))
+        q[:, self.robot.n_base_q :] = candidate.posture.evaluate(s)
+        for k in range(1 if candidate.zmp is None else 1 + _CORRECTIONS):
+            if k:
+                candidate = follow_zmp(self.robot, candidate, s, q)
+            solved = len(s) if self._balancer is None else self._balancer.solve(candidate, s, q)
+            if solved < len(s):
+                return draft.rejected("unreachable", "legs", posture=q[max(solved - 1, 0)])
+            if self.robot.closing is not None:
+                try:
+                    q[:] = self.robot.closing.closed(q)
+                except MotionError as error:
+                    return draft.rejected("mechanism", error.field or "loops")
+            low, high = self.robot.limits.position_lower, self.robot.limits.position_upper
+            joints = q[:, self.robot.n_base_q :]
+            beyond = np.maximum(low + _LIMIT - joints, joints - high + _LIMIT)
+            if (beyond > 0.0).any():
+                row, joint = np.unravel_index(int(beyond.argmax()), beyond.shape)
+                value = float(joints[row, joint])
+                limit = low[joint] if value < 0.5 * (low[joint] + high[joint]) else high[joint]
+                return draft.rejected(
+                    "joint_position",
+                    self.robot.joint_names[joint],
+                    value=value,
+                    limit=float(limit),
+                    posture=q[row],
+                )
+        foot = self._grounded(candidate, s, q)
+        if foot is not None:
+            return draft.rejected("foot_ground", foot[0], posture=foot[1])
+        collision = self.probe.first(q)
+        if collision is not None:
+            return refused_by(draft, self.probe.closest(q[collision:]))
+        return replace(draft, path=MotionPath(self.robot, s, coordinates_of(self.robot, q)))
+
+    def _corners(self, phase: SupportPhase) -> Array:
+        return support_corners(self.robot, [self.robot.foot(name) for name in phase.feet])
+
+    def _grounded(self, candidate: Candidate, s: Array, q: Array) -> tuple[str, Array] | None:
+        """Name of a free foot that goes below the ground, and the configuration in which it does."""
+        data = self.robot.model.createData()
+        for foot in self.robot.feet:
+            free = ~candidate.supports(s, foot.name)
+            for row in q[free]:
+                pin.forwardKinematics(self.robot.model, data, row)
+                pose = data.oMi[foot.joint]
+                if (foot.sole @ pose.rotation[2] + pose.translation[2]).min() < -_GROUND:
+                    return foot.name, row
+        return None
+
+
+def path_grid(candidate: Candidate) -> Array:
+    """Path parameters at which the path is computed, ends and control-point knots among them."""
+    if candidate.zmp is not None and candidate.speed is not None:
+        n = int(np.ceil(candidate.length / candidate.speed * _WALK_SAMPLES_PER_SECOND))
+    elif isinstance(candidate.posture, SplineCurve):
+        n = round(candidate.length) * SAMPLES_PER_SPAN
+    else:
+        n = max(60, int(np.ceil(candidate.length * _SAMPLES_PER_SECOND)))
+    return np.linspace(0.0, candidate.length, n + 1)
+
+
+# Milder versions of a leg motion, for legs that cannot follow it.
+
+# Shares of a leg motion that are tried in turn; of one on a single leg, for the free foot and for the pelvis, whose
+# lean over the other foot brings the thighs together.
+_SHRINKS = (0.85, 0.7, 0.55)
+_ONE_LEG_SHRINKS = ((0.85, 1.0), (0.7, 1.0), (0.55, 1.0), (0.7, 0.6), (0.55, 0.4))
+# Shares of the pitch of a walk's free soles, and of the pelvis's roll, which hips stop or ankles need.
+_WALK_SHRINKS = ((0.5, 1.0), (0.5, 0.5), (0.5, 1.4))
+
+
+def milder_candidates(candidate: Candidate) -> Iterator[Candidate]:
+    """The candidate with milder leg motions, in turn; none if it has no leg motion."""
+    pelvis, com = candidate.pelvis, candidate.com
+    if candidate.zmp is not None:
+        # Footprints, pelvis and centre of mass belong together, but for these.
+        for pitch, lean in _WALK_SHRINKS:
+            feet = {
+                name: _scale_curve(curve, [1.0, 1.0, 1.0, 1.0, pitch, 1.0])
+                for name, curve in candidate.feet.items()
+            }
+            yield replace(candidate, feet=feet, pelvis=pelvis and _scale_curve(pelvis, [1.0, lean, 1.0, 1.0]))
+    elif candidate.feet:
+        for swing, lean in _ONE_LEG_SHRINKS:
+            feet = {name: curve.shrunk(swing) for name, curve in candidate.feet.items()}
+            # As low as before: the legs have to reach as far.
+            yield replace(
+                candidate, feet=feet, pelvis=pelvis and _scale_curve(pelvis, [1.0, lean, lean, lean])
+            )
+    elif pelvis is not None:
+        for factor in _SHRINKS:
+            yield replace(candidate, pelvis=pelvis.shrunk(factor), com=com and com.shrunk(factor))
+
+
+def _scale_curve(curve: Curve, factors: list[float]) -> Curve:
+    return curve.shrunk(np.array(factors)) if isinstance(curve, PolynomialCurve | SplineCurve) else curve
+
+
+# Walks: move the centre of mass so that the whole robot's zero-moment point is where it shall be.
+
+
+def follow_zmp(robot: Robot, candidate: Candidate, s: Array, q: Array) -> Candidate:
+    """The candidate with a centre of mass that brings the zero-moment point nearer to where it shall be.
+
+    The zero-moment point that a body motion ``q`` has and the one asked for differ by ``e``; a pendulum whose centre of
+    mass moves by ``d`` with ``d − d̈/ω² = e`` makes up for it. In differences this is a tridiagonal system (Kagami et
+    al. 2002); what the rest of the body then does is small, and is left to the next pass.
+
+    Args:
+        robot: the robot.
+        candidate: a walk, with the centre of mass that ``q`` has.
+        s: path parameters, ``(n,)``, evenly spaced.
+        q: configurations at these, ``(n, nq)``.
+    """
+    if candidate.com is None or candidate.zmp is None or candidate.speed is None:
+        return candidate
+    com, squared = _pendulum_model(robot)
+    rate = candidate.speed
+    error = com + candidate.zmp.evaluate(s) - _zmp_of(robot, s, q, rate)
+    step = (s[1] - s[0]) / rate
+    coupling = 1.0 / (squared * step**2)
+    bands = np.zeros((3, len(s) - 2))
+    bands[0, 1:] = bands[2, :-1] = -coupling
+    bands[1] = 1.0 + 2.0 * coupling
+    moved = np.zeros_like(error)
+    moved[1:-1] = solve_banded((1, 1), bands, error[1:-1])
+    # Standing on both feet the robot starts and ends as it would without.
+    moved *= _walking_window(candidate, s)[:, None]
+    values = candidate.com.evaluate(s) + moved
+    first = np.gradient(values, s, axis=0, edge_order=2)
+    second = np.gradient(first, s, axis=0, edge_order=2)
+    for derivative in (first, second):
+        derivative[[0, -1]] = 0.0
+    return replace(candidate, com=hermite_curve(s, values, first, second))
+
+
+def _pendulum_model(robot: Robot) -> tuple[Array, float]:
+    """Horizontal centre of mass at rest, ``(2,)`` [m], and the square of the pendulum's frequency [1/s²]."""
+    centre = np.array(pin.centerOfMass(robot.model, robot.model.createData(), robot.rest))
+    return centre[:2], float(np.linalg.norm(robot.model.gravity.linear)) / float(centre[2])
+
+
+def _zmp_of(robot: Robot, s: Array, q: Array, rate: float) -> Array:
+    sample = MotionPath(robot, s, coordinates_of(robot, q)).knots
+    data = robot.model.createData()
+    forces = np.array(
+        [
+            pin.rnea(robot.model, data, *row)[:6]
+            for row in zip(sample.q, sample.twist * rate, sample.curvature * rate**2, strict=True)
+        ]
+    )
+    rotation = scipy.spatial.transform.Rotation.from_quat(sample.q[:, 3:7]).as_matrix()
+    return zero_moment_point(wrench_at_world_origin(forces, rotation, sample.q[:, :3]))
+
+
+def _walking_window(candidate: Candidate, s: Array) -> Array:
+    """1 while the robot walks, smoothly 0 at the start of the first stance and at the end of the last, ``(n,)``."""
+    first, last = candidate.phases[0].end, candidate.phases[-1].start
+    u = np.clip(np.minimum(s / first, (s[-1] - s) / (s[-1] - last)), 0.0, 1.0)
+    return np.asarray(u**3 * (10.0 - 15.0 * u + 6.0 * u**2))
+
+
+# placo's solver, and the targets that it follows.
 
 _TURNS = {"x": "roll", "y": "pitch", "z": "yaw"}
 _TOLERANCE = 1e-9

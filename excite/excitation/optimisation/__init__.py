@@ -1,1 +1,0 @@
-"""Optimised excitation: the nonlinear program, its parts, and the search over several starts."""
