@@ -9,7 +9,7 @@ import pytest
 
 from excite.conversion.explicit_mapping import Map
 from excite.conversion.guess import RULES, Guessing, guess_columns
-from excite.conversion.guesses import RATE_LINE, Guesses
+from excite.conversion.guesses import Guesses
 from excite.conversion.recording import Column, Recording, Stream, load_machine
 
 TIME = np.arange(400) / 100.0
@@ -67,7 +67,7 @@ def test_one_dead_torque_among_live_ones_stays(machine):
 
 def test_a_rate_is_asked_for_where_no_clock_is_and_read_where_one_is(machine):
     recording = recorded(machine)
-    assert [question.line for question in after(recording, machine, "clock").found.questions] == [RATE_LINE]
+    assert [question.key for question in after(recording, machine, "clock").found.questions] == ["rate"]
     (stream,) = recording.streams
     timed = replace(stream, columns=(Column("time", TIME), *stream.columns))
     state = after(replace(recording, streams=(timed,)), machine, "clock")

@@ -162,42 +162,6 @@ def _servo_counts(values: Array, lower: Array, upper: Array) -> str:
     return ""
 
 
-class RatioUnit(NamedTuple):
-    """Unit of a column by the derivative of another one.
-
-    Attributes:
-        unit: None for none.
-        ratio: of derivative to column, median over joints.
-        correlation: the least of both.
-    """
-
-    unit: str | None
-    ratio: float
-    correlation: float
-
-
-def ratio_unit(q: Array, v: Array, dt: float, units: dict[str, float]) -> RatioUnit:
-    """The unit in which a column is the derivative of a position.
-
-    Args:
-        q: ``(n, k)`` positions [rad or m]; ``v`` the columns as they stand in the file.
-        dt: between rows [s].
-        units: candidates, factor to SI by name.
-    """
-    ratios, agreements = [], []
-    for k in range(q.shape[1]):
-        slope, agreement = derivative_of(q[:, k], v[:, k], dt)
-        if agreement > 0.5:
-            ratios.append(slope)
-            agreements.append(agreement)
-    if not ratios:
-        return RatioUnit(None, float("nan"), 0.0)
-    ratio = float(np.median(np.abs(ratios)))
-    near = min(units, key=lambda unit: abs(math.log(ratio / units[unit])))
-    found = near if abs(math.log(ratio / units[near])) < math.log(NEAR) else None
-    return RatioUnit(found, ratio, float(np.min(agreements)))
-
-
 def derivative_of(q: Array, v: Array, dt: float) -> tuple[float, float]:
     """Slope of ``dq/dt`` over ``v`` and their correlation, both smoothed alike; zeros where one stands still."""
     if max(np.abs(q).max(), np.abs(v).max()) > _LARGEST:
