@@ -9,7 +9,6 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from excite.arrays import Array
 from excite.conversion.columns.base_signals import add_base, add_base_signals, feet_of
@@ -536,9 +535,12 @@ def _ask_for_joints(state: Guessing) -> None:
             continue
         family = state.chosen.get(target, open_ones[0] if open_ones else None)
         doubts = () if family is None else family.placed.doubts
-        proposed = _one_each(doubts)
+        taken: set[str] = set()
         for doubt in doubts:
-            pairs = ", ".join(f'{target}.{proposed[c]}: "{c}"' for c in doubt.columns if c in proposed)
+            # A joint for each as far as there are enough, none of them twice.
+            free = [joint for joint in doubt.joints if joint not in taken]
+            taken |= set(free[: len(doubt.columns)])
+            pairs = ", ".join(f'{target}.{j}: "{c}"' for c, j in zip(doubt.columns, free, strict=False))
             ignore = "ignore: [" + ", ".join(f'"{column}"' for column in doubt.columns) + "]"
             alone = len(doubt.columns) == 1
             state.found.ask(
@@ -550,18 +552,6 @@ def _ask_for_joints(state: Guessing) -> None:
         # What the map then says of positions is true of the others' labels.
         if doubts:
             return
-
-
-def _one_each(doubts: Sequence[Doubt]) -> dict[str, str]:
-    """A joint for each doubtful column as far as there are enough, none of them twice, in their orders."""
-    columns = [(column, doubt.joints) for doubt in doubts for column in doubt.columns]
-    joints = list(dict.fromkeys(joint for _, may_be in columns for joint in may_be))
-    if not joints:
-        return {}
-    fits = np.array([[joint in may_be for joint in joints] for _, may_be in columns])
-    away = np.abs(np.arange(len(columns))[:, None] - np.arange(len(joints)))
-    rows, places = linear_sum_assignment(np.where(fits, away, fits.size * (away.max() + 1)))
-    return {columns[k][0]: joints[at] for k, at in zip(rows, places, strict=True) if fits[k, at]}
 
 
 def _add_channels(state: Guessing) -> None:
