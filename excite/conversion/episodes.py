@@ -19,7 +19,7 @@ from excite.conversion.recordings import nested_folders, read_recordings, source
 from excite.conversion.sources.lerobot import recordings_of_episodes
 from excite.display import Row, count
 from excite.errors import InputError, LogError
-from excite.finding import EpisodeFindings, Examination, Finding, list_names, worst_first
+from excite.finding import EpisodeFindings, Examination, Finding, Severity, list_names, worst_first
 from excite.formats.lerobot import is_data_set, read_data_set
 from excite.parallel.engine import in_order
 from excite.parallel.jobs import Jobs
@@ -208,8 +208,8 @@ def _measure(recording: Recording, stem: str) -> Episode:
         stamps = [values for values, what, _ in named if what == "time"]
         rate = float(recording.said.get("fps") or 0.0)
         clocks = [stream.time, *stamps, np.arange(stream.n_rows) / rate if rate else None]
-        clock = next((one for one in clocks if one is not None), None)
-        for values, what, joint in named if clock is not None and stream.n_rows >= 8 else ():
+        clock = next((one for one in clocks if one is not None), np.zeros(0))
+        for values, what, joint in named if len(clock) >= 8 else ():
             found.setdefault((what, joint), (clock, values))
     joints = tuple(joint for what, joint in found if what == "q")
     if not joints:
@@ -309,7 +309,7 @@ def _judge(episodes: list[Episode], table: dict[str, Array]) -> Iterator[Episode
         now = {name: values[k] for name, values in table.items()}
         stands, turned = now["travel"] < _STANDS * travel, told & (now["follows"] < -_FOLLOWS)
         against = (now["friction"] < 0.0) & (middle["friction"] > 0.0)
-        found = [
+        found: list[tuple[str, Severity, Any, str]] = [
             ("constant", "fatal", stands, "stands while it moves in the other episodes"),
             ("command_sign", "fatal", turned, "moves against its command"),
         ]
