@@ -205,7 +205,7 @@ def _likeness(word: str, joint: Name) -> float:
     initials = (sorted(one[0] for one in own[start : start + len(word)]) for start in spans)
     if len(word) > 1 and sorted(word) in initials:
         return 0.6
-    short = any(_is_short(word, one) or (len(one) != 2 and _is_short(one, word)) for one in own)
+    short = any(_are_short(word, one) for one in own)
     return 0.5 * (short or (len(word) > 2 and _is_short(word, joint.whole)))
 
 
@@ -215,15 +215,14 @@ def _is_short(short: str, long: str) -> bool:
     return short[:1] == long[:1] and len(short) < len(long) and all(letter in letters for letter in short)
 
 
+def _are_short(word: str, one: str) -> bool:
+    """Whether one of two words is short for the other; two letters of a joint's name are two words'."""
+    return _is_short(word, one) or (len(one) != 2 and _is_short(one, word))
+
+
 def _count_unsaid(joint: Name, name: Name) -> int:
     """Words and numbers of a joint's name that a column's does not have, in full or short."""
-    said = (
-        any(
-            one in word or _is_short(word, one) or (len(one) != 2 and _is_short(one, word))
-            for word in name.words
-        )
-        for one in joint.words
-    )
+    said = (any(one in word or _are_short(word, one) for word in name.words) for one in joint.words)
     return sum(not there for there in said) + len(set(joint.numbers) - set(name.numbers))
 
 
