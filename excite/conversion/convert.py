@@ -13,14 +13,19 @@ from excite.conversion.capture_sheet import by_sheet, read_capture
 from excite.conversion.columns.clock import Table, assemble_streams
 from excite.conversion.explicit_mapping import Map, read_map
 from excite.conversion.guess import guess_columns
-from excite.conversion.guesses import Guesses, UnclearError
-from excite.conversion.parts import joined_by_joint
+from excite.conversion.guesses import Guesses, UnclearError, message
 from excite.conversion.recording import Machine, Recording, at_joints, load_machine, stated_rate
-from excite.conversion.recordings import read_recordings
+from excite.conversion.recordings import joined_by_joint, read_recordings
 from excite.conversion.repairs import WHOLE_TURNS, whole_rows, within_ranges
 from excite.conversion.result import Conversion, log_header, map_text
 from excite.conversion.shapes import in_runs
-from excite.conversion.torques import ask_for_scale, joint_sided, scale_notes, settled_by_torques, weighed
+from excite.conversion.torques import (
+    ask_for_scale,
+    joint_sided,
+    scale_notes,
+    settle_by_torques,
+    weigh_question,
+)
 from excite.conversion.trials import Cut, cut_trials
 from excite.display import count
 from excite.doctor.examine import Chart, examine
@@ -93,10 +98,10 @@ def _convert_recordings(
         def tried(mapping: Map) -> Conversion:
             return _convert_recordings(sources, robot, folder.path / "log", mapping, None, weighs=True)
 
-        settled = None if weighs else settled_by_torques(found.questions, tried, stated)
+        settled = None if weighs else settle_by_torques(found.questions, tried, stated)
         if settled is not None:
             return _convert_recordings(sources, robot, out, settled.mapping, capture, because=settled.because)
-        raise UnclearError(weighed(found.questions, tried, stated), recordings[0].source)
+        raise UnclearError(weigh_question(found.questions, tried, stated), recordings[0].source)
     said = {
         name: role for recording in recordings for name, role in dict(recording.said.get("roles", {})).items()
     }
@@ -124,7 +129,7 @@ def _convert_recordings(
     chart, note = _examine_log(read, machine)
     read = _with_findings(read, chart, note, out)
     notes = [n for r in recordings for n in r.notes] + [n for t in tables[:1] for n in t.notes] + note
-    notes += _held_though_recorded(found.unused, machine) + _without_torque(read) + _not_taken(found)
+    notes += _note_losses(found, machine, read)
     notes += [n for t in tables[1:] for n in t.notes if n.startswith(WHOLE_TURNS)] + compared
     return Conversion(
         folder=out,
@@ -138,39 +143,25 @@ def _convert_recordings(
     )
 
 
-def _held_though_recorded(unused: Sequence[str], machine: Machine) -> list[str]:
-    """What to do where a recording has joints that the robot's description holds still."""
-    held = () if machine.robot is None else machine.robot.description.locked_joints
-    there = [joint for joint in held if any(joint in column for column in unused)]
-    if not there:
-        return []
-    return [
-        f"the recording has {', '.join(there)}, which the robot's description holds still: where it moves, take it "
-        "out of locked_joints in a robot.yaml (excite init-robot writes one) and convert with that"
-    ]
-
-
-def _not_taken(found: Guesses) -> list[str]:
-    """What is lost: columns of joints by their names that no channel was made of."""
-    if not found.lost:
-        return []
-    example = f'columns: {{CHANNEL.JOINT: "{found.lost[0]}"}} in map.yaml takes one'
-    return [
-        f"{count(len(found.lost), 'column')} of joints by their names {'is' if len(found.lost) == 1 else 'are'} lost: "
-        f"{', '.join(found.lost)}; {example}"
-    ]
-
-
-def _without_torque(log: Log) -> list[str]:
-    """Which joints move and have no torque: without those a robot's heaviest joint may be missing unnoticed."""
-    joints = log.header.no_torque
-    if not joints:
-        return []
-    channel = "i" if log.header.torque == "current" else "tau"
-    example = f'columns: {{{channel}.{joints[0]}: "COLUMN"}} in map.yaml'
-    return [
-        f"no torque of {', '.join(joints)}: if it was recorded, {example}; else no_torque in log.yaml says so"
-    ]
+def _note_losses(found: Guesses, machine: Machine, log: Log) -> list[str]:
+    """What the log lacks of the recording: joints that are held, torques, columns that no channel was made of."""
+    locked = () if machine.robot is None else machine.robot.description.locked_joints
+    held = [joint for joint in locked if any(joint in column for column in found.unused)]
+    channel, without = "i" if log.header.torque == "current" else "tau", log.header.no_torque
+    notes = [message("held though recorded", "note", joints=", ".join(held))] if held else []
+    if without:
+        # Without those a robot's heaviest joint may be missing unnoticed.
+        notes.append(
+            message("no torque", "note", joints=", ".join(without), target=f"{channel}.{without[0]}")
+        )
+    if found.lost:
+        number, are = count(len(found.lost), "column"), "is" if len(found.lost) == 1 else "are"
+        notes.append(
+            message(
+                "lost", "note", count=number, are=are, columns=", ".join(found.lost), column=found.lost[0]
+            )
+        )
+    return notes
 
 
 def _write_log(cuts: list[Cut], header: LogHeader, machine: Machine, out: Path) -> None:

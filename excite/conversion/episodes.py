@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,7 +19,7 @@ from excite.conversion.recordings import nested_folders, read_recordings, source
 from excite.conversion.sources.lerobot import recordings_of_episodes
 from excite.display import Row, count
 from excite.errors import InputError, LogError
-from excite.finding import EpisodeFindings, Examination, Finding, list_names, worst_first
+from excite.finding import EpisodeFindings, Examination, Finding, Severity, list_names, worst_first
 from excite.formats.lerobot import is_data_set, read_data_set
 from excite.parallel.engine import in_order
 from excite.parallel.jobs import Jobs
@@ -203,18 +204,13 @@ def _measure(recording: Recording, stem: str) -> Episode:
     name = recording.name or stem
     found: dict[tuple[str, str], tuple[Array, Array]] = {}
     for stream in recording.streams:
-        rows = len(stream.columns[0].values)
-        clock = stream.time
-        named = [(column, *_meaning(column)) for column in stream.columns]
-        if clock is None:
-            stamps = [column.values for column, what, _ in named if what == "time"]
-            rate = float(recording.said.get("fps") or 0.0)
-            clock = stamps[0] if stamps else np.arange(rows) / rate if rate else None
-        if clock is None or rows < 8:
-            continue
-        for column, what, joint in named:
-            if what in ("q", "q_cmd", "tau"):
-                found.setdefault((what, joint), (clock, column.values))
+        named = [(column.values, *_meaning(column)) for column in stream.columns]
+        stamps = [values for values, what, _ in named if what == "time"]
+        rate = float(recording.said.get("fps") or 0.0)
+        clocks = [stream.time, *stamps, np.arange(stream.n_rows) / rate if rate else None]
+        clock = next((one for one in clocks if one is not None), np.zeros(0))
+        for values, what, joint in named if len(clock) >= 8 else ():
+            found.setdefault((what, joint), (clock, values))
     joints = tuple(joint for what, joint in found if what == "q")
     if not joints:
         text = "no column is the position of a joint, beside a time"
@@ -226,77 +222,59 @@ def _measure(recording: Recording, stem: str) -> Episode:
 
     def at_even(what: str) -> Array:
         nothing = (even, np.full(len(even), np.nan))
-        series = [found.get((what, joint), nothing) for joint in joints]
-        return np.column_stack([np.interp(even, *one) for one in series])
+        return np.column_stack([np.interp(even, *found.get((what, joint), nothing)) for joint in joints])
 
     q, command, torque = at_even("q"), at_even("q_cmd"), at_even("tau")
     leap = np.array([np.nanmax(np.abs(np.diff(found["q", joint][1])), initial=0.0) for joint in joints])
-    follows, lag = _lags(q, command, step)
-    gain, zero, lag = _tracking(even, q, command, lag)
-    measures = (np.ptp(q, axis=0), leap, follows, lag, gain, zero, _friction(q, torque, step))
-    return Episode(
-        name,
-        float(time[-1] - time[0]),
-        step,
-        float(steps.max()),
-        joints,
-        dict(zip(MEASURES, measures, strict=True)),
-    )
+    tracked = np.array([_track(even, *pair, step) for pair in zip(q.T, command.T, strict=True)]).T
+    friction = np.array([_friction(*pair, step) for pair in zip(q.T, torque.T, strict=True)])
+    measures = dict(zip(MEASURES, (np.ptp(q, axis=0), leap, *tracked, friction), strict=True))
+    return Episode(name, float(time[-1] - time[0]), step, float(steps.max()), joints, measures)
 
 
 def _meaning(column: Column) -> tuple[str, str]:
     """Channel and joint of a column, by its format or else by its name."""
     if column.channel:
         return column.channel, column.label
-    clue = read_clue(column.said_as, ())
+    clue = read_clue(column.name, ())
     joint = "_".join([clue.label] * bool(clue.label) + [str(number) for number in clue.numbers])
     return f"{clue.quantity}_cmd" if clue.commanded else clue.quantity, joint or column.name
 
 
-def _lags(q: Array, command: Array, step: float) -> tuple[Array, Array]:
-    """Largest correlation of each joint's velocity with the commanded one, negative where it is turned, and its lag."""
-    n, most = len(q), round(_LAG_S / step)
-    speed, asked = np.diff(q, axis=0), np.diff(command, axis=0)
-    speed, asked = speed - speed.mean(axis=0), asked - asked.mean(axis=0)
-    spectra = np.fft.rfft(speed, 2 * n, axis=0) * np.conj(np.fft.rfft(asked, 2 * n, axis=0))
-    lags = np.arange(-min(most, n - 2), min(most, n - 2) + 1)
-    size = np.linalg.norm(speed, axis=0) * np.linalg.norm(asked, axis=0)
-    size[size == 0.0] = np.nan
-    shape = np.fft.irfft(spectra, 2 * n, axis=0)[lags] / size
-    best = np.argmax(np.abs(np.nan_to_num(shape)), axis=0)
-    here = shape[best, np.arange(q.shape[1])]
-    return here, np.where(np.abs(here) > _FOLLOWS, step * lags[best], np.nan)
+def _track(time: Array, q: Array, command: Array, step: float) -> tuple[float, ...]:
+    """How a joint follows its command: correlation of the velocities (negative where it is turned), lag, gain, zero.
 
-
-def _tracking(time: Array, q: Array, command: Array, lag: Array) -> tuple[Array, Array, Array]:
-    """Slope and constant of each position by its command, and how late that is.
-
-    Gauss and Newton's steps from the first guess: ``q(t) = g c(t − d) + z`` has the derivative ``−g c'(t − d)`` in d.
+    Gauss and Newton's steps from the lag of the largest correlation: ``q(t) = g c(t − d) + z`` has the derivative
+    ``−g c'(t − d)`` in d.
     """
-    found = np.full((3, len(lag)), np.nan)
-    inner = slice(len(time) // 20, -len(time) // 20)
-    for j in np.flatnonzero(np.isfinite(lag)):
-        late = lag[j]
-        for _ in range(_STEPS):
-            asked = np.interp(time - late, time, command[:, j])
-            columns = np.column_stack([asked, np.gradient(asked, time), np.ones(len(time))])[inner]
-            gain, moved, _ = np.linalg.lstsq(columns, q[inner, j], rcond=None)[0]
-            late = float(np.clip(late - moved / gain, -_LAG_S, _LAG_S)) if gain else late
-        found[:, j] = gain, np.median(q[inner, j] - columns[:, 0]), late
-    return found[0], found[1], found[2]
+    n, most = len(q), min(round(_LAG_S / step), len(q) - 2)
+    speed, asked = np.diff(q) - np.diff(q).mean(), np.diff(command) - np.diff(command).mean()
+    size = float(np.linalg.norm(speed) * np.linalg.norm(asked)) or np.nan
+    lags = np.arange(-most, most + 1)
+    shape = np.fft.irfft(np.fft.rfft(speed, 2 * n) * np.conj(np.fft.rfft(asked, 2 * n)), 2 * n)[lags] / size
+    best = int(np.argmax(np.abs(np.nan_to_num(shape))))
+    if not abs(shape[best]) > _FOLLOWS:
+        return float(shape[best]), np.nan, np.nan, np.nan
+    late, inner = step * float(lags[best]), slice(n // 20, -n // 20)
+    gain = zero = np.nan
+    for _ in range(_STEPS):
+        asked = np.interp(time - late, time, command)
+        columns = np.column_stack([asked, np.gradient(asked, time), np.ones(n)])[inner]
+        gain, moved, _ = np.linalg.lstsq(columns, q[inner], rcond=None)[0]
+        zero = float(np.median(q[inner] - asked[inner]))
+        late = float(np.clip(late - moved / gain, -_LAG_S, _LAG_S)) if gain else late
+    return float(shape[best]), late, float(gain), zero
 
 
-def _friction(q: Array, torque: Array, step: float) -> Array:
-    """Dry friction of each joint, beside a weight, a constant and what grows with the velocity."""
-    found = np.full(q.shape[1], np.nan)
+def _friction(q: Array, torque: Array, step: float) -> float:
+    """Dry friction of a joint, beside a weight, a constant and what grows with the velocity."""
+    if not np.isfinite(torque).all():
+        return np.nan
     angle = np.radians(q) if np.abs(q).max() > 4.0 * np.pi else q
-    speed = np.gradient(q, step, axis=0)
-    for j in np.flatnonzero(np.isfinite(torque).all(axis=0)):
-        v = speed[:, j]
-        slips = np.abs(v) > 0.2 * np.std(v)
-        columns = np.column_stack([np.sign(v), v, np.sin(angle[:, j]), np.cos(angle[:, j]), np.ones(len(v))])
-        found[j] = np.linalg.lstsq(columns[slips], torque[slips, j], rcond=None)[0][0]
-    return found
+    v = np.gradient(q, step)
+    slips = np.abs(v) > 0.2 * np.std(v)
+    columns = np.column_stack([np.sign(v), v, np.sin(angle), np.cos(angle), np.ones(len(v))])
+    return float(np.linalg.lstsq(columns[slips], torque[slips], rcond=None)[0][0])
 
 
 def _without_joints(one: Episode, joints: tuple[str, ...]) -> Episode:
@@ -304,63 +282,64 @@ def _without_joints(one: Episode, joints: tuple[str, ...]) -> Episode:
     if one.findings:
         return one
     lost = tuple(sorted(set(joints) ^ set(one.joints)))
-    return replace(
-        one,
-        findings=(Finding("channels", f"other joints: {list_names(lost)}", places=lost, severity="fatal"),),
-    )
+    finding = Finding("channels", f"other joints: {list_names(lost)}", places=lost, severity="fatal")
+    return replace(one, findings=(finding,))
 
 
 def _judge(episodes: list[Episode], table: dict[str, Array]) -> Iterator[Episode]:
     """Each episode with what sets it apart from the others of the same joints."""
-    with np.errstate(invalid="ignore"):
-        middle = {name: _median(values) for name, values in table.items()}
-        spread = {name: 1.4826 * _median(np.abs(values - middle[name])) for name, values in table.items()}
+    middle = {name: _median(values) for name, values in table.items()}
+    spread = {name: 1.4826 * _median(np.abs(values - middle[name])) for name, values in table.items()}
     travel, step = middle["travel"], float(np.median([one.step_s for one in episodes]))
-    told = middle["follows"] > _FOLLOWS
-    floors = {
-        "lag_s": np.full(len(travel), _ROWS * step),
-        "gain": np.full(len(travel), 2.0 * _SHARE),
-        "zero": _SHARE * travel,
-        "friction": 0.5 * np.abs(middle["friction"]),
-    }
+    told, friction = middle["follows"] > _FOLLOWS, 0.5 * np.abs(middle["friction"])
+    # By measure what it is called and said, the least difference that counts, and where it is told.
+    differ = (
+        ("lag_s", "late", "follows later or sooner than in the other episodes", _ROWS * step, told),
+        ("zero", "zero_position", "has another zero than in the other episodes", _SHARE * travel, told),
+        ("gain", "gain", "follows by another share than in the other episodes", 2.0 * _SHARE, told),
+        (
+            "friction",
+            "friction",
+            "has another friction than in the other episodes",
+            friction,
+            True,
+        ),
+    )
     for k, one in enumerate(episodes):
         now = {name: values[k] for name, values in table.items()}
-        stands = now["travel"] < _STANDS * travel
-        turned = told & (now["follows"] < -_FOLLOWS)
-        found: list[Finding] = []
-
-        def note(
-            kind: str, bad: Array, text: str, severity: Any = "spoils", one: Episode = one, found: Any = found
-        ) -> None:
-            places = tuple(np.array(one.joints)[bad].tolist())
-            if places:
-                found.append(Finding(kind, f"{list_names(places)} {text}", places=places, severity=severity))
-
-        note("constant", stands, "stands while it moves in the other episodes", "fatal")
-        note("command_sign", turned, "moves against its command", "fatal")
-        for name, kind, text in (
-            ("lag_s", "late", "follows later or sooner than in the other episodes"),
-            ("zero", "zero_position", "has another zero than in the other episodes"),
-            ("gain", "gain", "follows by another share than in the other episodes"),
-            ("friction", "friction", "has another friction than in the other episodes"),
-        ):
+        stands, turned = now["travel"] < _STANDS * travel, told & (now["follows"] < -_FOLLOWS)
+        against = (now["friction"] < 0.0) & (middle["friction"] > 0.0)
+        found: list[tuple[str, Severity, Any, str]] = [
+            ("constant", "fatal", stands, "stands while it moves in the other episodes"),
+            ("command_sign", "fatal", turned, "moves against its command"),
+        ]
+        for name, kind, text, floor, where in differ:
             away = np.abs(now[name] - middle[name])
-            bad = (away > floors[name]) & (away > _DEVIATIONS * spread[name]) & ~stands & ~turned
-            if name != "friction":
-                bad &= told
-            elif len(bad):
-                note("torque_sign", bad & (now[name] < 0.0) & (middle[name] > 0.0), "or its torque is turned")
+            bad = (away > floor) & (away > _DEVIATIONS * spread[name]) & ~stands & ~turned & where
+            if name == "friction":
+                found.append(("torque_sign", "spoils", bad & against, "or its torque is turned"))
                 bad &= now[name] * middle[name] > 0.0
-            at = np.flatnonzero(bad)
-            figures = ", ".join(f"{now[name][j]:.4g} for {middle[name][j]:.4g}" for j in at[:3])
-            note(kind, bad, f"{text} ({figures})")
-        if one.gap_s > max(3.5 * one.step_s, 0.1):
+            figures = ", ".join(
+                f"{now[name][j]:.4g} for {middle[name][j]:.4g}" for j in np.flatnonzero(bad)[:3]
+            )
+            found.append((kind, "spoils", bad, f"{text} ({figures})"))
+        missing = one.gap_s > max(3.5 * one.step_s, 0.1)
+        far = (
+            (now["leap"] > 5.0 * middle["leap"])
+            & (now["leap"] > _SHARE * travel)
+            & (travel > 0.0)
+            & (not missing)
+        )
+        found.append(("steps", "spoils", far, "leaps: rows are missing, or it was set anew"))
+        findings = [
+            Finding(kind, f"{list_names(places)} {text}", places=places, severity=severity)
+            for kind, severity, bad, text in found
+            if (places := tuple(np.array(one.joints)[bad].tolist()))
+        ]
+        if missing:
             text = f"rows are missing for {one.gap_s:.2f} s"
-            found.append(Finding("missing_rows", text, {"gap_s": one.gap_s}, severity="spoils"))
-        far = (now["leap"] > 5.0 * middle["leap"]) & (now["leap"] > _SHARE * travel)
-        if not found or found[-1].kind != "missing_rows":
-            note("steps", far & (travel > 0.0), "leaps: rows are missing, or it was set anew")
-        yield replace(one, findings=worst_first(tuple(found)))
+            findings.append(Finding("missing_rows", text, {"gap_s": one.gap_s}, severity="spoils"))
+        yield replace(one, findings=worst_first(tuple(findings)))
 
 
 def _median(values: Array) -> Array:
@@ -371,22 +350,18 @@ def _median(values: Array) -> Array:
 def _drifts(joints: tuple[str, ...], table: dict[str, Array]) -> list[Finding]:
     """What goes on changing from the first episode to the last, of a change beyond ten of its deviations."""
     found, travel = [], _median(table["travel"])
-    for name in ("zero", "gain", "friction"):
-        for j, joint in enumerate(joints):
-            values = table[name][:, j]
-            k = np.flatnonzero(np.isfinite(values))
-            if len(k) < 10:
-                continue
-            # The median of slopes over half of the episodes (Theil 1950, of pairs that are far apart).
-            half = len(k) // 2
-            slope = float(
-                np.median((values[k[half:]] - values[k[: len(k) - half]]) / (k[half:] - k[: len(k) - half]))
-            )
-            rest = values[k] - slope * k
-            noise = 1.4826 * float(np.median(np.abs(rest - np.median(rest)))) * np.sqrt(12.0 / len(k))
-            change = slope * float(k[-1] - k[0])
-            least = 0.02 * travel[j] if name == "zero" else 0.1 * abs(float(np.median(values[k])))
-            if abs(change) > max(10.0 * noise, least):
-                text = f"{name} of {joint} drifts by {change:.3g} over {len(k)} episodes"
-                found.append(Finding("drift", text, {name: change}, (joint,), severity="limits"))
+    for name, (j, joint) in itertools.product(("zero", "gain", "friction"), enumerate(joints)):
+        k = np.flatnonzero(np.isfinite(table[name][:, j]))
+        values, half = table[name][k, j], len(k) // 2
+        if len(k) < 10:
+            continue
+        # The median of slopes over half of the episodes (Theil 1950, of pairs that are far apart).
+        slope = float(np.median((values[half:] - values[: len(k) - half]) / (k[half:] - k[: len(k) - half])))
+        rest = values - slope * k
+        noise = 1.4826 * float(np.median(np.abs(rest - np.median(rest)))) * np.sqrt(12.0 / len(k))
+        change = slope * float(k[-1] - k[0])
+        least = 0.02 * travel[j] if name == "zero" else 0.1 * abs(float(np.median(values)))
+        if abs(change) > max(10.0 * noise, least):
+            text = f"{name} of {joint} drifts by {change:.3g} over {len(k)} episodes"
+            found.append(Finding("drift", text, {name: change}, (joint,), severity="limits"))
     return found

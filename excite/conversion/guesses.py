@@ -5,15 +5,30 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
+from pathlib import Path
+from string import Template
+from typing import Any
 
 import numpy as np
+import yaml
 
 from excite.arrays import Array
 from excite.conversion.recording import Stream
 from excite.errors import LogError
 
-# What asks for the rate of rows without a clock; a number stands in it only where something tells one.
-RATE_LINE = "log: {rate_hz: NUMBER}   # rows a second"
+
+@cache
+def messages() -> dict[str, dict[str, str]]:
+    """The table of all that is asked and said, ``messages.yaml``: by key, its parts with places for words."""
+    text = Path(__file__).with_name("messages.yaml").read_text(encoding="utf-8")
+    found: dict[str, dict[str, str]] = yaml.safe_load(text)
+    return found
+
+
+def message(key: str, part: str, /, **words: object) -> str:
+    """A part of a message with its words in their places."""
+    return Template(messages()[key][part]).substitute({name: str(word) for name, word in words.items()})
 
 
 @dataclass(frozen=True)
@@ -43,18 +58,25 @@ class Mapped:
         """``q`` of ``q.elbow``."""
         return self.target.partition(".")[0]
 
+    @property
+    def joint(self) -> str:
+        """``elbow`` of ``q.elbow``."""
+        return self.target.partition(".")[2]
+
 
 @dataclass(frozen=True)
 class Question:
     """Something that a recording does not tell.
 
     Attributes:
+        key: of the table of messages.
         what: what is missing, in a few words.
         line: the line of ``map.yaml`` that would settle it.
         torques: by channel, columns that would be torques if their scale were known; empty for other questions.
         units: units of positions, by channel or joint, one of which it is; empty for other questions.
     """
 
+    key: str
     what: str
     line: str
     torques: Mapping[str, str] = field(default_factory=dict)
@@ -91,6 +113,11 @@ class Guesses:
         """Columns of one channel."""
         return [item for item in self.mapped if item.channel == channel]
 
+    @property
+    def channels(self) -> set[str]:
+        """Channels of which there is a column."""
+        return {item.channel for item in self.mapped}
+
     def times(self, stream: Stream) -> Array | None:
         """Times of a stream [s], by its clock or by the rate that its recording states; None where it has neither."""
         clock = {item.source: item.factor for item in self.mapped if item.target == "time"}
@@ -101,30 +128,27 @@ class Guesses:
             return np.arange(stream.n_rows) / self.rate_hz
         return stream.time
 
-    def ask(
-        self,
-        what: str,
-        line: str,
-        torques: Mapping[str, str] | None = None,
-        units: Sequence[Mapping[str, str]] = (),
-    ) -> None:
-        """Add a question, once."""
-        question = Question(what, line, torques or {}, tuple(units))
-        if question not in self.questions:
-            self.questions.append(question)
+    def note(self, key: str, /, **words: object) -> None:
+        """Add what was decided: a row of ``log.yaml``'s ``guessed``, once."""
+        what, source, because = (message(key, part, **words) for part in ("what", "source", "because"))
+        self.facts += [] if (what, source, because) in self.facts else [(what, source, because)]
 
-    def ask_of_all(self, name: str, lacks: str, line: str) -> None:
+    def ask(self, key: str, more: Mapping[str, Any] | None = None, /, **words: object) -> None:
+        """Add a question of the table of messages, once; ``more``: its ``torques`` or ``units``."""
+        question = Question(key, message(key, "what", **words), message(key, "line", **words), **(more or {}))
+        self.questions += [] if question in self.questions else [question]
+
+    def ask_of_all(self, key: str, name: str, /, **words: object) -> None:
         """Add a question that one line settles for all recordings or tables that it is asked of."""
-        same = [question for question in self.questions if question.line == line]
-        if not same:
-            self.ask(f"{name} has {lacks}", line)
+        asked = next((question for question in self.questions if question.key == key), None)
+        if asked is None:
+            self.ask(key, name=name, have="has", **words)
             return
-        first = re.split(" (?:has|have) ", same[0].what, maxsplit=1)[0]
+        first = re.split(" (?:has|have) ", asked.what, maxsplit=1)[0]
         names, _, count = first.partition(" and ")
         more = int(count.partition(" ")[0] or 0) + 1 if not count or count.endswith(" more") else 1
-        self.questions[self.questions.index(same[0])] = Question(
-            f"{names} and {more} more have {lacks}", line
-        )
+        what = message(key, "what", name=f"{names} and {more} more", have="have", **words)
+        self.questions[self.questions.index(asked)] = replace(asked, what=what)
 
     def rows(self) -> list[tuple[str, str, str]]:
         """Channel, source and reason of everything that was guessed; columns of one pattern in one row."""
@@ -137,7 +161,7 @@ class Guesses:
             times = "" if factor == 1.0 else f" × {factor:.6g}"
             name = items[0].target if len(items) == 1 else f"{channel} ({len(items)})"
             found.append((name, source + times, because))
-        return found + [(name, value, because) for name, value, because in self.facts]
+        return found + self.facts
 
 
 class UnclearError(LogError):

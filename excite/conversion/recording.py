@@ -30,6 +30,7 @@ _RATES = frozenset(
 _RATE_OF = re.compile(
     r"(action|control|ctrl|policy|log|logging|record|recording|data|state|loop|update)s?(hz|rate|freq|frequency)"
 )
+NAMELESS = "the file names no columns: they are called column1, column2 … here"
 _STEPS = frozenset(
     "dt ts step timestep sampletime samplingtime deltat period tsample dts sampleperiod dtms tsms stepdt controldt "
     "ctrldt policydt envdt logdt".split()
@@ -46,7 +47,6 @@ class Column:
         channel: what it holds (``q``, ``tau`` …) where the format itself says so; empty where it has to be guessed.
         label: the joint or sensor that the format, or a list of names in the file, names beside it; empty for none.
         unit: as the format states it; empty for none.
-        spelt: its name with a number for a letter that counts; empty where the name has none.
     """
 
     name: str
@@ -54,12 +54,6 @@ class Column:
     channel: str = ""
     label: str = ""
     unit: str = ""
-    spelt: str = ""
-
-    @property
-    def said_as(self) -> str:
-        """The name that is read."""
-        return self.spelt or self.name
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +66,6 @@ class Stream:
         time: ``(n,)`` [s] where the format says when rows were recorded; None where a column may say it.
         late_by_name: whether ``time`` is when rows were written rather than measured.
         words: ``(n,)`` texts of columns that hold no numbers, by their names; those that a table has.
-        nameless: whether the file names no columns.
     """
 
     name: str
@@ -80,7 +73,6 @@ class Stream:
     time: Array | None = None
     late_by_name: bool = False
     words: Mapping[str, NDArray[np.object_]] = field(default_factory=dict)
-    nameless: bool = False
 
     @property
     def n_rows(self) -> int:

@@ -1,32 +1,27 @@
-"""All recordings of what people name: files, and folders of files, in one shape."""
+"""All recordings of what people name: files, and folders of files, parts of one recording put together."""
 
 from __future__ import annotations
 
-import re
+import itertools
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from excite.arrays import Array
-from excite.conversion.columns.clock import goes_evenly, is_clock
+from excite.conversion.columns.clock import clock_column, clock_tick
 from excite.conversion.columns.words import name_tokens, read_clue
-from excite.conversion.recording import Column, Recording, Stream, merged_names, nothing_there
+from excite.conversion.recording import NAMELESS, Recording, Stream, merged_names
 from excite.conversion.repairs import restore_signs, with_drives_on
-from excite.conversion.shapes import apply_labels, by_episode
-from excite.conversion.sources.messages import finished
+from excite.conversion.shapes import reshape_recording
 from excite.conversion.sources.registry import read_source, recognised, recognised_recording
-from excite.conversion.trials import joined_by_trial
 from excite.errors import LogError, NothingThereError
 from excite.finding import list_names
 
 # How far below a folder that is named recordings may have folders of their own: a session's, a trial's.
 _DEPTH = 2
-# Files of one fault that an error names; of more only the first.
-_NAMED = 2
+# Files of one recording have as many rows, but for what their loggers lost at the ends, or cover most of one time.
+_SAME_ROWS, _OVERLAP = 0.02, 0.5
 
 
 def read_recordings(sources: Sequence[str | Path]) -> list[Recording]:
@@ -36,20 +31,18 @@ def read_recordings(sources: Sequence[str | Path]) -> list[Recording]:
     wrong: list[LogError] = []
     for source in map(Path, sources):
         try:
-            ours = _read_source(source, source_files(source))
+            ours = _read_files(source, source_files(source))
             found += ours
-            apart += [] if ours else _of_folders(source)
+            apart += [] if ours else _read_folders(source)
         except LogError as error:
             wrong.append(error)
-    if len(wrong) == 1:
-        raise wrong[0]
     if wrong:
-        raise _all_of(wrong)
-    whole = [*_join_recordings(found), *apart]
+        raise wrong[0] if len(wrong) == 1 else _all_of(wrong)
+    whole = [*_join(found), *apart]
     return [with_drives_on(restore_signs(merged_names(recording))) for recording in whole]
 
 
-def _read_source(source: Path, files: Sequence[Path]) -> list[Recording]:
+def _read_files(source: Path, files: Sequence[Path]) -> list[Recording]:
     """Recordings of the files that a source stands for; of several, those that hold nothing are named in a note.
 
     Raises:
@@ -75,24 +68,16 @@ def _all_of(wrong: Sequence[LogError]) -> LogError:
     alike: dict[tuple[str, str | None, str | None], list[str]] = {}
     for error in wrong:
         alike.setdefault((error.what, error.field, error.remedy), []).append(str(error.source))
-    if len(alike) == 1:
-        ((what, field, remedy), sources) = next(iter(alike.items()))
-        return LogError(what, source=_check_few(sources), field=field, remedy=remedy)
     said = [
-        LogError(what, source=_check_few(of), field=field, remedy=do)
-        for (what, field, do), of in alike.items()
+        LogError(
+            what,
+            source=", ".join(of) if len(of) < 3 else f"{of[0]} and {len(of) - 1} more",
+            field=field,
+            remedy=remedy,
+        )
+        for (what, field, remedy), of in alike.items()
     ]
-    return LogError("; ".join(map(str, said)))
-
-
-def _check_few(sources: Sequence[str]) -> str:
-    if len(sources) > _NAMED:
-        return f"{sources[0]} and {len(sources) - 1} more"
-    return ", ".join(sources)
-
-
-def _join_recordings(recordings: Sequence[Recording]) -> list[Recording]:
-    return joined_by_trial([part for recording in recordings for part in reshape_recording(recording)])
+    return said[0] if len(said) == 1 else LogError("; ".join(map(str, said)))
 
 
 def source_files(source: Path) -> list[Path]:
@@ -104,13 +89,12 @@ def source_files(source: Path) -> list[Path]:
     return [file for file in files if file.suffix.lower() != ".json"] or files
 
 
-def _of_folders(source: Path) -> list[Recording]:
+def _read_folders(source: Path) -> list[Recording]:
     """Recordings that have a folder each below one that holds none, called after it; parts in a folder are one."""
     found: list[Recording] = []
     for folder, name in nested_folders(source, _DEPTH):
-        ours = _join_recordings(_read_source(folder, source_files(folder)))
-        alone = len(ours) == 1
-        found += [replace(one, name=name if alone else f"{name}_{one.name}") for one in ours]
+        ours = _join(_read_files(folder, source_files(folder)))
+        found += [replace(one, name=name if len(ours) == 1 else f"{name}_{one.name}") for one in ours]
     if not found:
         raise LogError("holds no recordings", source=source, remedy="name the files")
     return found
@@ -127,407 +111,126 @@ def nested_folders(source: Path, depth: int) -> list[tuple[Path, str]]:
     return found
 
 
-# All shapes of tables brought to one: a row a sample, a column a channel, a recording a trial.
+def _join(recordings: Sequence[Recording]) -> list[Recording]:
+    """Recordings, reshaped, with those that are parts of one joined: all of them, or those of one trial.
+
+    ``trial0_positions``, ``trial0_torques``, ``trial1_positions``, ``trial1_torques`` are ``trial0`` and ``trial1``.
+    """
+    parts = [part for recording in recordings for part in reshape_recording(recording)]
+    whole = _join_parts(parts)
+    trials = _trials(parts) if len(whole) == len(parts) else {}
+    joined = {name: _join_parts(of) for name, of in trials.items()}
+    if joined and all(len(one) == 1 for one in joined.values()):
+        return [replace(one, name=name) for name, (one,) in joined.items()]
+    return whole
 
 
-def reshape_recording(recording: Recording) -> list[Recording]:
-    """The recording with arrays in cells unpacked, one column a joint, its stamps whole; one for each trial in it.
+def _trials(recordings: Sequence[Recording]) -> dict[str, list[Recording]]:
+    """Parts by the names of their trials; empty where no word of the names says what a file is of."""
+    names = [name_tokens(recording.name) for recording in recordings]
+    ways = []
+    for at in range(len(names[0])) if len({len(words) for words in names}) == 1 else ():
+        trials: dict[str, dict[str, Recording]] = {}
+        columns: dict[str, set[frozenset[str]]] = {}
+        for words, recording in zip(names, recordings, strict=True):
+            # Columns are called after what their file is of, which is the same in all trials.
+            streams = tuple(replace(stream, name=words[at]) for stream in recording.streams)
+            part = replace(recording, name=words[at], streams=streams)
+            trials.setdefault("_".join([*words[:at], *words[at + 1 :]]), {})[words[at]] = part
+            columns.setdefault(words[at], set()).add(_columns(recording))
+        complete = len(trials) * len(columns) == len(recordings) == sum(map(len, trials.values()))
+        # All positions have the columns of positions; a trial's number would have those of one trial.
+        alike = all(len(of) == 1 for of in columns.values())
+        apart = len(set().union(*columns.values())) == len(columns)
+        if min(len(columns), len(trials)) > 1 and complete and alike and apart:
+            ways.append({name: list(parts.values()) for name, parts in trials.items()})
+    return ways[0] if len(ways) == 1 else {}
+
+
+def _columns(recording: Recording) -> frozenset[str]:
+    return frozenset(column.name for stream in recording.streams for column in stream.columns)
+
+
+def _join_parts(recordings: Sequence[Recording]) -> list[Recording]:
+    """Recordings as they are or, where each file holds other columns of as many rows, or over one time, all as one.
+
+    Columns without names are called after their files then: ``torques[0]`` and so on.
+    """
+    if len(recordings) < 2 or any(len(recording.streams) != 1 for recording in recordings):
+        return list(recordings)
+    streams = [_called_after_file(recording) for recording in recordings]
+    columns = [frozenset(column.name for column in stream.columns) for stream in streams]
+    rows = [stream.n_rows for stream in streams]
+    in_step = max(rows) - min(rows) <= _SAME_ROWS * max(rows)
+    # What all have in common may be a clock, and nothing else.
+    apart = len(set(columns)) == len(columns) and len(frozenset.intersection(*columns)) <= 1
+    if not apart or not (in_step or _are_of_one_time(recordings, streams)):
+        return list(recordings)
+    timed = [stream for stream in streams if stream.time is not None or _clock(stream) is not None]
+    if in_step and len(timed) <= 1 and sum(map(len, columns)) == len(frozenset.union(*columns)):
+        # A few rows that some have more, as differences are one less, are cut off at the end.
+        short = [stream.rows(slice(min(rows))) for stream in streams]
+        first = (timed or streams)[0].rows(slice(min(rows)))
+        streams = [replace(first, columns=tuple(column for stream in short for column in stream.columns))]
+    names = ", ".join(recording.name for recording in recordings)
+    notes = (*recordings[0].notes, f"the files are taken for parts of one recording: {names}")
+    return [replace(recordings[0], streams=tuple(streams), notes=notes)]
+
+
+def _called_after_file(recording: Recording) -> Stream:
+    (stream,) = recording.streams
+    if NAMELESS not in recording.notes:
+        return stream
+    columns = (replace(column, name=f"{recording.name}[{k}]") for k, column in enumerate(stream.columns))
+    return replace(stream, columns=tuple(columns))
+
+
+def _clock(stream: Stream) -> tuple[str, str] | None:
+    """The column of a stream that is its clock."""
+    return clock_column(stream, {c.name: read_clue(c.name, (), c.unit) for c in stream.columns})
+
+
+def _are_of_one_time(recordings: Sequence[Recording], streams: Sequence[Stream]) -> bool:
+    """Whether files of several rates hold other quantities, all over the same time.
 
     Raises:
-        LogError: it holds words only.
+        LogError: their clocks have nothing in common.
     """
-    notes = list(recording.notes)
-    streams = []
-    parts = [by_clock(stream) for stream in recording.streams]
-    notes += [note for _, note in parts if note]
-    for stream in (one for streams_of, _ in parts for one in streams_of):
-        for step in (unpack_cells, spread_signals, widen_table, apply_labels, with_whole_stamps):
-            stream, note = step(stream)
-            notes += [note] if note else []
-        streams.append(stream)
-    if not any(stream.columns for stream in streams):
-        raise nothing_there(recording.source)
-    streams, said = with_motors_named(streams)
-    said = {**recording.said, **said}
-    return by_episode(
-        replace(recording, streams=tuple(streams), said=said, notes=tuple(dict.fromkeys(notes)))
-    )
-
-
-# Whole arrays in the cells of a table, as data frames write them.
-
-_ARRAY = re.compile(r"\s*(?:(?:np\.|torch\.)?(?:array|tensor)\()?\s*[\[(]")
-# Not the 64 of np.float64(0.5), as numpy writes the numbers of a list.
-_NUMBER = re.compile(r"(?<![A-Za-z\d.])[+-]?(?:\d+\.?\d*(?:[eE][+-]?\d+)?|\.\d+(?:[eE][+-]?\d+)?|nan|inf)")
-_WORD = re.compile(r"""["']([^"']+)["']""")
-# Rows that a killed logger leaves incomplete are few.
-_WHOLE = 0.95
-
-
-def unpack_cells(stream: Stream) -> tuple[Stream, str]:
-    """The stream with ``NAME[0] … NAME[k-1]`` for a column whose cells hold ``k`` numbers each, and a note.
-
-    Cells that hold words, as names of joints, are words of ``NAME[0]`` and so on.
-    """
-    columns, words, done = list(stream.columns), dict(stream.words), []
-    for name, cells in stream.words.items():
-        first = next((str(cell) for cell in cells if cell), "")
-        if not _ARRAY.match(first):
-            continue
-        quoted = _WORD.findall(first)
-        if quoted:
-            del words[name]
-            if all(cell == cells[0] for cell in cells):
-                words |= {f"{name}[{k}]": np.full(len(cells), word, object) for k, word in enumerate(quoted)}
-            continue
-        found = [_NUMBER.findall(str(cell)) for cell in cells]
-        width = len(_NUMBER.findall(first))
-        whole = np.array([len(numbers) == width for numbers in found])
-        if not width or whole.mean() < _WHOLE:
-            continue
-        none = [float("nan")] * width
-        table = np.array(
-            [numbers if there else none for numbers, there in zip(found, whole, strict=True)], float
-        )
-        columns += [Column(f"{name}[{k}]", table[:, k]) for k in range(width)]
-        del words[name]
-        done.append(name)
-    note = f"cells of {', '.join(done)} hold arrays, a column each here" if done else ""
-    return replace(stream, columns=tuple(columns), words=words), note
-
-
-# Long tables: a row a joint and sample, or a row a quantity and sample, with a column that says which.
-
-_KEYS = frozenset("joint joints name motor motors id axis actuator servo dof".split())
-# Joints of a humanoid with hands; samples that are worth a table; how unequal joints' rows may be.
-_MOST, _FEWEST, _UNEQUAL = 100, 10, 0.02
-
-
-def widen_table(stream: Stream) -> tuple[Stream, str]:
-    """The stream with a column for each joint of ``position`` … where a column names the joint of its row; a note."""
-    if len(stream.columns) > _MOST:
-        return stream, ""
-    for name, cells in _key_columns(stream).items():
-        found = _rows_by_key(cells)
-        if found is None:
-            continue
-        labels, rows = found
-        if name in stream.words and _are_quantities(labels):
-            return _a_row_a_quantity(stream, name, labels, rows)
-        if not _is_key(name):
-            continue
-        columns: list[Column] = []
-        for column in stream.columns:
-            if column.name == name:
-                continue
-            table = column.values[rows]
-            if (table == table[0]).all() or all(is_clock(values) for values in table):
-                columns.append(replace(column, values=table[0]))
-            else:
-                columns += [
-                    replace(column, name=f"{column.name}.{label}", values=values, label=label)
-                    for label, values in zip(labels, table, strict=True)
-                ]
-        time = None if stream.time is None else stream.time[rows[0]]
-        note = f"{name} names the joint of each row: {len(labels)} rows a sample, a column a joint here"
-        return replace(stream, columns=tuple(columns), words={}, time=time), note
-    return stream, ""
-
-
-def _are_quantities(labels: list[str]) -> bool:
-    """Whether each names a quantity, positions among them, and no two the same one."""
-    said = [read_clue(label, ()) for label in labels]
-    named = {(one.quantity, one.commanded) for one in said if one.quantity not in ("", "skip")}
-    return ("q", False) in named and len(named) == len(labels)
-
-
-def _a_row_a_quantity(
-    stream: Stream, name: str, labels: list[str], rows: NDArray[np.int64]
-) -> tuple[Stream, str]:
-    """A column a joint and quantity, of lines that begin with ``Position``, ``Velocity``, ``Torque`` in turn."""
-    columns: list[Column] = []
-    for column in stream.columns:
-        values = column.values[rows]
-        if all(is_clock(one) for one in values):
-            columns.append(replace(column, values=values[0]))
-            continue
-        at = len(columns) // len(labels)
-        columns += [
-            replace(
-                column, name=f"{label}[{at}]" if stream.nameless else f"{label}.{column.name}", values=one
-            )
-            for label, one in zip(labels, values, strict=True)
-        ]
-    time = None if stream.time is None else stream.time[rows[0]]
-    note = f"{name} names the quantity of each row: {', '.join(labels)}"
-    return replace(stream, columns=tuple(columns), words={}, time=time, nameless=False), note
-
-
-def _key_columns(stream: Stream) -> dict[str, NDArray[np.object_]]:
-    """Columns that may say which joint or quantity a row is of."""
-    numbers = {
-        column.name: np.array([f"{value:g}" for value in column.values], object)
-        for column in stream.columns
-        if _is_key(column.name) and _is_count(column.values)
-    }
-    return dict(stream.words) | numbers
-
-
-def _is_key(name: str) -> bool:
-    words = [word for word in re.split(r"[^a-z]+", name.lower()) if word]
-    return bool(words) and set(words) <= _KEYS and not re.search(r"\d", name)
-
-
-def _is_count(values: Array) -> bool:
-    return bool(np.isfinite(values).all() and (values == np.round(values)).all() and np.ptp(values) <= _MOST)
-
-
-def _rows_by_key(cells: NDArray[np.object_]) -> tuple[list[str], NDArray[np.int64]] | None:
-    """Labels in their order, and ``(joints, samples)`` rows; None where rows do not go round the joints."""
-    text = np.array([str(cell) for cell in cells])
-    labels = list(dict.fromkeys(text[: 10 * _MOST].tolist()))
-    if not 1 < len(labels) <= _MOST or len(text) < _FEWEST * len(labels):
-        return None
-    rows = [np.flatnonzero(text == label) for label in labels]
-    counts = [len(found) for found in rows]
-    if sum(counts) < len(text) or np.ptp(counts) > max(1.0, _UNEQUAL * max(counts)):
-        return None
-    return labels, np.array([found[: min(counts)] for found in rows])
-
-
-# Tables of one value a row, as data bases and data frames give them out: which signal it is of stands beside
-# it.
-
-_VALUES = frozenset("value values val data number reading y".split())
-# Signals of a humanoid with hands, measured and commanded; rows of each that are worth a table.
-_MELTED_MOST, _MELTED_FEWEST = 400, 10
-
-
-def spread_signals(stream: Stream) -> tuple[Stream, str]:
-    """The stream with a column a signal, where each row has one value and words that say of which signal; a note.
-
-    Signals need not have been written at the same times: rows are those of all of them, empty where one has none.
-    """
-    parts = _time_and_value(stream)
-    if parts is None:
-        return stream, ""
-    time, value = parts
-    text, keys = _row_labels(stream)
-    labels, which = np.unique(text, return_inverse=True)
-    there = np.isfinite(time.values)
-    if not 1 < len(labels) <= _MELTED_MOST or not any(
-        read_clue(str(label), ()).quantity == "q" for label in labels
-    ):
-        return stream, ""
-    if np.bincount(which[there], minlength=len(labels)).min() < _MELTED_FEWEST:
-        return stream, ""
-    times, place = np.unique(time.values[there], return_inverse=True)
-    table = np.full((len(labels), len(times)), np.nan)
-    table[which[there], place] = value.values[there]
-    columns = [replace(time, values=times)]
-    columns += [Column(str(label), row) for label, row in zip(labels, table, strict=True)]
-    note = f"{' and '.join(keys)} say which signal a row is of: {len(labels)} signals, a column each here"
-    return replace(stream, columns=tuple(columns), words={}), note
-
-
-def _time_and_value(stream: Stream) -> tuple[Column, Column] | None:
-    """The columns of times and of values; None where there is more than one of either, or no word beside them."""
-    if stream.time is not None or stream.nameless or not stream.words:
-        return None
-    varying = [column for column in stream.columns if _has_variation(column.values)]
-    times = [column for column in varying if read_clue(column.name, ()).quantity == "time"]
-    values = [column for column in varying if set(name_tokens(column.name)) <= _VALUES]
-    return (times[0], values[0]) if len(times) == 1 and len(values) == 1 else None
-
-
-def _row_labels(stream: Stream) -> tuple[NDArray[np.str_], list[str]]:
-    """What the words of each row say together, and the names of the columns that they stand in."""
-    said = {name: np.array([str(cell or "") for cell in cells]) for name, cells in stream.words.items()}
-    keys = [name for name, cells in said.items() if len(cells) and (cells != cells[0]).any()]
-    text = np.array([""] * stream.n_rows) if not keys else said[keys[0]]
-    for name in keys[1:]:
-        text = np.char.add(np.char.add(text, "."), said[name])
-    return text, keys
-
-
-def _has_variation(values: Array) -> bool:
-    known = values[np.isfinite(values)]
-    return len(known) > 0 and float(np.ptp(known)) > 0.0
-
-
-# Unitree's LowState in a table or as JSON: an array of motors, of which a machine has some, in the vendor's
-# order.
-
-# motor_state/q[3] as JSON's rows are read, motor_state[3].q and motorState_3_tauEst as tables are flattened.
-_OF_MOTOR = re.compile(
-    r"(?:.*[/._])?motor_?state[/._]?(?:(?P<word>[a-z_]+)\[(?P<k>\d+)\]|\[?(?P<n>\d+)\]?[/._](?P<field>[a-z_]+))",
-    re.IGNORECASE,
-)
-_CHANNELS = {"q": ("q", "q"), "dq": ("dq", "v"), "tauest": ("tau_est", "tau")}
-# The message of the quadrupeds and of H1 has twenty motors, that of later humanoids more.
-_LEGGED = 20
-
-
-def with_motors_named(streams: Sequence[Stream]) -> tuple[list[Stream], dict[str, Any]]:
-    """The streams, motors of a LowState under their joints' names, without those that the machine lacks.
-
-    Returns:
-        Streams, and what they say as bags of these messages do (``doubts``, ``linkages``); nothing where there is no
-        such message.
-    """
-    done: list[Stream] = []
-    said: dict[str, Any] = {}
+    held: list[set[tuple[str, bool]]] = []
+    spans = []
     for stream in streams:
-        named, count = _as_in_bags(stream)
-        if count:
-            kind = "unitree_go/LowState" if count <= _LEGGED else "unitree_hg/LowState"
-            found = finished([(kind, named)])
-            done += found.streams
-            said |= found.said
-        else:
-            done.append(stream)
-    return done, said
+        clues = {c.name: read_clue(c.name, (), c.unit) for c in stream.columns}
+        said = {(c.quantity, c.commanded) for c in clues.values() if c.quantity not in ("", "time", "skip")}
+        clock = clock_column(stream, clues)
+        if clock is None or not said or any(said & other for other in held):
+            return False
+        held.append(said)
+        values = next(c.values for c in stream.columns if c.name == clock[0])
+        tick = clock_tick(values, clues[clock[0]].unit)[0] or 1.0
+        spans.append((np.nanmin(values) * tick, np.nanmax(values) * tick))
+    common = min(end for _, end in spans) - max(start for start, _ in spans)
+    if common <= _OVERLAP * min(end - start for start, end in spans):
+        pairs = zip(recordings, spans, strict=True)
+        told = ", ".join(f"{recording.name} from {a:.6g} to {b:.6g} s" for recording, (a, b) in pairs)
+        raise LogError(
+            f"the files hold other quantities of one recording, but not over the same time: {told}",
+            source=recordings[0].source,
+            remedy="write both with one clock, or add the difference to the times of one",
+        )
+    return True
 
 
-def _as_in_bags(stream: Stream) -> tuple[Stream, int]:
-    """The stream, its motors' columns called as in bags, and how many motors the message has; zero for none."""
-    columns: list[Column] = []
-    motors: dict[str, set[int]] = {}
-    for column in stream.columns:
-        match = _OF_MOTOR.fullmatch(column.name)
-        word = (match["word"] or match["field"]).replace("_", "").lower() if match else ""
-        if match is None or column.channel:
-            columns.append(column)
-        elif word in _CHANNELS:
-            name, channel = _CHANNELS[word]
-            k = int(match["k"] or match["n"])
-            motors.setdefault(name, set()).add(k)
-            label = f"motor_{k}"
-            columns.append(replace(column, name=f"{name}.{label}", channel=channel, label=label))
-    counts = {len(numbers) for numbers in motors.values()}
-    if (
-        "q" not in motors
-        or len(motors) < 2
-        or len(counts) != 1
-        or motors["q"] != set(range(len(motors["q"])))
-    ):
-        return stream, 0
-    return replace(stream, columns=tuple(columns)), counts.pop()
-
-
-# Tables whose columns have clocks of their own: time, signal, time, signal, as oscilloscopes of controllers
-# write.
-
-# Clocks are one where, in the units of one, what they differ by changes less than this share of a step.
-_SAME = 0.05
-# Units of time that may stand side by side: seconds, milliseconds, microseconds, nanoseconds.
-_UNITS = 1e3
-
-
-def by_clock(stream: Stream) -> tuple[list[Stream], str]:
-    """A stream for each clock of a table in which clocks stand before their signals; a note where there are several.
-
-    TwinCAT's Scope exports each channel so. Read as one table the torques of a slower task went by twice as fast.
-    """
-    groups = _clock_groups(stream)
-    if len(groups) < 2:
-        return [stream], ""
-    parts: list[tuple[Column, list[Column]]] = []
-    for clock, signals in groups:
-        same = next((part for part in parts if _are_one(part[0].values, clock.values)), None)
-        if same is None:
-            parts.append((clock, list(signals)))
-        else:
-            same[1].extend(signals)
-    if len(parts) < 2:
-        return [stream], ""
-    made = []
-    for k, (clock, signals) in enumerate(parts):
-        # Not called by the file: ``a_1`` would say what its columns are.
-        whole = replace(stream, name=f"part_{k + 1}", columns=(clock, *signals), words={})
-        made.append(whole.rows(np.isfinite(clock.values)))
-    return (
-        made,
-        f"{stream.name} has {len(parts)} clocks, each before its signals: {parts[1][0].name} is another one",
-    )
-
-
-def _clock_groups(stream: Stream) -> list[tuple[Column, list[Column]]]:
-    """Clocks with the signals behind them; none where the table does not begin with one, or one has no signal."""
-    if stream.time is not None or not stream.columns:
-        return []
-    first = _name_stem(stream.columns[0].name)
-    groups: list[tuple[Column, list[Column]]] = []
-    for column in stream.columns:
-        named = _name_stem(column.name) == first or read_clue(column.name, ()).quantity == "time"
-        if named and goes_evenly(column.values):
-            groups.append((column, []))
-        elif groups:
-            groups[-1][1].append(column)
-        else:
-            return []
-    return groups if all(signals for _, signals in groups) else []
-
-
-def _name_stem(name: str) -> str:
-    """A name without the number of its column."""
-    return re.sub(r"~\d+$", "", name)
-
-
-def _are_one(a: Array, b: Array) -> bool:
-    """Whether two clocks are one, though perhaps in other units and from another zero."""
-    known = np.isfinite(a) & np.isfinite(b)
-    if not np.array_equal(np.isfinite(a), np.isfinite(b)) or known.sum() < 2:
-        return False
-    steps = np.median(np.diff(a[known])), np.median(np.diff(b[known]))
-    if min(steps) <= 0.0:
-        return False
-    unit = _UNITS ** round(float(np.log(steps[1] / steps[0]) / np.log(_UNITS)))
-    differ = b[known] / unit - a[known]
-    return float(np.ptp(differ)) < _SAME * float(steps[0])
-
-
-# Times of which one column holds the seconds and the next one what is beyond them.
-
-# Nanoseconds, microseconds, milliseconds of a second.
-_PARTS = (1e9, 1e6, 1e3)
-# Of a recording of some seconds the parts come near both ends of a second.
-_LEAST, _SPLIT_STAMPS_MOST = 0.2, 0.8
-
-
-def with_whole_stamps(stream: Stream) -> tuple[Stream, str]:
-    """The stream with one clock for every pair of columns that are whole seconds and parts of them, and a note."""
-    if stream.time is not None:
-        return stream, ""
-    columns: list[Column] = []
-    done = []
-    for column in stream.columns:
-        before = columns[-1] if columns else None
-        whole = None if before is None or before.channel else _join_stamps(before.values, column.values)
-        if before is None or whole is None:
-            columns.append(column)
-            continue
-        name = f"{before.name}+{column.name}"
-        columns[-1] = Column(name, whole, channel="time", unit="s")
-        done.append(name)
-    note = f"{', '.join(done)}: seconds and parts of a second are one time" if done else ""
-    return replace(stream, columns=tuple(columns)), note
-
-
-def _join_stamps(seconds: Array, parts: Array) -> Array | None:
-    """Seconds with their parts; None where these columns are no such pair."""
-    known = np.isfinite(seconds) & np.isfinite(parts)
-    if known.sum() < 3:
-        return None
-    s, p = seconds[known], parts[known]
-    steps = np.diff(s)
-    if (s != np.round(s)).any() or (p != np.round(p)).any() or p.min() < 0.0 or not (steps > 0.0).any():
-        return None
-    if (steps > 0.0).mean() > 0.5:
-        # Seconds that go on in most rows need no parts.
-        return None
-    scale = next((one for one in reversed(_PARTS) if p.max() < one), None)
-    if scale is None or p.max() < _SPLIT_STAMPS_MOST * scale or p.min() > _LEAST * scale:
-        return None
-    whole = seconds + parts / scale
-    return np.asarray(whole) if is_clock(whole) and (np.diff(p) < 0.0).any() else None
+def joined_by_joint(recordings: Sequence[Recording], joints: Sequence[str]) -> list[Recording]:
+    """Recordings as they are or, where each file is called after a joint and holds what one joint did, all as one."""
+    named = [read_clue(recording.name, joints).exact for recording in recordings]
+    alone = len(recordings) < 2 or any(len(recording.streams) != 1 for recording in recordings)
+    if alone or not all(named) or len(set(named)) < len(named):
+        return list(recordings)
+    inside = [read_clue(word, joints) for word in itertools.chain(*map(_columns, recordings))]
+    # A trial of the whole machine may be called after the joint that it is aimed at.
+    if any(said.exact or said.number is not None for said in inside):
+        return list(recordings)
+    pairs = zip(recordings, named, strict=True)
+    streams = tuple(replace(recording.streams[0], name=joint) for recording, joint in pairs)
+    notes = (*recordings[0].notes, "each file is taken for what one joint did: " + ", ".join(named))
+    return [merged_names(replace(recordings[0], streams=streams, notes=notes))]

@@ -137,12 +137,9 @@ def log_header(
     gains = _stated_gains(recordings, joints, found)
     if gains:
         content["controller"] = gains
-        found.facts.append(
-            ("controller", ", ".join(name for name in gains if name != "mode"), "the recording states them")
-        )
+        found.note("gains", gains=", ".join(name for name in gains if name != "mode"))
     if "modelled" not in stated.log:
-        usual = "what joints of this kind have at least"
-        found.facts.append(("modelled", ", ".join(content["modelled"]), usual))
+        found.note("usual model", model=", ".join(content["modelled"]))
     content |= stated.log
     if torque == "none":
         content.pop("no_torque", None)
@@ -166,27 +163,23 @@ def log_header(
 
 
 def _torque_word(present: set[str], found: Guesses) -> str:
-    if any(name.startswith("tau.") for name in present):
-        found.facts.append(
-            (
-                "torque",
-                "motor_side",
-                "torques of unknown side are taken to contain the joint's friction and rotor",
-            )
-        )
-        return "motor_side"
-    if any(name.startswith("i.") for name in present):
-        found.facts.append(("torque", "current", "currents, and no torques, were recorded"))
-        return "current"
-    found.facts.append(("torque", "none", "neither torques nor currents were recorded"))
-    return "none"
+    channels = {name.partition(".")[0] for name in present}
+    key, word = (
+        ("torque of a side", "motor_side")
+        if "tau" in channels
+        else ("currents alone", "current")
+        if "i" in channels
+        else ("no loads", "none")
+    )
+    found.note(key)
+    return word
 
 
 def _stated_gains(recordings: Sequence[Recording], joints: Sequence[str], found: Guesses) -> dict[str, Any]:
     """Gains that the recording states for every joint, in a list or by the names that it gives them."""
     said = recordings[0].said
     gains: dict[str, Any] = {}
-    labels = {item.target.partition(".")[2]: item.source.partition(".")[2] for item in found.of("q_cmd")}
+    labels = {item.joint: item.source.partition(".")[2] for item in found.of("q_cmd")}
     for name, by_label in said.get("gains", {}).items():
         if joints and all(labels.get(joint) in by_label for joint in joints):
             gains[name] = {joint: by_label[labels[joint]] for joint in joints}

@@ -4,23 +4,290 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.conversion.columns.clock import Table, find_restarts
+from excite.conversion.columns.clock import Table, find_restarts, goes_evenly, is_clock
 from excite.conversion.columns.words import read_clue
-from excite.conversion.recording import Column, Recording, Stream
+from excite.conversion.recording import Column, Recording, Stream, nothing_there
+from excite.conversion.sources.unitree import name_motors_of_tables
 
-# Arrays by name as streams: those of one length together, with the names of joints that lists beside them
-# hold.
+# A trial has more rows than this, or what counts it counts something else.
+FEWEST_ROWS = 20
+# More names than a humanoid with hands has joints are no names of joints; texts of a row each are more.
+_MOST = 100
+_ARRAY = re.compile(r"\s*(?:(?:np\.|torch\.)?(?:array|tensor)\()?\s*[\[(]")
+# Not the 64 of np.float64(0.5), as numpy writes the numbers of a list.
+_NUMBER = re.compile(r"(?<![A-Za-z\d.])[+-]?(?:\d+\.?\d*(?:[eE][+-]?\d+)?|\.\d+(?:[eE][+-]?\d+)?|nan|inf)")
+_NUMBERED = re.compile(r"(.*?)[\[_.]?(\d+)\]?$")
+_OF_JOINTS = frozenset("joint joints name motor motors id axis actuator servo dof".split())
+_OF_TRIALS = frozenset(
+    "episode episodes ep trial trials run runs demo rollout traj trajectory experiment exp test recording "
+    "take session sequence motion segment repetition rep versuch essai".split()
+)
+_BESIDE = frozenset("index idx id nr no num number name label".split())
 
-# Texts of a row each are as many as a recording has rows, which are more than a robot has joints.
-_MOST_LABELS = 100
+
+class Shape(NamedTuple):
+    """One way in which a table may be shaped.
+
+    Attributes:
+        name: of the rule.
+        finds: what it finds, and what it makes of it, in words.
+        change: the streams that a stream is then, and a note; the stream itself and no note where it is not so shaped.
+    """
+
+    name: str
+    finds: str
+    change: Callable[[Stream], tuple[list[Stream], str]]
+
+
+def reshape_recording(recording: Recording) -> list[Recording]:
+    """The recording with a row a sample and a column a channel: the rules of :data:`SHAPES`; one for each trial in it.
+
+    Raises:
+        LogError: it holds words only.
+    """
+    streams, notes = list(recording.streams), list(recording.notes)
+    for shape in SHAPES:
+        changed = [shape.change(stream) for stream in streams]
+        streams = [stream for several, _ in changed for stream in several]
+        notes += [note for _, note in changed if note]
+    if not any(stream.columns for stream in streams):
+        raise nothing_there(recording.source)
+    streams, said = name_motors_of_tables(streams)
+    whole = {**recording.said, **said}
+    return _by_episode(
+        replace(recording, streams=tuple(streams), said=whole, notes=tuple(dict.fromkeys(notes)))
+    )
+
+
+def by_clock(stream: Stream) -> tuple[list[Stream], str]:
+    """A stream for each clock of a table in which clocks stand before their signals, as TwinCAT's Scope exports them.
+
+    Read as one table the torques of a slower task went by twice as fast. Clocks are one where, in the units of one,
+    what they differ by hardly changes.
+    """
+    stem = lambda column: re.sub(r"~\d+$", "", column.name)  # noqa: E731
+    groups: list[tuple[Column, list[Column]]] = []
+    for column in stream.columns if stream.time is None else ():
+        named = stem(column) == stem(stream.columns[0]) or read_clue(column.name, ()).quantity == "time"
+        if named and goes_evenly(column.values):
+            groups.append((column, []))
+        elif groups:
+            groups[-1][1].append(column)
+        else:
+            return [stream], ""
+    parts: list[tuple[Column, list[Column]]] = []
+    for clock, signals in groups:
+        if not signals:
+            return [stream], ""
+        same = next((part for part in parts if _are_one_clock(part[0].values, clock.values)), None)
+        if same is None:
+            parts.append((clock, signals))
+        else:
+            same[1].extend(signals)
+    if len(parts) < 2:
+        return [stream], ""
+    # Not called by the file: ``a_1`` would say what its columns are.
+    made = [
+        replace(stream, name=f"part_{k + 1}", columns=(clock, *signals), words={}).rows(
+            np.isfinite(clock.values)
+        )
+        for k, (clock, signals) in enumerate(parts)
+    ]
+    other = parts[1][0].name
+    return made, f"{stream.name} has {len(parts)} clocks, each before its signals: {other} is another one"
+
+
+def _are_one_clock(a: Array, b: Array) -> bool:
+    """Whether two clocks are one, though perhaps in other units (thousands) and from another zero."""
+    known = np.isfinite(a) & np.isfinite(b)
+    if not np.array_equal(np.isfinite(a), np.isfinite(b)) or known.sum() < 2:
+        return False
+    steps = np.median(np.diff(a[known])), np.median(np.diff(b[known]))
+    unit = 1e3 ** round(float(np.log(steps[1] / steps[0]) / np.log(1e3))) if min(steps) > 0.0 else np.nan
+    return float(np.ptp(b[known] / unit - a[known])) < 0.05 * float(steps[0])
+
+
+def _unpack_cells(stream: Stream) -> tuple[list[Stream], str]:
+    """The stream with ``NAME[0] … NAME[k-1]`` for a column whose cells hold ``k`` numbers each.
+
+    Cells that hold words, as names of joints, are words of ``NAME[0]`` and so on.
+    """
+    columns, words, done = list(stream.columns), dict(stream.words), []
+    for name, cells in stream.words.items():
+        first = next((str(cell) for cell in cells if cell), "")
+        if not _ARRAY.match(first):
+            continue
+        if quoted := re.findall(r"""["']([^"']+)["']""", first):
+            del words[name]
+            same = all(cell == cells[0] for cell in cells)
+            words |= {
+                f"{name}[{k}]": np.full(len(cells), one, object) for k, one in enumerate(quoted) if same
+            }
+            continue
+        found = [_NUMBER.findall(str(cell)) for cell in cells]
+        width = len(_NUMBER.findall(first))
+        # Rows that a killed logger leaves incomplete are few.
+        if width and np.mean([len(numbers) == width for numbers in found]) >= 0.95:
+            table = np.array([one if len(one) == width else [np.nan] * width for one in found], float)
+            columns += [Column(f"{name}[{k}]", table[:, k]) for k in range(width)]
+            del words[name]
+            done.append(name)
+    note = f"cells of {', '.join(done)} hold arrays, a column each here" if done else ""
+    return [replace(stream, columns=tuple(columns), words=words)], note
+
+
+def _widen(stream: Stream) -> tuple[list[Stream], str]:
+    """The stream with a column for each joint of ``position`` … where a column names the joint of its row."""
+    keys = dict(stream.words) | {
+        column.name: np.array([f"{value:g}" for value in column.values], object)
+        for column in stream.columns
+        if _is_called(column.name, _OF_JOINTS) and _is_count(column.values) and np.ptp(column.values) <= _MOST
+    }
+    for name, cells in keys.items():
+        text = np.array([str(cell) for cell in cells])
+        labels = list(dict.fromkeys(text[: 10 * _MOST].tolist()))
+        each = [np.flatnonzero(text == label) for label in labels]
+        counts = np.array([len(found) for found in each])
+        round_all = counts.sum() == len(text) and np.ptp(counts) <= max(1.0, 0.02 * counts.max())
+        known = _is_called(name, _OF_JOINTS) and not re.search(r"\d", name)
+        if not (known and 1 < len(labels) <= _MOST and len(text) >= 10 * len(labels) and round_all):
+            continue
+        rows = np.array([found[: counts.min()] for found in each])
+        columns: list[Column] = []
+        for column in stream.columns:
+            table = column.values[rows]
+            if column.name == name:
+                continue
+            if (table == table[0]).all() or all(is_clock(values) for values in table):
+                columns.append(replace(column, values=table[0]))
+            else:
+                columns += [
+                    replace(column, name=f"{column.name}.{label}", values=values, label=label)
+                    for label, values in zip(labels, table, strict=True)
+                ]
+        time = None if stream.time is None else stream.time[rows[0]]
+        note = f"{name} names the joint of each row: {len(labels)} rows a sample, a column a joint here"
+        return [replace(stream, columns=tuple(columns), words={}, time=time)], note
+    return [stream], ""
+
+
+def _apply_labels(stream: Stream) -> tuple[list[Stream], str]:
+    """The stream with labels on its numbered columns where other columns name as many joints, the same in every row."""
+    names: dict[str, list[str]] = {}
+    for name, cells in stream.words.items():
+        if cells[0] and (cells == cells[0]).all():
+            names.setdefault(_stem(name), []).append(str(cells[0]))
+    return [with_labels(stream, names)], ""
+
+
+def _join_stamps(stream: Stream) -> tuple[list[Stream], str]:
+    """The stream with one clock for every pair of columns that are whole seconds and parts of them."""
+    columns: list[Column] = []
+    done = []
+    for column in stream.columns:
+        before = columns[-1] if columns and stream.time is None and not columns[-1].channel else None
+        whole = None if before is None else _whole_stamps(before.values, column.values)
+        if before is None or whole is None:
+            columns.append(column)
+            continue
+        columns[-1] = Column(f"{before.name}+{column.name}", whole, channel="time", unit="s")
+        done.append(columns[-1].name)
+    note = f"{', '.join(done)}: seconds and parts of a second are one time" if done else ""
+    return [replace(stream, columns=tuple(columns))], note
+
+
+def _whole_stamps(seconds: Array, parts: Array) -> Array | None:
+    """Seconds with their parts; None where these columns are no such pair.
+
+    Seconds that go on in most rows need no parts; of a recording of some seconds the parts come near both ends of one.
+    """
+    known = np.isfinite(seconds) & np.isfinite(parts)
+    s, p = seconds[known], parts[known]
+    if (
+        len(s) < 3
+        or not (_is_count(s) and _is_count(p))
+        or p.min() < 0.0
+        or not 0.0 < (np.diff(s) > 0.0).mean() <= 0.5
+    ):
+        return None
+    scale = next((one for one in (1e3, 1e6, 1e9) if p.max() < one), np.inf)
+    if p.max() < 0.8 * scale or p.min() > 0.2 * scale or not (np.diff(p) < 0.0).any():
+        return None
+    whole = np.asarray(seconds + parts / scale)
+    return whole if is_clock(whole) else None
+
+
+SHAPES = (
+    Shape("clocks", "clocks that stand before their signals: a stream each", by_clock),
+    Shape("cells", "arrays in cells: a column each", _unpack_cells),
+    Shape("long", "a row a joint and sample: a column a joint", _widen),
+    Shape("names", "names of joints beside their numbers: labels", _apply_labels),
+    Shape("stamps", "seconds and parts of seconds: one clock", _join_stamps),
+)
+
+
+def _by_episode(recording: Recording) -> list[Recording]:
+    """A recording for each stretch of rows with one value of a column such as ``episode`` or ``trial_id``."""
+    stream = recording.streams[0]
+    keys: dict[str, NDArray[Any]] = {c.name: c.values for c in stream.columns if _is_count(c.values)} | dict(
+        stream.words
+    )
+    for name, cells in keys.items() if len(recording.streams) == 1 else ():
+        if not _is_called(name, _OF_TRIALS | _BESIDE) or not _is_called(name, _OF_TRIALS, some=True):
+            continue
+        edges = [0, *(np.flatnonzero(cells[1:] != cells[:-1]) + 1).tolist(), len(cells)]
+        if len(edges) < 3 or np.median(np.diff(edges)) < FEWEST_ROWS:
+            continue
+        rest = replace(
+            stream,
+            columns=tuple(column for column in stream.columns if column.name != name),
+            words={key: words for key, words in stream.words.items() if key != name},
+        )
+        word = "_".join(w for w in re.findall(r"[a-z]+", name.lower()) if w not in _BESIDE)
+        notes = (*recording.notes, f"{name} tells {len(edges) - 1} trials apart")
+        labels = {
+            start: re.sub(r"[^A-Za-z0-9_.+-]+", "_", cells[start])
+            if isinstance(cells[start], str)
+            else f"{word}{float(cells[start]):g}"
+            for start in edges[:-1]
+        }
+        return [
+            replace(
+                recording,
+                name=f"{recording.name}_{labels[start]}",
+                streams=(rest.rows(slice(start, end)),),
+                notes=notes,
+            )
+            for start, end in itertools.pairwise(edges)
+            if end - start >= FEWEST_ROWS
+        ]
+    return [recording]
+
+
+def _is_called(name: str, words: frozenset[str], *, some: bool = False) -> bool:
+    """Whether a name has nothing but some words, or one of them."""
+    said = set(re.findall(r"[a-z]+", re.sub(r"([a-z])([A-Z])", r"\1 \2", name).lower()))
+    return bool(said & words) and (some or said <= words)
+
+
+def _is_count(values: Array) -> bool:
+    return bool(np.isfinite(values).all() and (values == np.round(values)).all())
+
+
+def _stem(name: str) -> str:
+    match = _NUMBERED.match(name)
+    return match[1] if match else name
+
+
+# Arrays by name as streams.
 
 
 def stream_of_arrays(name: str, arrays: Mapping[str, Any], time: Array | None = None) -> list[Stream]:
@@ -29,29 +296,28 @@ def stream_of_arrays(name: str, arrays: Mapping[str, Any], time: Array | None = 
     Lists of ``k`` words name the columns of arrays that are ``k`` wide, a word for every row is a text of that row.
     Arrays of three axes or more are left out, but for those of one row a sample.
     """
-    arrays = in_one_order(arrays)
     lengths: dict[int, list[Column]] = {}
     words: dict[int, dict[str, NDArray[np.object_]]] = {}
+    arrays = _in_one_order({key: _as_words(values) for key, values in arrays.items()})
     for key, values in arrays.items():
-        array = np.squeeze(np.asarray(values))
-        if array.dtype.kind in "SUO" and array.ndim == 1 and len(array) > _MOST_LABELS:
-            texts = np.char.decode(array, "utf-8", "replace") if array.dtype.kind == "S" else array
-            words.setdefault(len(array), {})[key] = texts.astype(object)
-        if array.dtype.kind == "b":
-            array = array.astype(float)
-        if array.dtype.kind not in "fiu" or array.ndim not in (1, 2) or not array.size:
+        array = np.squeeze(values)
+        if array.dtype.kind in "UO" and array.ndim == 1 and len(array) > _MOST:
+            words.setdefault(len(array), {})[key] = array.astype(object)
+        if array.dtype.kind not in "fiub" or array.ndim not in (1, 2) or not array.size:
             continue
-        if array.ndim == 2 and array.shape[0] < array.shape[1]:
-            array = array.T
-        columns = (
-            [(key, array)]
-            if array.ndim == 1
-            else [(f"{key}[{k}]", array[:, k]) for k in range(array.shape[1])]
-        )
+        array = (array.T if array.ndim == 2 and array.shape[0] < array.shape[1] else array).astype(float)
         found = lengths.setdefault(len(array), [])
-        found += [Column(label, np.asarray(column, dtype=float)) for label, column in columns]
-    names = word_lists(arrays)
-    _with_one_row_less(lengths)
+        if array.ndim == 1:
+            found.append(Column(key, array))
+        else:
+            found += [Column(f"{key}[{k}]", array[:, k]) for k in range(array.shape[1])]
+    for n in sorted(lengths, reverse=True):
+        # Optimal control has a control between two states: xs of 101 rows, us of 100; the last row is not known.
+        fewer = lengths.get(n - 1, []) if n > _MOST else []
+        if fewer and not any(read_clue(column.name, ()).quantity == "time" for column in fewer):
+            lengths[n] += [replace(column, values=np.append(column.values, np.nan)) for column in fewer]
+            del lengths[n - 1]
+    names = {key: _word_list(values) for key, values in arrays.items()}
     return [
         with_labels(
             Stream(
@@ -66,33 +332,18 @@ def stream_of_arrays(name: str, arrays: Mapping[str, Any], time: Array | None = 
     ]
 
 
-def _with_one_row_less(lengths: dict[int, list[Column]]) -> None:
-    """Arrays of one row less stand with those that have it, the last row not known.
-
-    Optimal control has a control between two states: xs of 101 rows, us of 100.
-    """
-    for n in sorted(lengths, reverse=True):
-        fewer = lengths.get(n - 1)
-        if fewer is None or n not in lengths or n <= _MOST_LABELS:
-            continue
-        if any(read_clue(column.name, ()).quantity == "time" for column in fewer):
-            continue
-        lengths[n] += [replace(column, values=np.append(column.values, np.nan)) for column in fewer]
-        del lengths[n - 1]
-
-
 def split_batches(arrays: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     """Arrays of each trial, where arrays of three axes hold trials, samples and joints; empty where there are none."""
-    stacked = {key: np.asarray(values) for key, values in arrays.items() if np.ndim(values) == 3}
-    stacked = {
-        key: values for key, values in stacked.items() if values.dtype.kind == "f" and 1 not in values.shape
+    shapes = {
+        np.shape(values)[:2]
+        for values in arrays.values()
+        if np.ndim(values) == 3 and np.asarray(values).dtype.kind == "f" and 1 not in np.shape(values)
     }
-    shapes = {values.shape[:2] for values in stacked.values()}
     if len(shapes) != 1:
         return {}
     ((count, rows),) = shapes
     # Images have their rows and columns behind the samples, of which there are more than of trials.
-    if count > rows or any(len(values) == rows for key, values in arrays.items() if np.ndim(values) == 2):
+    if count > rows or any(len(values) == rows for values in arrays.values() if np.ndim(values) == 2):
         return {}
     return {
         f"trial_{k}": {
@@ -110,31 +361,6 @@ def longest_streams(streams: Iterable[Stream]) -> tuple[Stream, ...]:
     return tuple(stream for stream in kept if stream.n_rows >= max(3, most // 100))
 
 
-# Names of joints that stand beside their numbers: in a list of names, or in columns that hold the same word
-# always.
-
-# More names than a humanoid with hands has joints are no names of joints.
-_MOST = 100
-_NUMBERED = re.compile(r"(.*?)[\[_.]?(\d+)\]?$")
-# What a JointState holds behind its names, in this order.
-_OF_JOINT_STATE = ("position", "velocity", "effort")
-
-
-def apply_labels(stream: Stream) -> tuple[Stream, str]:
-    """The stream with labels on its numbered columns where other columns name as many joints, and a note."""
-    constant = {
-        name: str(cells[0]) for name, cells in stream.words.items() if cells[0] and (cells == cells[0]).all()
-    }
-    if len(constant) < 2:
-        return stream, ""
-    if stream.nameless:
-        return _joint_states(stream, constant)
-    names: dict[str, list[str]] = {}
-    for name, word in constant.items():
-        names.setdefault(_name_stem(name), []).append(word)
-    return with_labels(stream, names), ""
-
-
 def with_labels(stream: Stream, names: Mapping[str, Sequence[str]]) -> Stream:
     """The stream with the names of a list on the columns ``NAME[0] … NAME[k-1]`` of each array as long as the list.
 
@@ -143,43 +369,43 @@ def with_labels(stream: Stream, names: Mapping[str, Sequence[str]]) -> Stream:
         names: lists of names, by what the recording calls them.
     """
     lists = {key: list(words) for key, words in names.items() if 1 < len(set(words)) == len(words) <= _MOST}
-    if not lists:
-        return stream
-    stems = [_name_stem(column.name) for column in stream.columns]
-    found = []
-    for k, column in enumerate(stream.columns):
-        width = stems.count(stems[k])
-        fitting = [key for key, words in lists.items() if len(words) == width]
-        if column.label or not fitting or stems[k] == column.name:
-            found.append(column)
-            continue
-        best = max(fitting, key=lambda key: (_shared_depth(key, column.name), "joint" in key.lower()))
-        found.append(replace(column, label=lists[best][stems[:k].count(stems[k])]))
+    stems = [_stem(column.name) for column in stream.columns] if lists else []
+    found = list(stream.columns)
+    for k, stem in enumerate(stems):
+        column = found[k]
+        fitting = [key for key, words in lists.items() if len(words) == stems.count(stem)]
+        if fitting and not column.label and stem != column.name:
+            best = max(
+                fitting, key=lambda key: (_shared_depth(key, stream.columns[k].name), "joint" in key.lower())
+            )
+            found[k] = replace(column, label=lists[best][stems[:k].count(stem)])
     return replace(stream, columns=tuple(found))
 
 
-def word_lists(arrays: Mapping[str, Any]) -> dict[str, list[str]]:
-    """Lists of words among arrays; a table of words whose rows are all the same is one list."""
-    found = {}
-    for key, values in arrays.items():
-        array = np.asarray(values)
-        if array.dtype.kind == "S":
-            array = np.char.decode(array, "utf-8", "replace")
-        if array.dtype.kind == "U" and array.ndim == 2 and len(array) and (array == array[0]).all():
-            array = array[0]
-        if array.dtype.kind == "U" and array.ndim == 1 and 1 < len(array) <= _MOST:
-            found[key] = [str(word).strip() for word in array]
-    return found
+def _shared_depth(a: str, b: str) -> int:
+    """Folders that two paths have in common."""
+    return sum(one == other for one, other in zip(a.split("/")[:-1], b.split("/")[:-1], strict=False))
 
 
-def in_one_order(arrays: Mapping[str, Any]) -> dict[str, Any]:
+def _as_words(values: Any) -> NDArray[Any]:
+    array = np.asarray(values)
+    return np.char.decode(array, "utf-8", "replace") if array.dtype.kind == "S" else array
+
+
+def _word_list(array: NDArray[Any]) -> list[str]:
+    """A list of words; a table of words whose rows are all the same is one, too."""
+    if array.dtype.kind == "U" and array.ndim == 2 and len(array) and (array == array[0]).all():
+        array = array[0]
+    return [str(word).strip() for word in array] if array.dtype.kind == "U" and array.ndim == 1 else []
+
+
+def _in_one_order(arrays: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
     """The arrays, those as wide as a table of words beside them in the order of its first row throughout.
 
     Messages of joint states name their joints anew each time, and some drivers in another order each time.
     """
     done = dict(arrays)
-    for key, values in arrays.items():
-        words = np.asarray(values)
+    for key, words in arrays.items():
         if words.dtype.kind != "U" or words.ndim != 2 or not len(words) or (words == words[0]).all():
             continue
         sorted_words, place = np.sort(words, axis=1), np.argsort(words, axis=1)
@@ -187,42 +413,9 @@ def in_one_order(arrays: Mapping[str, Any]) -> dict[str, Any]:
             continue
         back = place[:, np.argsort(place[0])]
         for name, other in arrays.items():
-            if np.shape(other) == words.shape and (name.rpartition("/")[0] == key.rpartition("/")[0]):
-                done[name] = np.take_along_axis(np.asarray(other), back, axis=1)
+            if other.shape == words.shape and name.rpartition("/")[0] == key.rpartition("/")[0]:
+                done[name] = np.take_along_axis(other, back, axis=1)
     return done
-
-
-def _joint_states(stream: Stream, constant: Mapping[str, str]) -> tuple[Stream, str]:
-    """Messages of joint states, printed in lines without names: stamp, names, positions, velocities, efforts."""
-    place = {name: int(match[2]) for name in constant if (match := _NUMBERED.match(name))}
-    order = sorted(place, key=lambda name: place[name])
-    words = [constant[name] for name in order]
-    behind = [c for c in stream.columns if (m := _NUMBERED.match(c.name)) and int(m[2]) > place[order[-1]]]
-    behind = [column for column in behind if np.isfinite(column.values).any()]
-    if len(set(words)) < len(words) or len(behind) not in {k * len(words) for k in (1, 2, 3)}:
-        return stream, ""
-    named = {
-        column.name: replace(
-            column,
-            name=f"{_OF_JOINT_STATE[k // len(words)]}.{words[k % len(words)]}",
-            label=words[k % len(words)],
-        )
-        for k, column in enumerate(behind)
-    }
-    columns = tuple(named.get(column.name, column) for column in stream.columns)
-    note = "lines hold names and as many numbers: read as joint states (position, velocity, effort)"
-    return replace(stream, columns=columns), note
-
-
-def _name_stem(name: str) -> str:
-    match = _NUMBERED.match(name)
-    return match[1] if match else name
-
-
-def _shared_depth(a: str, b: str) -> int:
-    """Folders that two paths have in common."""
-    pairs = zip(a.split("/")[:-1], b.split("/")[:-1], strict=False)
-    return sum(1 for one, other in pairs if one == other)
 
 
 # A clock that started anew within a recording, and rows that were written out of order.
@@ -230,94 +423,23 @@ def _shared_depth(a: str, b: str) -> int:
 
 def in_runs(table: Table) -> list[Table]:
     """The table in the order of its times, one for each run of its clock."""
-    time = table.columns["time"]
-    if (np.diff(time) >= 0.0).all():
+    if (np.diff(table.columns["time"]) >= 0.0).all():
         # An hour of a humanoid is not held twice.
         return [table]
-    known = np.isfinite(time)
+    known = np.isfinite(table.columns["time"])
     columns = {name: values[known] for name, values in table.columns.items()}
     time = columns["time"]
     edges = [0, *find_restarts(time).tolist(), len(time)]
-    if len(edges) == 2:
-        return [_in_order(table, time, columns, slice(None), table.name, ())]
-    note = f"its clock starts anew {len(edges) - 2} times: each run is a recording of its own"
-    return [
-        _in_order(table, time, columns, slice(start, end), f"{table.name}_run{k + 1}", (note,))
-        for k, (start, end) in enumerate(itertools.pairwise(edges))
-    ]
-
-
-def _in_order(
-    table: Table, time: Array, columns: dict[str, Array], rows: slice, name: str, notes: tuple[str, ...]
-) -> Table:
-    late = int((np.diff(time[rows]) < 0.0).sum())
-    order = np.argsort(time[rows], kind="stable") if late else slice(None)
-    if late:
-        notes = (*notes, f"{late} rows stood after later ones: sorted by their times")
-    found = {key: values[rows][order] for key, values in columns.items()}
-    return replace(table, name=name, columns=found, notes=(*table.notes, *notes))
-
-
-# Several trials in one table, told apart by a column.
-
-_WORDS = frozenset(
-    "episode episodes ep trial trials run runs demo rollout traj trajectory experiment exp test recording "
-    "take session sequence motion segment repetition rep versuch essai".split()
-)
-_BESIDE = frozenset("index idx id nr no num number name label".split())
-# A trial has more rows than this, or the column counts something else.
-FEWEST_ROWS = 20
-
-
-def by_episode(recording: Recording) -> list[Recording]:
-    """A recording for each stretch of rows with one value of a column such as ``episode`` or ``trial_id``."""
-    if len(recording.streams) != 1:
-        return [recording]
-    (stream,) = recording.streams
-    for name, cells in _key_columns(stream).items():
-        starts = np.flatnonzero(cells[1:] != cells[:-1]) + 1
-        ends = [*starts.tolist(), len(cells)]
-        lengths = np.diff([0, *ends])
-        if not len(starts) or np.median(lengths) < FEWEST_ROWS:
-            continue
-        note = f"{name} tells {len(ends)} trials apart"
-        found = []
-        for start, end in zip([0, *starts.tolist()], ends, strict=True):
-            if end - start < FEWEST_ROWS:
-                continue
-            part = _drop_column(stream, name).rows(slice(start, end))
-            label = f"{recording.name}_{_episode_label(name, cells[start])}"
-            found.append(replace(recording, name=label, streams=(part,), notes=(*recording.notes, note)))
-        return found
-    return [recording]
-
-
-def _key_columns(stream: Stream) -> dict[str, NDArray[np.object_]]:
-    numbers = {
-        c.name: np.asarray(c.values, object) for c in stream.columns if _is_key(c.name) and _is_counting(c)
-    }
-    return numbers | {name: cells for name, cells in stream.words.items() if _is_key(name)}
-
-
-def _is_key(name: str) -> bool:
-    words = re.findall(r"[a-z]+", re.sub(r"([a-z])([A-Z])", r"\1 \2", name).lower())
-    return bool(set(words) & _WORDS) and set(words) <= _WORDS | _BESIDE
-
-
-def _is_counting(column: Column) -> bool:
-    return bool(np.isfinite(column.values).all() and (column.values == np.round(column.values)).all())
-
-
-def _episode_label(name: str, value: object) -> str:
-    if isinstance(value, str):
-        return re.sub(r"[^A-Za-z0-9_.+-]+", "_", value)
-    words: Sequence[str] = [w for w in re.findall(r"[a-z]+", name.lower()) if w not in _BESIDE]
-    return f"{'_'.join(words)}{float(str(value)):g}"
-
-
-def _drop_column(stream: Stream, name: str) -> Stream:
-    return replace(
-        stream,
-        columns=tuple(column for column in stream.columns if column.name != name),
-        words={key: cells for key, cells in stream.words.items() if key != name},
-    )
+    several = len(edges) > 2
+    found = []
+    for k, (start, end) in enumerate(itertools.pairwise(edges)):
+        late = int((np.diff(time[start:end]) < 0.0).sum())
+        order = start + np.argsort(time[start:end], kind="stable")
+        notes = [
+            f"its clock starts anew {len(edges) - 2} times: each run is a recording of its own"
+        ] * several
+        notes += [f"{late} rows stood after later ones: sorted by their times"] if late else []
+        name = f"{table.name}_run{k + 1}" if several else table.name
+        run = {key: values[order] for key, values in columns.items()}
+        found.append(replace(table, name=name, columns=run, notes=(*table.notes, *notes)))
+    return found

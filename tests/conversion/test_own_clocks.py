@@ -6,7 +6,7 @@ import numpy as np
 
 import excite
 from excite.conversion.recording import Column, Stream
-from excite.conversion.recordings import by_clock
+from excite.conversion.shapes import by_clock
 from tests.conversion.test_habits import table
 from tests.conversion.written import WHOLE
 

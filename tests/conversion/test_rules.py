@@ -9,7 +9,7 @@ import pytest
 
 from excite.conversion.explicit_mapping import Map
 from excite.conversion.guess import RULES, Guessing, guess_columns
-from excite.conversion.guesses import RATE_LINE, Guesses
+from excite.conversion.guesses import Guesses
 from excite.conversion.recording import Column, Recording, Stream, load_machine
 
 TIME = np.arange(400) / 100.0
@@ -67,7 +67,7 @@ def test_one_dead_torque_among_live_ones_stays(machine):
 
 def test_a_rate_is_asked_for_where_no_clock_is_and_read_where_one_is(machine):
     recording = recorded(machine)
-    assert [question.line for question in after(recording, machine, "clock").found.questions] == [RATE_LINE]
+    assert [question.key for question in after(recording, machine, "clock").found.questions] == ["rate"]
     (stream,) = recording.streams
     timed = replace(stream, columns=(Column("time", TIME), *stream.columns))
     state = after(replace(recording, streams=(timed,)), machine, "clock")
@@ -83,3 +83,89 @@ def test_rules_of_what_moves_freely_do_not_apply_to_an_arm(machine):
 def test_units_are_not_converted_while_a_question_is_open(machine):
     found = guess_columns(recorded(machine, tau=np.cos(np.outer(TIME, np.ones(6)))), machine, Map())
     assert found.questions and all(item.factor == 1.0 for item in found.mapped)
+
+
+def named(**groups: np.ndarray) -> Recording:
+    """A recording of columns called ``NAME_1`` … for each group, beside a time."""
+    found = [Column("time", TIME)]
+    for name, values in groups.items():
+        found += [Column(f"{name}_{k + 1}", values[:, k]) for k in range(values.shape[1])]
+    return Recording("run.csv", "run", (Stream("", tuple(found)),))
+
+
+WAVES = np.sin(np.outer(TIME, 1.0 + 0.2 * np.arange(6)))
+NOISE = np.random.default_rng(0).standard_normal(WAVES.shape)
+LATE = np.sin(np.outer(TIME - 0.02, 1.0 + 0.2 * np.arange(6)))
+UNTIMED = named(q=WAVES, v=np.gradient(WAVES, TIME, axis=0))
+FIRST = "shoulder_pan_joint"
+
+
+def chosen(channel: str):
+    return lambda state: state.chosen[channel].columns[0] if channel in state.chosen else ""
+
+
+def asked(state: Guessing) -> set[str]:
+    return {question.key for question in state.found.questions}
+
+
+def placed(channel: str):
+    return lambda state: {c for f in state.groups if f.target == channel for c in f.placed.columns.values()}
+
+
+# By rule: what is recorded, what a map says, what is looked at, and how that is before and after the rule.
+ALONE = {
+    "map": (
+        named(pos=WAVES),
+        {"columns": {"q": "pos_{n}"}},
+        lambda s: len(s.found.of("q")),
+        0,
+        6,
+    ),
+    "stated joints": (
+        named(q=WAVES, other=WAVES[:, :1]),
+        {"columns": {f"q.{FIRST}": "other_1"}},
+        lambda s: "q_1" in placed("q")(s),
+        True,
+        False,
+    ),
+    "axes": (named(A=WAVES), {}, lambda s: {f.target for f in s.groups}, {"a"}, {"q"}),
+    "contacts": (
+        named(q=WAVES, foot_force=WAVES[:, :2]),
+        {},
+        lambda s: "foot_force_1" in {c for f in s.groups for c in f.columns},
+        True,
+        False,
+    ),
+    "choice": (named(q=WAVES, q_des=LATE), {}, chosen("q"), "", "q_1"),
+    "physics": (named(cmd=WAVES, x=LATE), {}, chosen("q"), "", "x_1"),
+    "torques": (named(target_q=WAVES, target_torque=LATE), {}, asked, set(), {"nothing measured"}),
+    "commands": (named(q=WAVES, action=NOISE), {}, asked, set(), {"unfollowed commands"}),
+    "doubtful choice": (named(q=np.hstack([WAVES, LATE])), {}, asked, set(), {"surplus"}),
+    "channels": (named(q=WAVES), {}, lambda s: len(s.found.of("q")), 0, 6),
+    "rate": (
+        replace(UNTIMED, streams=(replace(UNTIMED.streams[0], columns=UNTIMED.streams[0].columns[1:]),)),
+        {},
+        lambda s: s.found.questions[0].line.split("   #")[0],
+        "log: {rate_hz: NUMBER}",
+        "log: {rate_hz: 100}",
+    ),
+    "lacking motion": (named(tau=WAVES), {}, asked, set(), {"no positions"}),
+    "lacking torques": (named(q=WAVES, pwm=LATE), {}, asked, set(), {"no torques"}),
+    "units": (
+        named(q=np.degrees(3.0 * WAVES)),
+        {},
+        lambda s: {round(item.factor, 4) for item in s.found.of("q")},
+        {1.0},
+        {0.0175},
+    ),
+    "unused": (named(q=WAVES, temp=LATE[:, :1]), {}, lambda s: s.found.unused, [], ["temp_1"]),
+}
+
+
+@pytest.mark.parametrize("name", ALONE)
+def test_a_rule_finds_what_it_says_and_the_rules_before_it_do_not(name, machine):
+    recording, mapping, look, before, then = ALONE[name]
+    stated = Map.model_validate(mapping)
+    last = NAMES[NAMES.index(name) - 1]
+    assert look(after(recording, machine, last, stated)) == before
+    assert look(after(recording, machine, name, stated)) == then

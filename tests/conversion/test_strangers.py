@@ -108,16 +108,6 @@ def test_a_pickle_that_names_a_function_is_not_run(arm, tmp_path):
     assert not (tmp_path / "done").exists()
 
 
-def test_a_row_a_quantity(data, arm, tmp_path):
-    lines = []
-    for k in range(len(data["time"])):
-        for word, key in (("Position", "q"), ("Velocity", "v"), ("Torque", "tau")):
-            lines.append(" ".join([word, *(f"{x:.9g}" for x in data[key][k])]))
-    (tmp_path / "a.dat").write_text("\n".join(lines))
-    rate = Map.model_validate({"trials": {"validation": ["none"], "split": "none"}, "log": {"rate_hz": 100}})
-    check(excite.convert([tmp_path / "a.dat"], arm, tmp_path / "log", rate), data, "q", "tau")
-
-
 def test_one_question_for_all_files_without_a_clock(data, arm, tmp_path):
     columns = {
         key: values for key, values in columns_of(data, q="q{n}", tau="tau{n}").items() if key != "time"
@@ -162,17 +152,6 @@ def test_a_column_in_degrees_among_others_is_asked_for(data, arm, tmp_path):
     done = excite.convert([tmp_path / "a.csv"], arm, tmp_path / "log", said)
     check(done, data, "q", "tau")
     assert "q.elbow: 0.0174" in (done.folder / "map.yaml").read_text()
-
-
-@pytest.mark.parametrize("commanded", [False, True])
-def test_velocities_tell_which_column_is_in_degrees(commanded, data, arm, tmp_path):
-    mixed = _one_in_degrees(data)
-    # Commands are all in radians.
-    more = {"q_cmd": "target_{n}"} if commanded else {}
-    columns = columns_of(mixed, q="q{n}", v="dq{n}", tau="tau{n}", **more)
-    done = excite.convert([table(tmp_path / "a.csv", columns)], arm, tmp_path / "log", WHOLE)
-    check(done, data, "q", "v", "tau", *more)
-    assert any("deg" in why and "unlike" in why for what, _, why in done.guesses if what.startswith("q."))
 
 
 def test_units_in_names_may_differ_from_joint_to_joint(data, arm, tmp_path):

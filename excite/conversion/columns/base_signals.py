@@ -4,55 +4,78 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from excite.conversion.columns.families import POSE_AXES, quaternion_order, unit_quaternions
+from excite.conversion.columns.families import POSE_AXES, is_quaternion, quaternion_order
 from excite.conversion.columns.joints import match_labels
 from excite.conversion.columns.vocabulary import MEASURED
 from excite.conversion.columns.words import Clue, name_tokens
 from excite.conversion.explicit_mapping import Map
-from excite.conversion.guesses import Guesses, Mapped
+from excite.conversion.guesses import Guesses, Mapped, message
 from excite.conversion.recording import Column, Machine, Recording
 from excite.logs.robot import foot_headers, sensor_headers
 
-# Columns of a base that moves, by their names: its pose, the readings of its IMU, and which feet carry.
 
-_BASE = frozenset("base root trunk torso pelvis body floating freeflyer odom odometry".split())
-_IMU = frozenset("imu ins ahrs".split())
-# What else stands in such names and says nothing: middleware's levels, frames (_w: of the world, _b: of the body).
-_FILLERS = MEASURED | frozenset(
-    "link frame pose state data world w b link0 robot mocap vicon optitrack wxyz xyzw message msg linear fb "
-    "transform tf kin value lin".split()
-)
-_KINDS: dict[str, frozenset[str]] = {
-    "position": frozenset("pos position positions translation xyz location trans p".split()),
-    "quaternion": frozenset(
-        "quat quats quaternion quaternions orientation orient rot rotation ori attitude att q".split()
-    ),
-    "gyro": frozenset("gyro gyroscope gyr omega angvel angular ang vel velocity g rate".split()),
-    "accelerometer": frozenset("acc accel accelerometer acceleration accelerations a".split()),
-}
-# Words that say by themselves which of the IMU's readings it is, and do not stand for a derivative of a pose.
-_ALONE = {"gyro": frozenset("gyro gyroscope gyr".split()), "accelerometer": frozenset(("accelerometer",))}
-_TURNING = frozenset("gyro gyroscope gyr omega angvel angular ang".split())
-_AXES = {"position": "xyz", "quaternion": "wxyz", "gyro": "xyz", "accelerometer": "xyz"}
-# base_px, base_qw, imu_gx, imu_ax.
-_SHORT = {"p": "position", "q": "quaternion", "g": "gyro", "a": "accelerometer"}
-_CONTACT = frozenset("contact contacts touch stance incontact touching grounded touchdown".split())
-_OF_FOOT = frozenset("foot feet leg flag flags sensor in on is state phase".split()) | MEASURED
+class _Kind(NamedTuple):
+    """What a column of a base may hold.
 
+    Attributes:
+        short: letter of short names: base_px, base_qw, imu_gx, imu_ax.
+        axes: letters of its axes; columns may be numbered instead.
+        words: of which one says it, whose it is being said too.
+        alone: words that say it by themselves.
+        beside: words that may stand beside those.
+        of_imu: whether it is the IMU's rather than the base's.
+    """
 
-@dataclass(frozen=True)
-class _Signal:
-    """What one name says: the kind, whose, and the axis by letter or number."""
-
-    kind: str
+    short: str
+    axes: str
     words: frozenset[str]
-    rest: str
-    axis: str
+    alone: frozenset[str] = frozenset()
+    beside: frozenset[str] = frozenset()
+    of_imu: bool = False
+
+
+def _words(text: str) -> frozenset[str]:
+    return frozenset(text.split())
+
+
+_GYRO = _words("gyro gyroscope gyr")
+_KINDS = {
+    "position": _Kind("p", "xyz", _words("pos position positions translation xyz location trans p")),
+    "quaternion": _Kind(
+        "q",
+        "wxyz",
+        _words("quat quats quaternion quaternions orientation orient rot rotation ori attitude att q"),
+    ),
+    "gyro": _Kind(
+        "g",
+        "xyz",
+        _GYRO | _words("omega angvel angular ang g"),
+        _GYRO,
+        _words("vel velocity rate"),
+        of_imu=True,
+    ),
+    "accelerometer": _Kind(
+        "a",
+        "xyz",
+        _words("acc accel accelerometer acceleration accelerations a"),
+        _words("accelerometer"),
+        of_imu=True,
+    ),
+}
+_BASE = _words("base root trunk torso pelvis body floating freeflyer odom odometry")
+_IMU = _words("imu ins ahrs")
+# What else stands in such names and says nothing: middleware's levels, frames (_w: of the world, _b: of the body).
+_FILLERS = MEASURED | _words(
+    "link frame pose state data world w b link0 robot mocap vicon optitrack wxyz xyzw message msg linear fb "
+    "transform tf kin value lin"
+)
+_CONTACT = _words("contact contacts touch stance incontact touching grounded touchdown")
+_OF_FOOT = _words("foot feet leg flag flags sensor in on is state phase") | MEASURED
+_FRAME = "on_robot_in_sensor_frame"
 
 
 def add_base_signals(
@@ -69,139 +92,97 @@ def add_base_signals(
         names: columns that nothing is known of yet.
         feet: name and link of the robot's feet; none where they are not known.
     """
-    there = set(names)
     for stream in recording.streams:
-        columns = [c for c in stream.columns if c.name in there and not c.channel]
+        columns = [c for c in stream.columns if c.name in set(names) and not c.channel]
         groups = _group_axes(columns)
+        by_kind = {kind: group for (kind, _), group in reversed(groups.items())}
         if not found.of("base"):
-            _add_pose(found, groups)
-        if not found.of("imu"):
-            _add_imu(found, groups)
+            _add_pose(found, groups, by_kind.get("position"))
+        if not found.of("imu") and {"gyro", "accelerometer"} <= set(by_kind):
+            axes = zip(
+                ("gx", "gy", "gz", "ax", "ay", "az"), by_kind["gyro"] + by_kind["accelerometer"], strict=True
+            )
+            found.mapped += [Mapped(f"imu.{axis}", c.name, 1.0, "its name") for axis, c in axes]
         if feet and not found.of("contact"):
             _add_contacts(found, columns, feet)
 
 
-def _add_pose(found: Guesses, groups: dict[tuple[str, str], list[Column]]) -> None:
+def _add_pose(
+    found: Guesses, groups: dict[tuple[str, str], list[Column]], first: list[Column] | None
+) -> None:
     for (kind, rest), columns in groups.items():
-        places = groups.get(("position", rest)) or next(
-            (group for (other, _), group in groups.items() if other == "position"), None
-        )
-        if kind != "quaternion" or places is None:
-            continue
+        places = groups.get(("position", rest), first)
         turns = np.column_stack([column.values for column in columns])
-        if not unit_quaternions(turns):
+        if kind != "quaternion" or places is None or not is_quaternion(turns):
             continue
-        order = "wxyz"
-        if not _is_lettered(columns):
-            told = "wxyz" if "wxyz" in rest else "xyzw" if "xyzw" in rest else quaternion_order(turns)
-            if told is None:
-                line = f'columns: {{base.qw: "{columns[0].name}", base.qx: "{columns[1].name}", …}}'
-                found.ask(f"which end of {columns[0].name} … is w cannot be told", line)
-                return
-            order = told
+        lettered = name_tokens(columns[0].name)[-1].endswith("w")
+        said = next((order for order in POSE_AXES if order in rest), None)
+        order = "wxyz" if lettered else said or quaternion_order(turns)
+        if order is None:
+            w, x = columns[0].name, columns[1].name
+            found.ask("order of quaternion", column=w, w=w, x=x)
+            return
         pairs = zip(("px", "py", "pz", *POSE_AXES[order]), (*places, *columns), strict=True)
         found.mapped += [Mapped(f"base.{axis}", c.name, 1.0, f"its name, {order}") for axis, c in pairs]
         return
-
-
-def _add_imu(found: Guesses, groups: dict[tuple[str, str], list[Column]]) -> None:
-    gyro, read = (
-        next((g for (k, _), g in groups.items() if k == kind), None) for kind in ("gyro", "accelerometer")
-    )
-    if gyro is None or read is None:
-        return
-    axes = zip(("gx", "gy", "gz", "ax", "ay", "az"), (*gyro, *read), strict=True)
-    found.mapped += [Mapped(f"imu.{axis}", c.name, 1.0, "its name") for axis, c in axes]
 
 
 def _add_contacts(found: Guesses, columns: Sequence[Column], feet: Sequence[tuple[str, str]]) -> None:
     flags = {}
     for column in columns:
         words = name_tokens(column.name)
-        if _CONTACT & set(words) and bool(
-            np.isin(column.values[np.isfinite(column.values)], (0.0, 1.0)).all()
-        ):
-            flags[column.name] = [word for word in words if word not in _CONTACT | _OF_FOOT]
+        if _CONTACT & set(words) and np.isin(column.values[np.isfinite(column.values)], (0.0, 1.0)).all():
+            flags[column.name] = " ".join(word for word in words if word not in _CONTACT | _OF_FOOT)
     if len(flags) != len(feet):
         return
-    numbers = [int(words[0]) for words in flags.values() if len(words) == 1 and words[0].isdigit()]
-    if len(numbers) == len(flags) == len(set(numbers)):
-        ordered = [name for _, name in sorted(zip(numbers, flags, strict=True))]
+    if all(label.isdigit() for label in flags.values()) and len(set(flags.values())) == len(flags):
+        ordered = sorted(flags, key=lambda name: int(flags[name]))
         foot_of = dict(zip([name for name, _ in feet], ordered, strict=True))
         because = "its name; foot by its number, in the robot's order of feet"
     else:
-        foot_of, because = _by_words(flags, feet), "its name; foot by the foot's name"
+        named, labels = {f"{foot} {link}": foot for foot, link in feet}, {flags[name]: name for name in flags}
+        match = match_labels(list(labels), list(named))
+        placed = {} if match is None or len(match.columns) < len(feet) else match.columns
+        foot_of = {named[foot]: labels[label] for foot, label in placed.items()}
+        because = "its name; foot by the foot's name"
     found.mapped += [Mapped(f"contact.{foot}", name, 1.0, because) for foot, name in foot_of.items()]
-
-
-def _by_words(flags: dict[str, list[str]], feet: Sequence[tuple[str, str]]) -> dict[str, str]:
-    """Columns by foot, by the words of the feet's names and links; {} where these leave a foot open."""
-    labels = {" ".join(words): name for name, words in flags.items()}
-    named = {f"{foot} {link}": foot for foot, link in feet}
-    found = match_labels(list(labels), list(named))
-    if found is None or len(found.placed) < len(feet):
-        return {}
-    return {named[foot]: labels[label] for foot, label in found.placed.items()}
 
 
 def _group_axes(columns: Sequence[Column]) -> dict[tuple[str, str], list[Column]]:
     """Whole groups of axes by kind and by the rest of their names, axes in order."""
     parts: dict[tuple[str, str], dict[str, Column]] = {}
     for column in columns:
-        for said in _possible_signals(column.name):
-            parts.setdefault((said.kind, said.rest), {}).setdefault(said.axis, column)
+        for kind, rest, axis in _possible_signals(column.name):
+            parts.setdefault((kind, rest), {}).setdefault(axis, column)
     whole = {}
     for (kind, rest), axes in parts.items():
-        letters = _AXES[kind]
-        for order in (letters, [str(k) for k in range(len(letters))]):
+        letters = _KINDS[kind].axes
+        for order in (letters, "0123"[: len(letters)]):
             if set(axes) == set(order):
                 whole[kind, rest] = [axes[axis] for axis in order]
     return whole
 
 
-def _is_lettered(columns: Sequence[Column]) -> bool:
-    return name_tokens(columns[0].name)[-1].endswith("w")
-
-
-def _possible_signals(name: str) -> Iterator[_Signal]:
-    """What a name may say, for each kind that it fits."""
-    words = name_tokens(name)
-    if len(words) < 2:
-        return
-    *rest, last = words
-    if short := re.fullmatch(r"([pqga])([xyzw])", last):
-        rest, last = [*rest, _SHORT[short[1]]], short[2]
-        kinds = {_SHORT[short[1]]: frozenset((_SHORT[short[1]],))}
-    else:
-        kinds = _KINDS
-    if last not in ("x", "y", "z", "w") and not last.isdigit():
+def _possible_signals(name: str) -> Iterator[tuple[str, str, str]]:
+    """What a name may say, for each kind that it fits: the kind, whose, and the axis by letter or number."""
+    *rest, last = name_tokens(name) or [""]
+    short = re.fullmatch(r"([pqga])([xyzw])", last)
+    letter, last = (short[1], short[2]) if short else ("", last)
+    if not rest or (last not in ("x", "y", "z", "w") and not last.isdigit()):
         return
     said = frozenset(rest)
-    for kind, own in kinds.items():
-        if said - own - _FILLERS - _BASE - _IMU:
+    for name_of_kind, kind in _KINDS.items():
+        if (letter and kind.short != letter) or said - kind.words - kind.beside - _FILLERS - _BASE - _IMU:
             continue
-        whose = said & (_IMU if kind in _ALONE else _BASE)
-        if kind in _ALONE:
-            fits = bool(said & own) and bool(whose or (kinds is _KINDS and said & _ALONE[kind]))
-            fits &= kind != "gyro" or bool(said & _TURNING)
-        elif kind == "position":
-            # base_x, base_pos_x; a quaternion's axes are not these.
-            fits = (
-                bool(whose)
-                and (bool(said & own) or last in ("x", "y", "z"))
-                and not said & _KINDS["quaternion"]
-            )
-        else:
-            fits = bool(whose) and bool(said & own)
-        if fits:
-            of_whom = " ".join(sorted(said - own - MEASURED)) if kind in ("position", "quaternion") else ""
-            yield _Signal(kind, said, of_whom, last)
-
-
-# What is known of a robot's base: its pose, the readings of its IMU, and contact wrenches under the sensors'
-# names.
-
-_FRAME = "on_robot_in_sensor_frame"
+        whose = bool(said & (_IMU if kind.of_imu else _BASE))
+        says = bool(letter or said & kind.words)
+        # base_x is its position.
+        says |= (
+            name_of_kind == "position" and last in ("x", "y", "z") and not said & _KINDS["quaternion"].words
+        )
+        if (whose and says) or (said & kind.alone and not letter):
+            rest_of = "" if kind.of_imu else " ".join(sorted(said - kind.words - MEASURED))
+            yield name_of_kind, rest_of, last
 
 
 def add_base(
@@ -209,10 +190,32 @@ def add_base(
 ) -> None:
     """Channels of the base and of contact wrenches, where the format itself says them and the log can use them."""
     columns = [c for stream in recording.streams for c in stream.columns if c.name in clues]
-    _add_channels(found, [(f"base.{c.label}", c) for c in columns if c.channel == "base"])
-    if "imu" in mapping.log or _imu_block(machine) is not None:
-        _add_channels(found, [(f"imu.{c.label}", c) for c in columns if c.channel == "imu"])
-    _add_wrenches(found, [c for c in columns if c.channel == "wrench"], machine, mapping)
+    channels = ("base", "imu") if "imu" in mapping.log or _imu_block(machine) is not None else ("base",)
+    for column in columns:
+        if column.channel in channels:
+            _add_channel(found, f"{column.channel}.{column.label}", column)
+    groups: dict[str, list[Column]] = {}
+    for column in columns:
+        if column.channel == "wrench":
+            groups.setdefault(column.label.rpartition(".")[0], []).append(column)
+    sensors = [str(sensor["name"]) for sensor in _known_sensors(machine, mapping.log)]
+    of = {name: name for name in groups if name in sensors}
+    rest, free = [n for n in groups if n not in of], [n for n in sensors if n not in of]
+    like = match_labels(rest, free) if rest and free else None
+    of |= {} if like is None else {name: sensor for sensor, name in like.columns.items()}
+    for name, sensor in of.items():
+        for column in groups[name]:
+            _add_channel(found, f"wrench.{sensor}.{column.label.rpartition('.')[2]}", column)
+    strange = [name for name in groups if name not in of]
+    if strange and found.of("base") and not sensors and mapping.log.get("base") in (None, "floating"):
+        found.ask("wrenches", names=", ".join(strange), frame=_FRAME, name=strange[0])
+    elif strange:
+        found.note("wrenches of no sensor", names=", ".join(strange))
+
+
+def _add_channel(found: Guesses, target: str, column: Column) -> None:
+    if target not in {item.target for item in found.mapped}:
+        found.mapped.append(Mapped(target, column.name, 1.0, "the format says so"))
 
 
 def base_fields(
@@ -227,18 +230,17 @@ def base_fields(
     if not posed and not (feet and "imu.gx" in present):
         return fields
     fields |= {"base": "suspended", "base_link": machine.base_link}
-    because = "a base pose was logged, and no contact wrench"
+    because = "pose alone"
     sensors = [s for s in _known_sensors(machine, stated) if f"wrench.{s['name']}.fx" in present]
-    if sensors:
-        fields |= {"base": "floating", "wrench": _FRAME, "sensors": sensors}
-        because = "a base pose and contact wrenches were logged"
-        found.facts.append(("wrench", _FRAME, "what ankle sensors and plates say after their drivers"))
     if feet and "feet" not in stated:
         fields |= {"base": "floating", "feet": [foot.model_dump() for foot in feet]}
-    if feet and not sensors and "feet" not in stated:
-        because = f"{'a base pose' if posed else 'readings of an IMU'} and contact flags were logged"
+        because = "pose and flags" if posed else "imu and flags"
+    if sensors:
+        fields |= {"base": "floating", "wrench": _FRAME, "sensors": sensors}
+        because = "pose and wrenches"
+        found.note("frame of wrenches", frame=_FRAME)
     if "base" not in stated:
-        found.facts.append(("base", fields["base"], because))
+        found.note("base as logged", base=fields["base"], because=message("why of the base", because))
     return fields
 
 
@@ -249,49 +251,12 @@ def feet_of(found: Guesses, machine: Machine, mapping: Map) -> list[tuple[str, s
     if not feet and machine.robot is not None:
         feet = [(foot.name, foot.link) for foot in foot_headers(machine.robot)]
     names = [name for name, _ in feet]
-    strange = [item.target for item in found.of("contact") if item.target.partition(".")[2] not in names]
+    strange = [item.target for item in found.of("contact") if item.joint not in names]
     if strange and names:
-        line = f'columns: {{contact.{names[0]}: "NAME", …}}'
         found.ask(
-            f"{', '.join(strange)} is of no foot of {machine.name}, whose feet are {', '.join(names)}", line
+            "unknown foot", names=", ".join(strange), robot=machine.name, feet=", ".join(names), foot=names[0]
         )
     return feet
-
-
-def _add_channels(found: Guesses, pairs: Sequence[tuple[str, Column]]) -> None:
-    known = {item.target for item in found.mapped}
-    for target, column in pairs:
-        if target not in known:
-            found.mapped.append(Mapped(target, column.name, 1.0, "the format says so"))
-            known.add(target)
-
-
-def _add_wrenches(found: Guesses, columns: Sequence[Column], machine: Machine, mapping: Map) -> None:
-    groups: dict[str, list[Column]] = {}
-    for column in columns:
-        groups.setdefault(column.label.rpartition(".")[0], []).append(column)
-    sensors = [str(sensor["name"]) for sensor in _known_sensors(machine, mapping.log)]
-    same = {name: name for name in groups if name in sensors}
-    rest = [name for name in groups if name not in same]
-    free = [name for name in sensors if name not in same.values()]
-    like = match_labels(rest, free) if rest and free else None
-    same |= {} if like is None else {name: sensor for sensor, name in like.placed.items()}
-    for name, sensor in same.items():
-        axes = [(f"wrench.{sensor}.{c.label.rpartition('.')[2]}", c) for c in groups[name]]
-        _add_channels(found, axes)
-    strange = [name for name in groups if name not in same]
-    if not strange:
-        return
-    if found.of("base") and not sensors and mapping.log.get("base") in (None, "floating"):
-        found.ask(
-            f"contact wrenches {', '.join(strange)} were recorded, and where their sensors sit is not known",
-            f"log: {{wrench: {_FRAME}, sensors: [{{name: {strange[0]}, kind: foot_ft, parent: LINK, foot: LINK, "
-            f'excludes: [LINK]}}]}}, or ignore: ["{strange[0]}*"]',
-        )
-        return
-    found.facts.append(
-        ("wrench", ", ".join(strange), "left out: no contact sensor of the robot has such a name")
-    )
 
 
 def _known_sensors(machine: Machine, stated: dict[str, Any]) -> list[dict[str, Any]]:
@@ -304,7 +269,5 @@ def _known_sensors(machine: Machine, stated: dict[str, Any]) -> list[dict[str, A
 
 
 def _imu_block(machine: Machine) -> dict[str, Any] | None:
-    if machine.robot is None or not machine.floating:
-        return None
-    block = machine.robot.description.sensors.imu
+    block = machine.robot.description.sensors.imu if machine.robot is not None and machine.floating else None
     return None if block is None else block.model_dump()

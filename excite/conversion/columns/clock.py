@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,98 +18,86 @@ from excite.conversion.recording import Recording, Stream
 from excite.errors import LogError
 from excite.logs.units import TICKS
 
-# Which column is the time, and in which unit.
-
+# Rates that robots are recorded at [Hz]. Three powers of ten lie between units, so that at most two of them fit.
+SLOWEST_HZ, FASTEST_HZ = 4.0, 20_000.0
 # Days that spreadsheets and MATLAB count (from 1900 and from the year 0): dates of 1954 to 2119 are numbers from here
 # to there. Steps of rows in days are those of no other unit.
 _SERIAL_DATES = ((20_000.0, 80_000.0), (714_000.0, 774_000.0))
-# Rates that robots are recorded at [Hz]. Three powers of ten lie between units, so that at most two of them fit.
-SLOWEST_HZ, FASTEST_HZ = 4.0, 20_000.0
-# Share of intervals that have to be positive: loggers repeat stamps, and write some rows out of order.
-_FORWARD = 0.9
-# A step back by more rows than this is a clock that was set anew; buffers that mix rows hold fewer.
-_RESET_ROWS = 50.0
-# A run has more rows than this; of more late rows the order is not known.
-_FEWEST_ROWS, _LATE = 20, 0.4
-# Velocities are slopes where they are so alike, and of one rate where they differ by less.
-_SLOPE, _ONE_RATE = 0.95, 0.1
-# Steps longer than this many usual ones are pauses.
-_PAUSE = 5.0
+# A run has more rows than this.
+_FEWEST_ROWS = 20
 
 
 def is_clock(values: Array) -> bool:
-    """Whether a column's numbers go forward evenly enough to be times."""
-    values = values[np.isfinite(values)]
-    if len(values) < 3:
-        return False
-    steps = np.diff(values)
+    """Whether a column's numbers go forward evenly enough to be times.
+
+    Loggers repeat stamps, and write some rows out of order. A joint that turns one way goes forward too, but not at one
+    pace from the first sample to the last.
+    """
+    steps = np.diff(values[np.isfinite(values)])
     forward = steps[steps > 0.0]
-    if len(forward) < 0.3 * len(steps) or (steps >= 0.0).mean() < _FORWARD:
+    if len(steps) < 2 or len(forward) < 0.3 * len(steps) or (steps >= 0.0).mean() < 0.9:
         return False
-    # A joint that turns one way goes forward too, but not at one pace from the first sample to the last.
-    middle = np.median(forward)
-    return bool(np.percentile(forward, 25) > 0.3 * middle and np.percentile(forward, 75) < 3.0 * middle)
+    middle, quarters = np.median(forward), np.percentile(forward, (25, 75))
+    return bool(quarters[0] > 0.3 * middle and quarters[1] < 3.0 * middle)
+
+
+def goes_evenly(values: Array) -> bool:
+    """Whether a column's numbers go forward evenly from the first row to the last, as no joint's do."""
+    known = values[np.isfinite(values)]
+    if not is_clock(known):
+        return False
+    rows = np.arange(len(known))
+    fit = np.polyfit(rows, known, 1)
+    return bool(fit[0] > 0.0 and (known - np.polyval(fit, rows)).std() < 0.05 * np.ptp(known))
 
 
 def find_restarts(values: Array) -> NDArray[np.int64]:
-    """Rows in which a clock begins anew; rows out of order step back by less."""
+    """Rows in which a clock begins anew: it steps back by more rows than buffers hold that mix them."""
     steps = np.diff(values)
     forward = steps[steps > 0.0]
-    if not len(forward):
-        return np.zeros(0, dtype=np.int64)
-    return np.asarray(np.flatnonzero(steps < -_RESET_ROWS * np.median(forward)) + 1, dtype=np.int64)
+    least = 50.0 * np.median(forward) if len(forward) else np.inf
+    return np.asarray(np.flatnonzero(steps < -least) + 1, dtype=np.int64)
 
 
 def _is_clock_of_runs(values: Array) -> bool:
     """Whether numbers are times of several runs, or of rows that do not stand in their order."""
     values = values[np.isfinite(values)]
     edges = [0, *find_restarts(values).tolist(), len(values)]
-    if len(values) < _FEWEST_ROWS * (len(edges) - 1) or (np.diff(values) < 0.0).mean() > _LATE:
+    if len(values) < _FEWEST_ROWS * (len(edges) - 1) or (np.diff(values) < 0.0).mean() > 0.4:
         return False
-    return all(is_clock(np.sort(values[a:b])) for a, b in itertools.pairwise(edges))
+    return all(is_clock(np.sort(values[start:end])) for start, end in itertools.pairwise(edges))
 
 
-def clock_column(stream: Stream, clues: dict[str, Clue]) -> tuple[str, str] | None:
+def clock_column(stream: Stream, clues: Mapping[str, Clue]) -> tuple[str, str] | None:
     """The column that holds a stream's times, and why; None where there is none."""
-    named = [c for c in stream.columns if clues[c.name].quantity == "time" and is_clock(c.values)]
-    if named:
+    named = [column for column in stream.columns if clues[column.name].quantity == "time"]
+    even = [column for column in named if is_clock(column.values)]
+    if even:
         # Of several clocks the one of the machine itself, which comes first, unless another one is finer.
-        best = max(named, key=lambda c: len(np.unique(c.values)))
+        best = max(even, key=lambda column: len(np.unique(column.values)))
         return best.name, "its name, and it goes forward evenly"
-    for column in stream.columns:
-        if clues[column.name].quantity == "time" and _is_clock_of_runs(column.values):
+    for column in named:
+        if _is_clock_of_runs(column.values):
             return column.name, "its name, and it goes forward evenly within its runs"
     for column in stream.columns:
         said = clues[column.name]
-        if _counts_rows(column.values):
-            # A counter of rows, whatever it is called: how fast it counts is not in it.
-            continue
         # state[0] is a position by its number alone.
         numbered = said.number is not None and any(OF_WORD.get(word) for word in said.stem.split("_"))
-        if said.quantity in ("", "skip") or (
-            said.quantity in ("q", "i", "a", "v") and not said.exact and not numbered
+        maybe = said.quantity in ("q", "i", "a", "v") and not said.exact and not numbered
+        # A counter of rows, whatever it is called, is none: how fast it counts is not in it.
+        if (
+            (maybe or said.quantity in ("", "skip"))
+            and not _counts_rows(column.values)
+            and goes_evenly(column.values)
         ):
-            if goes_evenly(column.values):
-                return column.name, "it goes forward evenly from row to row, as no joint does"
+            return column.name, "it goes forward evenly from row to row, as no joint does"
     return None
-
-
-def goes_evenly(values: Array) -> bool:
-    """Whether a column's numbers go forward evenly from the first row to the last, as no joint's do."""
-    return is_clock(values) and _is_steady(values)
 
 
 def _counts_rows(values: Array) -> bool:
     """Whether numbers go up by one from row to row, but for rows that are missing."""
     steps = np.diff(values[np.isfinite(values)])
     return bool(len(steps)) and bool((steps == np.round(steps)).all()) and float(np.median(steps)) == 1.0
-
-
-def _is_steady(values: Array) -> bool:
-    steps = np.diff(values[np.isfinite(values)])
-    fit = np.polyfit(np.arange(len(values[np.isfinite(values)])), values[np.isfinite(values)], 1)
-    rest = values[np.isfinite(values)] - np.polyval(fit, np.arange(len(steps) + 1))
-    return bool(fit[0] > 0.0 and rest.std() < 0.05 * np.ptp(values[np.isfinite(values)]))
 
 
 def clock_pace(values: Array, unit: str, rate: float | None) -> tuple[float | None, str]:
@@ -126,32 +115,27 @@ def clock_pace(values: Array, unit: str, rate: float | None) -> tuple[float | No
 
 
 def clock_tick(values: Array, stated: str) -> tuple[float | None, str]:
-    """Seconds per unit of a clock, and why; None where it cannot be told.
+    """Seconds per unit of a clock by the rates that robots are recorded at, and why; None where it cannot be told.
 
     Args:
         values: the times as they stand in the file.
         stated: the unit that name or header state; empty for none.
     """
-    steps = np.diff(values[np.isfinite(values)])
+    known = values[np.isfinite(values)]
+    steps = np.diff(known)
     step = float(np.median(steps[steps > 0.0]))
-    possible = [unit for unit, tick in TICKS.items() if SLOWEST_HZ <= 1.0 / (step * tick) <= FASTEST_HZ]
-    if possible == ["d"] and stated != "d" and not _is_serial_date(values):
+    rates = {unit: 1.0 / (step * tick) for unit, tick in TICKS.items()}
+    possible = [unit for unit, rate in rates.items() if SLOWEST_HZ <= rate <= FASTEST_HZ]
+    if possible == ["d"] and stated != "d" and not any(low < known[0] < high for low, high in _SERIAL_DATES):
         possible = []
     if stated in TICKS and (stated in possible or not possible):
-        return TICKS[stated], f"{stated} by its name: {1.0 / (step * TICKS[stated]):.4g} Hz"
+        return TICKS[stated], f"{stated} by its name: {rates[stated]:.4g} Hz"
     if not possible:
         return None, f"rows are {step:.4g} apart"
-    if stated in TICKS:
-        return TICKS[possible[0]], (
-            f"{possible[0]}, though its name says {stated}: that would be {1.0 / (step * TICKS[stated]):.3g} Hz"
-        )
     unit = possible[0]
-    return TICKS[unit], f"{unit}: rows are {step:.4g} apart, {1.0 / (step * TICKS[unit]):.4g} Hz"
-
-
-def _is_serial_date(values: Array) -> bool:
-    first = float(values[np.isfinite(values)][0])
-    return any(low < first < high for low, high in _SERIAL_DATES)
+    if stated in TICKS:
+        return TICKS[unit], f"{unit}, though its name says {stated}: that would be {rates[stated]:.3g} Hz"
+    return TICKS[unit], f"{unit}: rows are {step:.4g} apart, {rates[unit]:.4g} Hz"
 
 
 def row_seconds(time: Array) -> float | None:
@@ -161,7 +145,7 @@ def row_seconds(time: Array) -> float | None:
         return None
     pace = float(np.median(steps[steps > 0.0]))
     # Stamps of few digits stand several times: what counts is how they go on over many rows, pauses left out.
-    going = steps[(steps >= 0.0) & (steps < _PAUSE * pace)]
+    going = steps[(steps >= 0.0) & (steps < 5.0 * pace)]
     return float(going.mean()) if (going == 0.0).any() else pace
 
 
@@ -176,18 +160,11 @@ def rate_by_velocities(positions: Array, velocities: Array) -> float | None:
         return None
     slopes = [derivative_of(q, v, 1.0) for q, v in zip(positions.T, velocities.T, strict=True)]
     # What is regressed on the slope, as encoders have less noise than the velocities of drives.
-    rates = np.array([alike**2 / slope for slope, alike in slopes if slope > 0.0 and alike > _SLOPE])
+    rates = np.array([alike**2 / slope for slope, alike in slopes if slope > 0.0 and alike > 0.95])
     if 2 * len(rates) <= len(slopes):
         return None
     rate = float(np.median(rates))
-    same = np.abs(rates / rate - 1.0).max() < _ONE_RATE
-    return rate if same and SLOWEST_HZ <= rate <= FASTEST_HZ else None
-
-
-# Streams of one recording on one time base: that of its fastest torques, others between their samples.
-
-# Streams that say how fast things happened, the more telling first.
-_LEADING = ("tau", "i", "q", "q_cmd")
+    return rate if np.abs(rates / rate - 1.0).max() < 0.1 and SLOWEST_HZ <= rate <= FASTEST_HZ else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,7 +183,7 @@ class Table:
 
 
 def assemble_streams(recording: Recording, found: Guesses, rate_hz: float | None) -> Table:
-    """Join a recording's streams.
+    """Join a recording's streams on one time base: that of its fastest torques, others between their samples.
 
     Args:
         recording: what was read.
@@ -216,40 +193,48 @@ def assemble_streams(recording: Recording, found: Guesses, rate_hz: float | None
     Raises:
         LogError: a column is missing in this recording, or its streams do not overlap.
     """
-    clocks = {item.source: item for item in found.mapped if item.target == "time"}
-    parts: list[tuple[Stream, Array, list[Mapped]]] = []
+    clocks = {item.source: item.factor for item in found.of("time")}
     wanted = {item.source: item for item in found.mapped if item.target != "time"}
-    seen: set[str] = set()
-    for stream in recording.streams:
-        items = [wanted[c.name] for c in stream.columns if c.name in wanted]
-        if items:
-            parts.append((stream, _stream_times(stream, clocks, rate_hz), items))
-            seen |= {item.source for item in items}
-    missing = [name for name in wanted if name not in seen]
-    if missing:
+    there = {column.name for stream in recording.streams for column in stream.columns}
+    if missing := [name for name in wanted if name not in there]:
         raise LogError(
             f"lacks the columns {', '.join(missing[:4])}, which the first recording has",
             source=recording.source,
             remedy="convert it on its own, or leave it out",
         )
+    parts = []
+    for stream in recording.streams:
+        if items := [(wanted[c.name], c.values) for c in stream.columns if c.name in wanted]:
+            stamps = (c.values * clocks[c.name] for c in stream.columns if c.name in clocks)
+            time = next(stamps, stream.time)
+            time = np.arange(stream.n_rows) / (rate_hz or 1.0) if time is None else time
+            leads = any(item.channel == "tau" for item, _ in items)
+            pace = len(time) / max(float(np.ptp(time)), 1e-9)
+            parts.append((not leads, -pace, stream.name, time, items))
+    if len(parts) > 1:
+        parts.sort(key=lambda part: part[:2])
+    *_, base, time, items = parts[0]
+    columns = {"time": time} | {item.target: _in_si(values, item) for item, values in items}
     if len(parts) == 1:
-        stream, time, items = parts[0]
-        return Table(recording.name, {"time": time} | _stream_channels(stream, items))
-    return _join_tables(recording, parts)
-
-
-def _stream_times(stream: Stream, clocks: dict[str, Mapped], rate_hz: float | None) -> Array:
-    for column in stream.columns:
-        if column.name in clocks:
-            return np.asarray(column.values * clocks[column.name].factor)
-    if stream.time is not None:
-        return stream.time
-    return np.arange(stream.n_rows) / (rate_hz or 1.0)
-
-
-def _stream_channels(stream: Stream, items: list[Mapped]) -> dict[str, Array]:
-    columns = {column.name: column.values for column in stream.columns}
-    return {item.target: _in_si(columns[item.source], item) for item in items}
+        return Table(recording.name, columns)
+    start, end = max(part[3].min() for part in parts), min(part[3].max() for part in parts)
+    inside = (time >= start) & (time <= end)
+    if inside.sum() < 10:
+        raise LogError(
+            f"has streams that do not overlap in time ({base} and others)",
+            source=recording.source,
+            remedy="check their clocks; map the time column of each under columns",
+        )
+    columns = {name: values if inside.all() else values[inside] for name, values in columns.items()}
+    for *_, own, others in parts[1:]:
+        order = np.argsort(own, kind="stable")
+        for item, values in others:
+            whole = order[np.isfinite(values[order])]
+            if item.target not in columns and len(whole):
+                columns[item.target] = np.interp(time[inside], own[whole], _in_si(values, item)[whole])
+    rates = ", ".join(f"{name} at {-pace:.0f} Hz" for _, pace, name, *_ in parts)
+    note = f"joined on the times of {base}, other streams between their samples ({rates})"
+    return Table(recording.name, columns, (note,))
 
 
 def _in_si(values: Array, item: Mapped) -> Array:
@@ -257,33 +242,3 @@ def _in_si(values: Array, item: Mapped) -> Array:
     if item.factor != 1.0:
         values = values * item.factor
     return values + item.offset if item.offset else values
-
-
-def _join_tables(recording: Recording, parts: list[tuple[Stream, Array, list[Mapped]]]) -> Table:
-    def rank(part: tuple[Stream, Array, list[Mapped]]) -> tuple[int, float]:
-        channels = {item.channel for item in part[2]}
-        leading = next((k for k, name in enumerate(_LEADING) if name in channels), len(_LEADING))
-        return min(leading, 1), -len(part[1]) / max(float(np.ptp(part[1])), 1e-9)
-
-    parts = sorted(parts, key=rank)
-    base, time, items = parts[0]
-    start, end = max(t.min() for _, t, _ in parts), min(t.max() for _, t, _ in parts)
-    inside = (time >= start) & (time <= end)
-    if inside.sum() < 10:
-        raise LogError(
-            f"has streams that do not overlap in time ({base.name} and others)",
-            source=recording.source,
-            remedy="check their clocks; map the time column of each under columns",
-        )
-    kept = slice(None) if inside.all() else inside
-    columns = {"time": time[kept]}
-    columns |= {name: values[kept] for name, values in _stream_channels(base, items).items()}
-    for stream, own, others in parts[1:]:
-        order = np.argsort(own, kind="stable")
-        for name, values in _stream_channels(stream, others).items():
-            whole = order[np.isfinite(values[order])]
-            if name not in columns and len(whole):
-                columns[name] = np.interp(time[inside], own[whole], values[whole])
-    rates = ", ".join(f"{s.name} at {len(t) / max(float(np.ptp(t)), 1e-9):.0f} Hz" for s, t, _ in parts)
-    note = f"joined on the times of {base.name}, other streams between their samples ({rates})"
-    return Table(recording.name, columns, (note,))

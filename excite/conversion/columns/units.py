@@ -63,11 +63,6 @@ class PositionUnit(NamedTuple):
     either: bool = False
 
 
-def zero_of(unit: str) -> float:
-    """What a position is at its unit's number zero [rad]: the beginning of the range where servos count."""
-    return COUNTS[unit][0] if unit in COUNTS else 0.0
-
-
 def position_unit(values: Array, lower: Array, upper: Array, slides: Array, stated: str) -> PositionUnit:
     """Unit of positions, and how it is known.
 
@@ -78,124 +73,62 @@ def position_unit(values: Array, lower: Array, upper: Array, slides: Array, stat
         stated: what names say; empty for nothing.
     """
     small, large = ("m", "mm") if slides.all() else ("rad", "deg")
-    turning = np.logical_not(slides) if not slides.all() else slides
-    low, high = (np.nanmin(values[:, turning], axis=0), np.nanmax(values[:, turning], axis=0))
-    factor = TO_SI[large]
-    outside = _share_outside(low, high, lower[turning], upper[turning])
-    outside_large = _share_outside(low * factor, high * factor, lower[turning], upper[turning])
-    span = float(np.max(high - low))
+    kind = slides if slides.all() else np.logical_not(slides)
+    values, lower, upper = values[:, kind], lower[kind], upper[kind]
+    low, high, ranges = np.nanmin(values, axis=0), np.nanmax(values, axis=0), upper - lower
+
+    def beyond(unit: str) -> float:
+        """By how much joints leave their ranges in a unit."""
+        zero = COUNTS[unit][0] if unit in COUNTS else 0.0
+        ends = low * TO_SI[unit] + zero, high * TO_SI[unit] + zero
+        return float(max(np.max(lower - ends[0]), np.max(ends[1] - upper), 0.0))
+
+    span, outside, outside_large = float(np.max(high - low)), beyond(small), beyond(large)
+    least = min(outside, outside_large)
+    moves = span * TO_SI[large] >= _NO_MOTION
     if stated in TO_SI:
-        turned = (
-            0.0 if slides.all() else _turns_beyond((high - low) * TO_SI[stated], (upper - lower)[turning])
-        )
-        beyond = {small: outside, large: outside_large}
-        return _as_stated(stated, beyond.get(stated, 0.0), min(beyond.values()), turned)
-    if outside > BEYOND and outside_large <= BEYOND and span * factor >= _NO_MOTION:
+        first = f"as {stated}, which their names say, joints"
+        turned = ((high - low) * TO_SI[stated] - ranges)[np.isfinite(ranges) & np.isfinite(high - low)]
+        if stated in (small, large) and beyond(stated) > 20.0 * max(least, BEYOND):
+            return PositionUnit("", f"{first} leave their ranges by {beyond(stated):.3g}", True)
+        if small == "rad" and (most := float(np.max(turned, initial=0.0))) > _MOTORS:
+            return PositionUnit("", f"{first} turn by {most:.3g} rad more than their ranges", True)
+        return PositionUnit(stated, f"{stated} by its name", True)
+    if outside > BEYOND >= outside_large and moves:
         # Zeros of joints are often elsewhere than the model's, and ranges stated too narrow: then radians fit, too, and
         # move them far more.
-        elsewhere = bool(((high - low) <= (upper - lower)[turning]).all())
+        elsewhere = bool((high - low <= ranges).all())
         if small == "rad" and (elsewhere or outside <= _TOO_NARROW):
-            return PositionUnit(
-                "",
+            why = (
                 f"as deg joints move by {span:.2g} degrees at most, as rad they leave their ranges by {outside:.3g}, "
-                f"as joints do whose {'zeros' if elsewhere else 'ranges'} are not the model's",
-                True,
-                either=True,
+                f"as joints do whose {'zeros' if elsewhere else 'ranges'} are not the model's"
             )
+            return PositionUnit("", why, True, either=True)
         return PositionUnit(
             large, f"{large}: as {small} joints would leave their ranges by {outside:.3g}", True
         )
-    counted = _servo_counts(values[:, turning], lower[turning], upper[turning]) if small == "rad" else ""
-    if counted and min(outside, outside_large) > BEYOND:
-        why = f"{counted} of a turn: whole numbers, with which the joints keep their ranges"
-        return PositionUnit(counted, why, True)
-    if min(outside, outside_large) > 4.0 * math.pi and np.isfinite(lower[turning]).any():
-        return PositionUnit(
-            "",
-            f"joints leave their ranges by {outside:.3g} in {small} and by {outside_large:.3g} in {large}",
-            True,
-        )
-    if outside <= BEYOND and (outside_large > BEYOND or span * factor < _NO_MOTION):
-        return PositionUnit(small, f"{small}: within the joints' ranges", True)
-    if span > (WIDE if small == "rad" else 10.0):
-        return PositionUnit(large, f"{large}: the columns span {span:.3g}", False)
-    return PositionUnit(small, f"{small}: the columns span {span:.3g}", False)
-
-
-def _share_outside(low: Array, high: Array, lower: Array, upper: Array) -> float:
-    return float(max(np.max(lower - low), np.max(high - upper), 0.0))
-
-
-def _turns_beyond(spans: Array, ranges: Array) -> float:
-    """By how much joints turn farther than their ranges, where these are known [rad]."""
-    known = np.isfinite(ranges) & np.isfinite(spans)
-    return float(np.max((spans - ranges)[known], initial=0.0))
-
-
-def _as_stated(stated: str, outside: float, least: float, turned: float) -> PositionUnit:
-    """The unit that names say; none where joints would be where they cannot.
-
-    Args:
-        stated: what names say.
-        outside: by how much joints leave their ranges in that unit.
-        least: and in the better one of the two usual units.
-        turned: by how much they turn farther than their ranges are wide [rad].
-    """
-    if outside > 20.0 * max(least, BEYOND):
-        why = f"as {stated}, which their names say, joints leave their ranges by {outside:.3g}"
-        return PositionUnit("", why, True)
-    if turned > _MOTORS:
-        why = f"as {stated}, which their names say, joints turn by {turned:.3g} rad more than their ranges"
-        return PositionUnit("", why, True)
-    return PositionUnit(stated, f"{stated} by its name", True)
-
-
-def _servo_counts(values: Array, lower: Array, upper: Array) -> str:
-    """The servo's counts that whole numbers are, with which joints keep their ranges; empty for none."""
     known = values[np.isfinite(values).all(axis=1)]
-    if not len(known) or (known != np.round(known)).any() or known.min() < 0.0:
-        return ""
-    for unit, (zero, count) in COUNTS.items():
-        low, high = (end * TO_SI[unit] + zero for end in (known.min(axis=0), known.max(axis=0)))
-        if known.max() < count and _share_outside(low, high, lower, upper) <= BEYOND:
-            return unit
-    return ""
+    fitting = [
+        unit
+        for unit in COUNTS
+        if small == "rad" and least > BEYOND >= beyond(unit) and _is_count(known, unit)
+    ]
+    if fitting:
+        why = f"{fitting[0]} of a turn: whole numbers, with which the joints keep their ranges"
+        return PositionUnit(fitting[0], why, True)
+    if least > 4.0 * math.pi and np.isfinite(lower).any():
+        both = f"by {outside:.3g} in {small} and by {outside_large:.3g} in {large}"
+        return PositionUnit("", f"joints leave their ranges {both}", True)
+    if outside <= BEYOND and (outside_large > BEYOND or not moves):
+        return PositionUnit(small, f"{small}: within the joints' ranges", True)
+    unit = large if span > (WIDE if small == "rad" else 10.0) else small
+    return PositionUnit(unit, f"{unit}: the columns span {span:.3g}", False)
 
 
-class RatioUnit(NamedTuple):
-    """Unit of a column by the derivative of another one.
-
-    Attributes:
-        unit: None for none.
-        ratio: of derivative to column, median over joints.
-        correlation: the least of both.
-    """
-
-    unit: str | None
-    ratio: float
-    correlation: float
-
-
-def ratio_unit(q: Array, v: Array, dt: float, units: dict[str, float]) -> RatioUnit:
-    """The unit in which a column is the derivative of a position.
-
-    Args:
-        q: ``(n, k)`` positions [rad or m]; ``v`` the columns as they stand in the file.
-        dt: between rows [s].
-        units: candidates, factor to SI by name.
-    """
-    ratios, agreements = [], []
-    for k in range(q.shape[1]):
-        slope, agreement = derivative_of(q[:, k], v[:, k], dt)
-        if agreement > 0.5:
-            ratios.append(slope)
-            agreements.append(agreement)
-    if not ratios:
-        return RatioUnit(None, float("nan"), 0.0)
-    ratio = float(np.median(np.abs(ratios)))
-    near = min(units, key=lambda unit: abs(math.log(ratio / units[unit])))
-    found = near if abs(math.log(ratio / units[near])) < math.log(NEAR) else None
-    return RatioUnit(found, ratio, float(np.min(agreements)))
+def _is_count(known: Array, unit: str) -> bool:
+    """Whether numbers are a servo's counts."""
+    whole = len(known) > 0 and bool((known == np.round(known)).all())
+    return whole and bool(known.min() >= 0.0 and known.max() < COUNTS[unit][1])
 
 
 def derivative_of(q: Array, v: Array, dt: float) -> tuple[float, float]:

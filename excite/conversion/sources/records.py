@@ -59,10 +59,11 @@ class JsonSource(Source):
 
 
 def _build_recording(path: Path, name: str, content: Any) -> Recording:
-    """The recording that an object holds."""
-    arrays: dict[str, Any] = {}
-    said: dict[str, object] = {}
-    collect_arrays("", content, arrays, said, 0)
+    """The recording that an object holds: lists of numbers as arrays, what else there is by its path."""
+    leaves = _leaves(content, "", 0)
+    found = {key: _as_array(value) for key, value in leaves.items() if isinstance(value, list) and value}
+    arrays = {key: values for key, values in found.items() if values is not None}
+    said = {key: value for key, value in leaves.items() if isinstance(value, int | float | str)}
     streams = longest_streams(stream_of_arrays(name, arrays))
     return Recording(str(path), name, streams, said | constants(arrays))
 
@@ -102,61 +103,40 @@ def _parse_lines(text: str) -> list[Any]:
     return [json.loads(line) for line in text.splitlines() if line.strip()]
 
 
-def collect_arrays(
-    name: str, value: Any, arrays: dict[str, Any], said: dict[str, object], depth: int
-) -> None:
-    """Numbers in lists to ``arrays``, single values to ``said``, by their paths."""
+def _leaves(value: Any, path: str, depth: int, unnamed: int = 0) -> dict[str, Any]:
+    """Numbers, words and lists by their paths; of a list of objects a list of each of their leaves.
+
+    The list that holds the rows of a recording gives no name to what is in it, nor does an object in each row; objects
+    down to the depth ``unnamed`` do not.
+    """
     if depth > _DEEPEST:
-        return
+        return {}
     if isinstance(value, dict):
-        for key, inner in value.items():
-            collect_arrays(f"{name}/{key}" if name else str(key), inner, arrays, said, depth + 1)
-    elif isinstance(value, list) and value and isinstance(value[0], dict):
-        for key in value[0]:
-            cells = [entry.get(key) if isinstance(entry, dict) else None for entry in value]
-            inner = f"{name}/{key}" if name and depth > 1 else str(key)
-            if isinstance(value[0][key], dict):
-                collect_arrays(
-                    inner, [cell if isinstance(cell, dict) else {} for cell in cells], arrays, said, depth + 1
-                )
-            elif isinstance(value[0][key], list) and value[0][key] and isinstance(value[0][key][0], dict):
-                _of_motors(inner, cells, arrays)
-            else:
-                _collect_numbers(inner, cells, arrays)
-    elif isinstance(value, list):
-        _collect_numbers(name, value, arrays)
-    elif isinstance(value, int | float | str):
-        said[name] = value
+        prefix = f"{path}/" if path and depth > unnamed else ""
+        inner = (_leaves(one, f"{prefix}{key}", depth + 1, unnamed) for key, one in value.items())
+        return {key: leaf for leaves in inner for key, leaf in leaves.items()}
+    if isinstance(value, list) and value and isinstance(value[0], dict):
+        rows = [_leaves(one, "", depth + 1, 2) if isinstance(one, dict) else {} for one in value]
+        return {
+            f"{path}/{key}" if path and depth > 1 else key: [row.get(key) for row in rows] for key in rows[0]
+        }
+    return {path: value}
 
 
-def _of_motors(name: str, cells: list[Any], arrays: dict[str, Any]) -> None:
-    """Entries that hold an object a motor: each of its numbers as an array with a column a motor."""
-    count = len(cells[0])
-    whole = [cell if isinstance(cell, list) and len(cell) == count else [{}] * count for cell in cells]
-    for key, first in cells[0][0].items():
-        if isinstance(first, int | float | str):
-            missing = "" if isinstance(first, str) else None
-            _collect_numbers(
-                f"{name}/{key}", [[motor.get(key, missing) for motor in cell] for cell in whole], arrays
-            )
-
-
-def _collect_numbers(name: str, cells: list[Any], arrays: dict[str, Any]) -> None:
-    width = len(cells[0]) if cells and isinstance(cells[0], list) else 0
-    empty = [float("nan")] * width if width else float("nan")
-    first = cells[0][0] if width else (cells[0] if cells else None)
-    if isinstance(first, str):
-        # Names of joints, or a word in each row.
-        texts = [cell if cell is not None else [""] * width if width else "" for cell in cells]
-        if not width and (stamps := seconds([str(text) for text in texts])) is not None:
-            arrays[name] = stamps
-        elif not width or all(isinstance(text, list) and len(text) == width for text in texts):
-            arrays[name] = np.array(texts, dtype=str)
-        return
+def _as_array(cells: list[Any]) -> np.ndarray | None:
+    """A cell or a list of cells a row as an array, dates as seconds; None for what is neither numbers nor words."""
+    width = len(cells[0]) if isinstance(cells[0], list) else 0
+    words = isinstance(cells[0][0] if width else cells[0], str)
+    empty: Any = "" if words else float("nan")
+    full = [([empty] * width if width else empty) if cell is None else cell for cell in cells]
+    if words:
+        stamps = None if width else seconds([str(cell) for cell in full])
+        even = not width or all(isinstance(cell, list) and len(cell) == width for cell in full)
+        return stamps if stamps is not None else np.array(full, dtype=str) if even else None
     try:
-        arrays[name] = np.array([empty if cell is None else cell for cell in cells], dtype=float)
+        return np.array(full, dtype=float)
     except (ValueError, TypeError):
-        return
+        return None
 
 
 # Records in XML, one after the other, as KUKA's Robot Sensor Interface sends them every cycle.

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import csv
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 from excite.conversion.recording import Recording, nothing_there
@@ -20,24 +22,24 @@ from excite.formats.file import (
 )
 from excite.registry import Registry, installed
 
+_HERE = "excite.conversion.sources"
 SOURCES: Registry[Source] = Registry(
     "source",
     installed("readers")
     | {
-        "lerobot": "excite.conversion.sources.lerobot:LeRobotSource",
-        "bag": "excite.conversion.sources.bag:BagSource",
-        "mcap": "excite.conversion.sources.bag:McapSource",
-        "log": "excite.conversion.sources.log_folder:LogFolderSource",
-        "pace": "excite.conversion.sources.arrays:PaceSource",
-        "mat": "excite.conversion.sources.arrays:MatSource",
-        "hdf5": "excite.conversion.sources.arrays:Hdf5Source",
-        "parquet": "excite.conversion.sources.arrays:ParquetSource",
-        "pickle": "excite.conversion.sources.arrays:PickleSource",
-        "npz": "excite.conversion.sources.arrays:NpzSource",
-        "echo": "excite.conversion.sources.text:EchoSource",
-        "xml": "excite.conversion.sources.records:XmlSource",
-        "json": "excite.conversion.sources.records:JsonSource",
-        "text": "excite.conversion.sources.text:TextSource",
+        "lerobot": f"{_HERE}.lerobot:LeRobotSource",
+        "bag": f"{_HERE}.bag:BagSource",
+        "mcap": f"{_HERE}.bag:McapSource",
+        "log": f"{_HERE}.log_folder:LogFolderSource",
+        "pace": f"{_HERE}.arrays:PaceSource",
+        "mat": f"{_HERE}.arrays:MatSource",
+        "hdf5": f"{_HERE}.arrays:Hdf5Source",
+        "parquet": f"{_HERE}.arrays:ParquetSource",
+        "pickle": f"{_HERE}.arrays:PickleSource",
+        "npz": f"{_HERE}.arrays:NpzSource",
+        "xml": f"{_HERE}.records:XmlSource",
+        "json": f"{_HERE}.records:JsonSource",
+        "text": f"{_HERE}.text:TextSource",
     },
 )
 
@@ -46,41 +48,25 @@ RECORDED = frozenset(
     ".csv .tsv .txt .dat .log .xml .parquet .feather .arrow .npz .npy .h5 .hdf5 .mat .json .jsonl .bag .db3 .mcap .pt "
     ".pth .pkl .pickle".split()
 )
-# What people bring that is not opened, and what to do instead.
-_PICKLED = (
-    "is packed by joblib, and may run any program when it is opened",
-    "write its arrays with numpy.savez, or its table with to_csv or to_parquet",
-)
-_CAPTURED = (
-    "is of motion capture or OpenSim, where people move, and no log of a robot",
-    "people are measured by excite human; save a robot's joints as CSV, with one column a joint",
-)
-_REFUSED = {
-    ".joblib": _PICKLED,
-    **dict.fromkeys(
-        (".xlsx", ".xls", ".ods"), ("is a workbook of a spreadsheet", "save its sheet as CSV and give that")
-    ),
-    **dict.fromkeys((".zip", ".gz", ".7z", ".tar", ".tgz", ".zst"), ("is packed", "unpack it first")),
-    **dict.fromkeys((".c3d", ".trc", ".mot", ".sto"), _CAPTURED),
-    ".mdf": ("is a measurement file of a vehicle's bus", "export its channels as CSV or .mat"),
-    ".mf4": ("is a measurement file of a vehicle's bus", "export its channels as CSV or .mat"),
-    ".tfrecord": (
-        "is a record of TensorFlow, as RLDS data sets have them",
-        "save the joints of its steps with numpy.savez, or as Parquet",
-    ),
-    ".tdms": ("is a measurement file of LabVIEW", "export its channels as CSV or .mat"),
-}
-# Files of other tools by what they begin with, whatever they are called.
-_BEGINNINGS = {
-    b"ULog\x01\x12\x35": ("is a log of PX4", "turn it into tables with ulog2csv of pyulog"),
-    b"RRF": ("is a recording of rerun", "read it with rerun's dataframe API and save the table as Parquet"),
-    b"\xed\xa1\xda\x01": (
-        "is a log of LCM, whose messages no file but their .lcm definitions explains",
-        "decode it with lcm.EventLog and those definitions, and save q, qd, tau and utime with numpy.savez",
-    ),
-}
 # As long as reading may take: starting, then a tenth of what disks do [s, bytes/s].
 _STARTING_S, _BYTES_PER_S = 30.0, 2e6
+
+
+@cache
+def _refused() -> list[dict[str, str]]:
+    """What people bring that is not opened, by ending or first bytes, and what to do instead: ``refused.csv``."""
+    with Path(__file__).with_name("refused.csv").open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def _refuse(path: Path) -> None:
+    """Raise LogError for a file of :func:`_refused`."""
+    first = b"" if path.is_dir() or not path.exists() else first_bytes(path, 16)
+    ending = plain_name(path).suffix.lower().split("-")[0]
+    for row in _refused():
+        begins = row["beginning"] and first.startswith(bytes.fromhex(row["beginning"]))
+        if begins or (ending and ending in row["endings"].split()):
+            raise LogError(row["what"], source=path, remedy=row["remedy"])
 
 
 def read_source(path: Path) -> tuple[Recording, ...]:
@@ -94,28 +80,27 @@ def read_source(path: Path) -> tuple[Recording, ...]:
     if not path.is_dir():
         # A pipe or device has no beginning to look at, and no end.
         check_file(path, error=LogError)
+        _refuse(path)
         if is_packed(path):
-            return _read_packed(path)
+            with unpack_file(path, limit=MAX_FILE_BYTES, error=LogError) as plain:
+                return tuple(replace(recording, source=str(path)) for recording in read_source(plain))
     name = recognised(path)
-    if name is not None:
-        return _in_own_process(name, path) if SOURCES[name].own_process else _read(name, path)
-    if (why := _REFUSED.get(path.suffix.lower().split("-")[0]) or _by_beginning(path)) is not None:
-        raise LogError(why[0], source=path, remedy=why[1])
-    known = "; ".join(SOURCES[name].summary for name in SOURCES)
-    raise LogError("is of no format that is known", source=path, remedy=f"give one of: {known}")
-
-
-def _by_beginning(path: Path) -> tuple[str, str] | None:
-    """What a file is by its first bytes, and what to do with it; None for nothing that is known."""
-    first = b"" if path.is_dir() else first_bytes(path, 16)
-    return next((why for start, why in _BEGINNINGS.items() if first.startswith(start)), None)
-
-
-def _read_packed(path: Path) -> tuple[Recording, ...]:
-    if (why := _REFUSED.get(plain_name(path).suffix.lower())) is not None:
-        raise LogError(why[0], source=path, remedy=why[1])
-    with unpack_file(path, limit=MAX_FILE_BYTES, error=LogError) as plain:
-        return tuple(replace(recording, source=str(path)) for recording in read_source(plain))
+    if name is None:
+        known = "; ".join(SOURCES[name].summary for name in SOURCES)
+        raise LogError("is of no format that is known", source=path, remedy=f"give one of: {known}")
+    if not SOURCES[name].own_process:
+        return _read(name, path)
+    files = path.rglob("*") if path.is_dir() else [path]
+    size = sum(file.stat().st_size for file in files if file.is_file())
+    found: tuple[Recording, ...] = in_child(
+        f"{__name__}:_read",
+        name,
+        path,
+        source=path,
+        error=LogError,
+        seconds=_STARTING_S + size / _BYTES_PER_S,
+    )
+    return found
 
 
 def recognised(path: Path) -> str | None:
@@ -138,21 +123,4 @@ def _read(name: str, path: Path) -> tuple[Recording, ...]:
         found = tuple(recording for recording in source.read(path) if recording.streams)
     if not found:
         raise nothing_there(path)
-    return found
-
-
-def _in_own_process(name: str, path: Path) -> tuple[Recording, ...]:
-    size = (
-        sum(file.stat().st_size for file in path.rglob("*") if file.is_file())
-        if path.is_dir()
-        else path.stat().st_size
-    )
-    found: tuple[Recording, ...] = in_child(
-        f"{__name__}:_read",
-        name,
-        path,
-        source=path,
-        error=LogError,
-        seconds=_STARTING_S + size / _BYTES_PER_S,
-    )
     return found

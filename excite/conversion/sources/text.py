@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
-import yaml
 
-from excite.conversion.parts import NAMELESS
-from excite.conversion.recording import Column, Recording, Stream
-from excite.conversion.shapes import longest_streams, stream_of_arrays
-from excite.conversion.sources.records import collect_arrays
+from excite.conversion.recording import NAMELESS, Column, Recording, Stream
 from excite.conversion.sources.source import Source
 from excite.errors import LogError
 from excite.formats.file import first_bytes
@@ -69,7 +64,7 @@ class TextSource(Source):
             numbers = _upright(numbers)
         if not numbers and not words:
             return ()
-        stream = Stream(path.stem, tuple(numbers), words=words, nameless=not dress.named)
+        stream = Stream(path.stem, tuple(numbers), words=words)
         notes = [] if dress.named else [NAMELESS]
         notes += [dress.misfit] if dress.misfit else []
         notes += ["decimal commas"] if dress.decimal == "," else []
@@ -141,62 +136,3 @@ def _upright(columns: list[Column]) -> list[Column]:
         return columns
     table = np.array([column.values for column in columns])
     return [Column(f"column{k + 1}", table[:, k]) for k in range(rows)]
-
-
-# Messages as ROS prints them: ``ros2 topic echo`` or ``rostopic echo`` into a file, parted by lines of
-# dashes.
-
-# Printed messages are read at a megabyte a second; an hour of an arm at 100 Hz has 300 MB.
-_MAX_PRINTED_BYTES = 512 * 1024 * 1024
-_ENDINGS = frozenset({".yaml", ".yml", ".txt", ".log", ".echo", ".msg", ""})
-_ECHO_FIRST = re.compile(r"[A-Za-z_]\w*:")
-_LINE = re.compile(r"^---\s*$", re.MULTILINE)
-_Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-
-
-class EchoSource(Source):
-    """Messages of one topic, one after the other."""
-
-    name: ClassVar[str] = "echo"
-    what: ClassVar[str] = "printed messages"
-    limit: ClassVar[int] = _MAX_PRINTED_BYTES
-    summary: ClassVar[str] = "messages as ros2 topic echo and rostopic echo print them"
-
-    def recognises(self, path: Path) -> bool:
-        """See :class:`Source`: fields and lines of dashes."""
-        if not path.is_file() or path.suffix.lower() not in _ENDINGS:
-            return False
-        start = first_bytes(path, 65536).decode("utf-8", "replace").lstrip()
-        return bool(_LINE.search(start)) and bool(_ECHO_FIRST.match(start.removeprefix("---").lstrip()))
-
-    def read(self, path: Path) -> tuple[Recording, ...]:
-        """See :class:`Source`."""
-        parts = _LINE.split(path.read_text(encoding="utf-8", errors="replace"))
-        messages = [message for part in parts if isinstance(message := _parse_message(part), dict)]
-        arrays: dict[str, Any] = {}
-        said: dict[str, object] = {}
-        alike, notes = _of_most_joints(messages)
-        collect_arrays("", alike, arrays, said, 0)
-        streams = longest_streams(stream_of_arrays(path.stem, arrays))
-        return (Recording(str(path), path.stem, streams, said, notes),)
-
-
-def _parse_message(text: str) -> object:
-    """A message's fields; None for one that was cut off."""
-    if "&" in text:
-        # No message has references, which may stand for more than there is memory.
-        return None
-    try:
-        return yaml.load(text, Loader=_Loader)
-    except yaml.YAMLError:
-        return None
-
-
-def _of_most_joints(messages: list[dict[str, Any]]) -> tuple[list[dict[str, Any]], tuple[str, ...]]:
-    """Messages that name the same joints, of several publishers those of most joints; a note of the others."""
-    names = [str(message.get("name", message.get("joint_names", ""))) for message in messages]
-    counts = Counter(names)
-    best = max(counts, key=lambda name: (name.count(","), counts[name]), default="")
-    alike = [message for message, name in zip(messages, names, strict=True) if name == best]
-    others = len(messages) - len(alike)
-    return alike, (f"{others} messages name other joints: left out",) if others else ()

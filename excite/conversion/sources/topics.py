@@ -11,14 +11,13 @@ from excite.conversion.recording import Recording, Stream
 from excite.conversion.sources.messages import (
     decode,
     decode_any,
-    finished,
     is_trajectory,
-    is_unitree,
     is_wanted,
     stamp_s,
     trajectory_rows,
 )
 from excite.conversion.sources.ros import Gathered, Room
+from excite.conversion.sources.unitree import is_unitree, name_motors
 from excite.errors import LogError
 
 # Two stamps of one message that differ by more come from different clocks [s].
@@ -98,8 +97,9 @@ class Topics:
         found: list[Stream] = []
         family = [(self._kinds[topic], s) for topic, s in streams if is_unitree(self._kinds.get(topic, ""))]
         if family:
-            found, said, more = finished(family)
-            notes += more
+            named = name_motors(family)
+            found, said = named.streams, named.said
+            notes += named.notes
         found = [s for topic, s in streams if not is_unitree(self._kinds.get(topic, ""))] + found
         name = path.stem if path.suffix else path.name
         return Recording(str(path), name, tuple(found), said, notes=tuple(notes))
