@@ -46,11 +46,17 @@ from excite.identification.estimators.settings import (
     share_limits,
 )
 from excite.identification.identified_parameters import identified_parameters
-from excite.identification.judgement.judgement import find_doubts, find_warnings, judge, mass_report
-from excite.identification.parameter_statistics import parameter_statistics
+from excite.identification.judgement.findings import find_doubts, find_warnings
+from excite.identification.judgement.judgement import channel_fits, check_consistency, mass_report
+from excite.identification.parameter_statistics import (
+    base_parameter_table,
+    essential_parameter_table,
+    parameter_uncertainty,
+    structural_rank,
+)
 from excite.identification.problem import IdentificationProblem, build_problem
 from excite.identification.regression import Regression, condense_problem, iterate_weights, log_evidence
-from excite.identification.result import Identification, solution_of
+from excite.identification.result import Identification
 from excite.identification.statistics import base_statistics
 from excite.logs.files import load_log
 from excite.logs.log import Log
@@ -201,39 +207,45 @@ def identify_problem(
         estimate = replace(estimate, parameters=estimate.parameters[: plain.n_params], regression=weighted)
     same_weights = np.array_equal(estimate.regression.std, weighted.std)
     statistics = weighted_statistics if same_weights else base_statistics(estimate.regression)
-    spreads = settings.spreads(robot)
-    certainty = parameter_statistics(plain, estimate.parameters, statistics, spreads)
-    judgement = judge(
-        problem,
-        validation,
-        identified,
-        changes=changes,
-        total_mass=mass_report(weighted, weighted_statistics.noise, settings, identified),
-        bounds=settings.bounds if isinstance(settings, StatedBoundsSettings) else None,
-    )
-    failed = () if failure is None else (failure_finding(failure),)
-    warnings = find_warnings(identified, certainty, judgement)
+    spreads, parameters = settings.spreads(robot), identified.all
     doubts = find_doubts(estimate, statistics, spreads)
     if adaptation.terms:
         # Plain least squares knows nothing of the added terms, so that it differs says no more than they do.
         doubts = tuple(item for item in doubts if item.kind != "conflict")
+    bounds = settings.bounds if isinstance(settings, StatedBoundsSettings) else None
+    instants = np.column_stack([estimate.regression.problem.trial, estimate.regression.problem.time])
     result = Identification(
         robot=robot.name,
-        solution=solution_of(estimate),
+        method=estimate.method,
+        status=estimate.status.value,
+        solved=estimate.status is SolveStatus.SOLVED,
+        n_samples=len(np.unique(instants, axis=0)),
+        violations=dict(estimate.violations or {}),
+        certificate=estimate.certificate,
+        held_mass=estimate.total_mass,
         identified=identified,
-        statistics=certainty,
-        judgement=judgement,
-        findings=(
-            *known,
-            *failed,
-            *too_few,
-            *notes,
-            *drives_finding(asked, names, identified),
-            *adaptation_finding(adaptation, identified),
-            *warnings,
-            *doubts,
-        ),
+        base=base_parameter_table(plain, statistics, estimate.parameters),
+        structural_rank=structural_rank(plain, statistics.base.rank),
+        essential=essential_parameter_table(plain, statistics),
+        uncertainty=parameter_uncertainty(plain, statistics, spreads),
+        consistency=check_consistency(identified.inertial, identified.segments),
+        fit=channel_fits(problem, parameters, problem.prior),
+        validation={} if validation is None else channel_fits(validation, parameters, problem.prior),
+        changes=changes,
+        total_mass=mass_report(weighted, weighted_statistics.noise, settings, identified),
+        bounds=bounds and bounds.judge(identified.links, identified.inertial, identified.by_drive()),
     )
+    findings = (
+        *known,
+        *(() if failure is None else (failure_finding(failure),)),
+        *too_few,
+        *notes,
+        *drives_finding(asked, names, identified),
+        *adaptation_finding(adaptation, identified),
+        *find_warnings(result),
+        *doubts,
+    )
+    result = replace(result, findings=findings)
     if failure is not None:
         raise NoSolutionError(failure.what, best=result, remedy=failure.remedy) from failure
     return result

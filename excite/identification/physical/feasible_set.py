@@ -16,7 +16,7 @@ from scipy.linalg import qr_delete, solve_triangular
 
 from excite.arrays import Array
 from excite.errors import NoSolutionError
-from excite.identification.judgement.essential import RSD_ABOVE
+from excite.identification.parameter_statistics import RSD_ABOVE
 from excite.identification.physical.bounds import PhysicalBounds, least_density_moments
 from excite.identification.physical.cone_program import ConeProgram, solve_cone_program
 from excite.identification.physical.coordinates import DIAGONAL, STEINER, second_moments

@@ -15,7 +15,7 @@ from excite.identification.inertia import COLUMNS, ROWS
 from excite.identification.physical.cone_program import TRIANGLE, ConeProgram, solve_cone_program
 from excite.identification.physical.coordinates import STEINER
 from excite.identification.physical.feasible_set import FeasibleSet, TorqueObjective
-from excite.results import Stated
+from excite.results import Stated, Unbounded
 
 # What is proven about a retrieval's objective.
 
@@ -33,11 +33,11 @@ class Certificate(Stated):
             random ones.
     """
 
-    objective: float
-    lower_bound: float
-    gap: float
+    objective: Unbounded
+    lower_bound: Unbounded
+    gap: Unbounded
     relaxations: int
-    optima: tuple[float, ...]
+    optima: tuple[Unbounded, ...]
 
     def summary(self) -> str:
         """One line."""
