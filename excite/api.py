@@ -34,7 +34,6 @@ SPACES: dict[str, dict[str, str]] = {
         "split_sessions": "excite.identification.sessions.compare",
         "write_ranges": "excite.identification.sessions.compare",
         "save_findings": "excite.campaign.result",
-        "momentum_residual": "excite.identification.momentum_observer",
     },
     "models": {
         "write_urdf": "excite.export.models.urdf",

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import heapq
-import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
 from excite.arrays import Array
 from excite.display import percent
-from excite.errors import InputError
 from excite.identification.inertia import COLUMNS, ROWS
 from excite.identification.physical.cone_program import TRIANGLE, ConeProgram, solve_cone_program
 from excite.identification.physical.coordinates import STEINER
 from excite.identification.physical.feasible_set import FeasibleSet, TorqueObjective
 from excite.results import Stated, Unbounded
+from excite.rows.settings import check_settings, number
 
 # What is proven about a retrieval's objective.
 
@@ -215,27 +214,14 @@ class RetrievalSettings:
         nodes: most relaxations that are solved to close the gap; 1 is the relaxation of the whole set alone.
     """
 
-    starts: int = 5
-    seed: int = 0
-    gap: float = 1e-3
-    nodes: int = 200
+    starts: int = number(5, "1", 0, 1e9, "random starts")
+    seed: int = number(0, "1", 0, 2**63, "of the starts")
+    gap: float = number(1e-3, "1", 0.0, 1.0, "relative gap at which the search ends")
+    nodes: int = number(200, "1", 1, 1e9, "most relaxations")
 
     def __post_init__(self) -> None:
-        """Check every bound.
-
-        Raises:
-            InputError: names the setting.
-        """
-        least = {"starts": 0, "seed": 0, "gap": 0.0, "nodes": 1}
-        for item in fields(self):
-            value = getattr(self, item.name)
-            if not math.isfinite(value) or value < least[item.name]:
-                raise InputError(
-                    f"is {value!r}",
-                    source="settings",
-                    field=item.name,
-                    remedy=f"choose at least {least[item.name]}",
-                )
+        """Check every bound; raises InputError, which names the setting."""
+        check_settings(self)
 
 
 @dataclass(frozen=True, eq=False)
