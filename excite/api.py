@@ -44,8 +44,6 @@ SPACES: dict[str, dict[str, str]] = {
     },
     "loads": {
         "weigh_load": "excite.identification.load",
-        "identify_drive_gains": "excite.identification.load",
-        "identify_load": "excite.identification.load",
     },
     "people": {
         "Subject": "excite.human.segments",

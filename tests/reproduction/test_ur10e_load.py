@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from excite.identification.load import identify_drive_gains, identify_load, weigh_load
+from excite.identification.load import weigh_load
 from excite.logs.log import Log
 from excite.logs.robot import nominal_robot
 from tests.reproduction.recordings import UR10E_GAINS
-from tests.reproduction.ur10e_load import MASS, SETTINGS, run_of_14_harmonics
+from tests.reproduction.ur10e_load import MASS, PLAIN, SETTINGS, run_of_14_harmonics
 
 
 def part_of_log(data_dir: Path, folder: Path, name: str, part: tuple[float, float], load: str = "") -> Log:
@@ -23,12 +23,12 @@ def test_the_load_is_weighed_within_three_percent(data_dir: Path, tmp_path: Path
     second = part_of_log(data_dir, tmp_path, "second", (0.5, 1.0), "Load")
     robot = nominal_robot(bare)
     for known, judged in ((first, second), (second, first)):
-        gains = identify_drive_gains(robot, bare, known, MASS, SETTINGS)
-        load = identify_load(robot, bare, judged, gains.by_joint, SETTINGS)
-        assert abs(load.load[0] / MASS - 1.0) < 0.03, load.summary()
+        gains = weigh_load(robot, bare, known, mass=MASS, settings=PLAIN).gains
+        load = weigh_load(robot, bare, judged, gains=gains, settings=PLAIN)
+        assert abs(load.mass / MASS - 1.0) < 0.03, load.summary()
     # The published gains make the load a tenth too heavy.
-    published = identify_load(robot, bare, second, UR10E_GAINS, SETTINGS)
-    assert published.load[0] > 1.05 * MASS
+    published = weigh_load(robot, bare, second, gains=UR10E_GAINS, settings=PLAIN)
+    assert published.mass > 1.05 * MASS
 
 
 def test_the_load_is_inside_an_interval_of_a_tenth_of_a_kilogram(data_dir: Path, tmp_path: Path) -> None:
