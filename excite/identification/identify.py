@@ -13,7 +13,7 @@ from numpy.linalg import LinAlgError
 
 from excite.arrays import Array
 from excite.doctor.examine import examine
-from excite.errors import LogError, NoSolutionError, RobotError
+from excite.errors import LogError, NoSolutionError
 from excite.finding import Finding
 from excite.identification.adaptation import (
     Adaptation,
@@ -28,7 +28,6 @@ from excite.identification.adaptation import (
     without_terms,
 )
 from excite.identification.changed_segments import Changes, find_changes
-from excite.identification.constraints.linear import equivalent_boxes
 from excite.identification.estimators.conic import Adaptive, AdaptiveSettings
 from excite.identification.estimators.estimator import (
     Estimate,
@@ -54,6 +53,7 @@ from excite.identification.parameter_statistics import (
     parameter_uncertainty,
     structural_rank,
 )
+from excite.identification.physical.default_bounds import derived_boxes
 from excite.identification.problem import IdentificationProblem, build_problem
 from excite.identification.regression import Regression, condense_problem, iterate_weights, log_evidence
 from excite.identification.result import Identification
@@ -64,7 +64,6 @@ from excite.logs.robot import nominal_faults
 from excite.progress import Progress, silent, step, told_to
 from excite.robot.load import RobotLike, as_robot
 from excite.robot.robot import Robot
-from excite.robot.shapes.com_box import com_boxes
 from excite.rows.settings import ProblemSettings
 from excite.threads import one_blas_thread
 
@@ -235,9 +234,12 @@ def identify_problem(
         total_mass=mass_report(weighted, weighted_statistics.noise, settings, identified),
         bounds=bounds and bounds.judge(identified.links, identified.inertial, identified.by_drive()),
     )
+    # What a reader of the parameters has to know first.
+    said = f"{failure and failure.what}: these parameters are only the best that is known, do not use them"
+    failed = () if failure is None else (Finding("no_solution", said),)
     findings = (
         *known,
-        *(() if failure is None else (failure_finding(failure),)),
+        *failed,
         *too_few,
         *notes,
         *drives_finding(asked, names, identified),
@@ -272,11 +274,9 @@ def _boxes(robot: Robot, settings: EstimatorSettings) -> tuple[Array, tuple[Find
     """Boxes of the centres of mass that are stated, else from the geometry, else from the nominal inertias."""
     if isinstance(settings, BoxSettings) and settings.com_boxes is not None:
         return settings.com_boxes, ()
-    try:
-        return com_boxes(robot), ()
-    except RobotError as error:
-        text = f"boxes of the centres of mass come from the nominal inertias, not from the geometry: {error}"
-        return equivalent_boxes(robot), (Finding("com_boxes", text),)
+    boxes, error = derived_boxes(robot)
+    text = f"boxes of the centres of mass come from the nominal inertias, not from the geometry: {error}"
+    return boxes, () if error is None else (Finding("com_boxes", text),)
 
 
 def _informed_settings(robot: Robot, settings: EstimatorSettings, changes: Changes) -> EstimatorSettings:
@@ -328,13 +328,6 @@ def attempt_estimate(
     if isinstance(failure.best, Estimate):
         return failure.best, failure
     return estimate_at(estimator.name, rows, problem.prior.copy(), SolveStatus.INFEASIBLE), failure
-
-
-def failure_finding(failure: NoSolutionError) -> Finding:
-    """What a reader of the parameters has to know first."""
-    return Finding(
-        "no_solution", f"{failure.what}: these parameters are only the best that is known, do not use them"
-    )
 
 
 @contextmanager

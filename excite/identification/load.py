@@ -241,7 +241,9 @@ class _Linear:
     def seen(self) -> Array:
         """As of :class:`LoadSolution`; the search asks for a hundred solutions, and this of the last."""
         shares = np.ones(self.free.shape)
-        shares[self.free] = _seen_share(self.columns, int(self.free.sum()))
+        _, size, rows = np.linalg.svd(square_factor(self.columns), full_matrices=False)
+        seen = rows[size > RANK_TOLERANCE * size[0], : int(self.free.sum())]
+        shares[self.free] = (seen**2).sum(axis=0)
         return shares
 
 
@@ -274,12 +276,6 @@ def _linear_solution(
     solution = minimum_norm(columns / scale, target) / scale
     found[free] = solution[: free.sum()]
     return _Linear(target - columns @ solution, found, columns / scale, free)
-
-
-def _seen_share(matrix: Array, count: int) -> Array:
-    """Share of each of the first columns' parameters that lies in the row space, ``(count,)``."""
-    _, size, rows = np.linalg.svd(square_factor(matrix), full_matrices=False)
-    return np.asarray((rows[size > RANK_TOLERANCE * size[0], :count] ** 2).sum(axis=0))
 
 
 _UNITS = ("kg", *("kg·m",) * 3, *("kg·m²",) * 6)

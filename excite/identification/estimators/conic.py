@@ -15,7 +15,6 @@ from scipy.linalg import LinAlgError, lu_factor, lu_solve
 from excite.arrays import Array
 from excite.identification.constraints.cones import (
     Cones,
-    ParameterCones,
     body_ellipsoids,
     com_ellipsoids,
     com_in_ellipsoids,
@@ -259,7 +258,7 @@ class Program:
 
     objective: Ridge
     linear: LinearConstraints
-    cones: tuple[ParameterCones, ...]
+    cones: tuple[Cones, ...]
     total_mass: float | None = None
 
 
@@ -267,7 +266,7 @@ def _program(
     problem: IdentificationProblem,
     objective: Ridge,
     parts: list[LinearConstraints],
-    cones: tuple[ParameterCones, ...],
+    cones: tuple[Cones, ...],
     mass: float | None = None,
 ) -> Program:
     """The program of an objective, parts of its linear rows, cones, and the total mass where it is known."""
