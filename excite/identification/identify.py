@@ -232,7 +232,9 @@ def identify_problem(
         validation={} if validation is None else channel_fits(validation, parameters, problem.prior),
         changes=changes,
         total_mass=mass_report(weighted, weighted_statistics.noise, settings, identified),
-        bounds=bounds and bounds.judge(identified.links, identified.inertial, identified.by_drive()),
+        bounds=None
+        if bounds is None
+        else bounds.judge(identified.links, identified.inertial, identified.by_drive()),
     )
     # What a reader of the parameters has to know first.
     said = f"{failure and failure.what}: these parameters are only the best that is known, do not use them"

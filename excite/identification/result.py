@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 import numpy as np
 
@@ -58,7 +58,7 @@ class Inertial(Stated):
     inertia: Vector6 | None = None
 
     @classmethod
-    def of(cls, ten: Array, **more: Any) -> Inertial:
+    def of(cls, ten: Array, **more: Any) -> Self:
         """The block of ``(10,)`` values in pinocchio's order, with what else its class holds."""
         return cls(float(ten[0]), tuple(ten[1:4].tolist()), tuple(ten[4:][list(FILE_ORDER)].tolist()), **more)
 

@@ -124,7 +124,7 @@ def _result_document(result: Path) -> Path:
 
 def _named_robot(document: Any, file: Path) -> str:
     if document.robot_file is None:
-        return document.robot
+        return str(document.robot)
     there = file.parent / document.robot_file
     if not there.exists():
         raise InputError(

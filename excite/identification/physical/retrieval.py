@@ -278,7 +278,8 @@ class _Search:
         """Starts, then branch and bound."""
         allowed, rng = self.problem.allowed, np.random.default_rng(self.settings.seed)
         ends = (allowed.bounds.lower, allowed.bounds.upper)
-        self._relax(*(end[allowed.free, 1:4] for end in ends), self.problem.objective.floor)
+        boxes = [end[allowed.free, 1:4] for end in ends]
+        self._relax(boxes[0], boxes[1], self.problem.objective.floor)
         for _ in range(self.settings.starts):
             if self.closed:
                 break
