@@ -45,7 +45,6 @@ from excite.identification.estimators.settings import (
     share_limits,
 )
 from excite.identification.identified_parameters import identified_parameters
-from excite.identification.judgement.findings import find_doubts, find_warnings
 from excite.identification.judgement.judgement import channel_fits, check_consistency, mass_report
 from excite.identification.parameter_statistics import (
     base_parameter_table,
@@ -56,7 +55,7 @@ from excite.identification.parameter_statistics import (
 from excite.identification.physical.default_bounds import derived_boxes
 from excite.identification.problem import IdentificationProblem, build_problem
 from excite.identification.regression import Regression, condense_problem, iterate_weights, log_evidence
-from excite.identification.result import Identification
+from excite.identification.result import Identification, find_doubts, find_warnings
 from excite.identification.statistics import base_statistics
 from excite.logs.files import load_log
 from excite.logs.log import Log

@@ -13,10 +13,15 @@ from excite.identification.estimators.method_settings import estimator_settings
 from excite.identification.estimators.registry import find_estimator
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.identify import identify
-from excite.identification.judgement.findings import _constraints_reached, find_doubts, find_warnings
 from excite.identification.judgement.judgement import TotalMassReport
 from excite.identification.problem import build_problem
-from excite.identification.result import Identification, mass_change
+from excite.identification.result import (
+    Identification,
+    _constraints_reached,
+    find_doubts,
+    find_warnings,
+    mass_change,
+)
 from excite.identification.statistics import base_statistics
 from excite.robot.loading import load_robot
 from excite.rows.settings import ProblemSettings
