@@ -34,7 +34,6 @@ SPACES: dict[str, dict[str, str]] = {
         "split_sessions": "excite.identification.sessions.compare",
         "write_ranges": "excite.identification.sessions.compare",
         "save_findings": "excite.campaign.result",
-        "momentum_residual": "excite.identification.momentum_observer",
     },
     "models": {
         "write_urdf": "excite.export.models.simulator_model",
@@ -45,8 +44,6 @@ SPACES: dict[str, dict[str, str]] = {
     },
     "loads": {
         "weigh_load": "excite.identification.load",
-        "identify_drive_gains": "excite.identification.load",
-        "identify_load": "excite.identification.load",
     },
     "people": {
         "Subject": "excite.human.segments",

@@ -285,7 +285,7 @@ def _logged_columns(robot: Robot, joints: tuple[str, ...], q: Array) -> Array:
 def mass_comparison(robot: Robot, identification: Identification, truth: Path | None) -> MassComparison:
     """Masses of all segments; the true ones where ``truth.json`` of a virtual robot is there."""
     changed = {item.link for item in identification.changes.segments} - identification.impossible_changes
-    known = identification.statistics.uncertainty
+    known = identification.uncertainty
     masses = slice(0, 10 * len(identification.masses), 10)
     return MassComparison(
         names=identification.identified.segments,

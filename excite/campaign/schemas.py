@@ -13,7 +13,6 @@ from excite.conversion.explicit_mapping import Map
 from excite.diagnosis.answer.answer import Diagnosis
 from excite.documents.campaign import Campaign
 from excite.documents.document import Document, model_of, schema_of
-from excite.documents.identification import Identification
 from excite.documents.plan import PlanDocument, RefusalsDocument
 from excite.errors import UnknownNameError
 from excite.export.export import ExportReport
@@ -22,6 +21,7 @@ from excite.finding import Examination
 from excite.human.measure import MeasuredPerson
 from excite.identification.physical.bounds_file import SCHEMA as BOUNDS_SCHEMA
 from excite.identification.physical.coordinates import NAMES
+from excite.identification.result import Identification
 from excite.logs.log import LogHeader
 from excite.logs.signals.trace import SignalTrace
 from excite.motion.files import MotionDocument
@@ -36,10 +36,10 @@ _MODELS: dict[str, type[BaseModel]] = {
 }
 # Documents of which a class is a model, then results whose own fields are the document's.
 _KINDS: tuple[type[Document], ...] = (
-    Identification,
     *(
         model_of(result)
         for result in (
+            Identification,
             Diagnosis,
             PlanDocument,
             RefusalsDocument,

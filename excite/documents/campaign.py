@@ -6,10 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from pathlib import Path
-from typing import Annotated, cast
+from typing import Annotated
 
 from excite.display import Row, Tabled, count
-from excite.documents.identification import Identification as IdentificationDocument
 from excite.excitation.conditioning import Conditioning
 from excite.identification.judgement.forecast import Forecast
 from excite.identification.judgement.judgement import said_rsd
@@ -126,7 +125,7 @@ class Campaign(Tabled, Stated):
     robot: Name = field(metadata=ADDED)
     target_rsd: Positive = field(metadata=named("target_rsd_percent") | ADDED)
     iterations: Annotated[tuple[Iteration, ...], FEW]
-    identification: Identification | None = field(metadata=HIDDEN)
+    identification: Identification | None
     conditioning: Conditioning | None = field(metadata=HIDDEN)
     awaits: Path | None = field(default=None, metadata=HIDDEN)
     expected: Forecast | None = field(default=None, metadata=HIDDEN)
@@ -140,12 +139,6 @@ class Campaign(Tabled, Stated):
     def awaited_folder(self) -> FilePath | None:
         """Folder that a log has to be put into; null where it is finished."""
         return None if self.awaits is None else str(self.awaits)
-
-    @property
-    @stated_with(stated="identification")
-    def identified(self) -> IdentificationDocument | None:
-        """From all logs so far; null before the first one."""
-        return cast(IdentificationDocument | None, self.identification)
 
     tables = ("targets", "iterations")
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import combinations
 from math import lgamma
 from pathlib import Path
@@ -23,7 +23,7 @@ from excite.identification.problem import NEVER_NEGATIVE, IdentificationProblem
 from excite.identification.regression import RANK_TOLERANCE, Regression, least_squares, prior_std
 from excite.identification.sessions.pooling import Pooled
 from excite.regressor.base_parameters import BaseParameters
-from excite.results import Name, Stated, Unbounded, UnboundedPositive, to_json
+from excite.results import HIDDEN, Name, Stated, Unbounded, UnboundedPositive, to_json
 from excite.rows.drive_terms import DRIVE_TERMS
 
 # Which segments are not what the model says.
@@ -90,7 +90,7 @@ class BesideTerm(Stated):
 
 
 @dataclass(frozen=True)
-class Changes:
+class Changes(Stated):
     """The changed segments and what they leave unexplained.
 
     Attributes:
@@ -101,9 +101,9 @@ class Changes:
         beside: factors and zeros of torques that explain a part of it.
     """
 
-    segments: tuple[ChangedSegment, ...]
-    explained: float
-    dispersion: float
+    segments: tuple[ChangedSegment, ...] = field(metadata=HIDDEN)
+    explained: Unbounded
+    dispersion: Unbounded
     beside: tuple[BesideTerm, ...] = ()
 
 

@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from excite.arrays import Array
-from excite.identification.inertia import FILE_ORDER
-from excite.identification.judgement.uncertainty import ParameterUncertainty
 from excite.identification.problem import IdentificationProblem
-from excite.regressor.columns import PARAMETERS
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,53 +46,6 @@ class IdentifiedParameters:
         """Parameters of the drives by name [SI]."""
         return dict(zip(self.drive_names, self.drives.tolist(), strict=True))
 
-    def to_json(self, uncertainty: ParameterUncertainty | None) -> dict[str, Any]:
-        """Its blocks of the document.
-
-        Args:
-            uncertainty: of all parameters, which stands beside the values; None leaves it out.
-        """
-        return {
-            "standard_parameters": self._standard_parameters(uncertainty),
-            "drive_parameters": self.by_drive(),
-            "unmeasured": list(self.unmeasured),
-        }
-
-    def rows(self, uncertainty: ParameterUncertainty | None) -> list[dict[str, Any]]:
-        """A row for each parameter of each link, about its joint's frame [SI]; ``std`` is None where not known."""
-        n = len(self.inertial)
-        std = [None] * n if uncertainty is None else [float(value) for value in uncertainty.std[:n]]
-        share = [None] * n if uncertainty is None else [float(value) for value in uncertainty.determined[:n]]
-        return [
-            {
-                "link": link,
-                "parameter": name,
-                "nominal": float(self.nominal[10 * k + j]),
-                "value": float(self.inertial[10 * k + j]),
-                "std": std[10 * k + j],
-                "determined": share[10 * k + j],
-            }
-            for k, link in enumerate(self.links)
-            for j, name in enumerate(PARAMETERS)
-        ]
-
-    def _standard_parameters(self, uncertainty: ParameterUncertainty | None) -> dict[str, Any]:
-        columns = {"": self.inertial, "nominal": self.nominal}
-        if uncertainty is not None:
-            n = len(self.inertial)
-            columns |= {"std": uncertainty.std[:n], "determined": uncertainty.determined[:n]}
-        ten = {key: values.reshape(-1, 10) for key, values in columns.items()}
-        found = {}
-        for k, (link, name) in enumerate(zip(self.links, self.segments, strict=True)):
-            blocks = {key: _parameter_block(rows[k]) for key, rows in ten.items()}
-            found[link] = {
-                **blocks.pop(""),
-                "nominal_mass": blocks["nominal"]["mass"],
-                "name": name,
-                **blocks,
-            }
-        return found
-
 
 def identified_parameters(problem: IdentificationProblem, parameters: Array) -> IdentifiedParameters:
     """An estimator's answer as parameters of bodies and drives.
@@ -115,11 +64,3 @@ def identified_parameters(problem: IdentificationProblem, parameters: Array) -> 
         drive_names=problem.parameter_names[n:],
         drives=parameters[n:].copy(),
     )
-
-
-def _parameter_block(row: Array) -> dict[str, Any]:
-    return {
-        "mass": float(row[0]),
-        "first_moment": row[1:4].tolist(),
-        "inertia": row[4:][list(FILE_ORDER)].tolist(),
-    }

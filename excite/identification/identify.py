@@ -13,7 +13,7 @@ from numpy.linalg import LinAlgError
 
 from excite.arrays import Array
 from excite.doctor.examine import examine
-from excite.errors import LogError, NoSolutionError, RobotError
+from excite.errors import LogError, NoSolutionError
 from excite.finding import Finding
 from excite.identification.adaptation import (
     Adaptation,
@@ -28,7 +28,6 @@ from excite.identification.adaptation import (
     without_terms,
 )
 from excite.identification.changed_segments import Changes, find_changes
-from excite.identification.constraints.linear import equivalent_boxes
 from excite.identification.estimators.conic import Adaptive, AdaptiveSettings
 from excite.identification.estimators.estimator import (
     Estimate,
@@ -46,11 +45,17 @@ from excite.identification.estimators.settings import (
     share_limits,
 )
 from excite.identification.identified_parameters import identified_parameters
-from excite.identification.judgement.judgement import find_doubts, find_warnings, judge, mass_report
-from excite.identification.parameter_statistics import parameter_statistics
+from excite.identification.judgement.judgement import channel_fits, check_consistency, mass_report
+from excite.identification.parameter_statistics import (
+    base_parameter_table,
+    essential_parameter_table,
+    parameter_uncertainty,
+    structural_rank,
+)
+from excite.identification.physical.default_bounds import derived_boxes
 from excite.identification.problem import IdentificationProblem, build_problem
 from excite.identification.regression import Regression, condense_problem, iterate_weights, log_evidence
-from excite.identification.result import Identification, solution_of
+from excite.identification.result import Identification, find_doubts, find_warnings
 from excite.identification.statistics import base_statistics
 from excite.logs.files import load_log
 from excite.logs.log import Log
@@ -58,7 +63,6 @@ from excite.logs.robot import nominal_faults
 from excite.progress import Progress, silent, step, told_to
 from excite.robot.load import RobotLike, as_robot
 from excite.robot.robot import Robot
-from excite.robot.shapes.collision import com_boxes
 from excite.rows.settings import ProblemSettings
 from excite.threads import one_blas_thread
 
@@ -201,39 +205,50 @@ def identify_problem(
         estimate = replace(estimate, parameters=estimate.parameters[: plain.n_params], regression=weighted)
     same_weights = np.array_equal(estimate.regression.std, weighted.std)
     statistics = weighted_statistics if same_weights else base_statistics(estimate.regression)
-    spreads = settings.spreads(robot)
-    certainty = parameter_statistics(plain, estimate.parameters, statistics, spreads)
-    judgement = judge(
-        problem,
-        validation,
-        identified,
-        changes=changes,
-        total_mass=mass_report(weighted, weighted_statistics.noise, settings, identified),
-        bounds=settings.bounds if isinstance(settings, StatedBoundsSettings) else None,
-    )
-    failed = () if failure is None else (failure_finding(failure),)
-    warnings = find_warnings(identified, certainty, judgement)
+    spreads, parameters = settings.spreads(robot), identified.all
     doubts = find_doubts(estimate, statistics, spreads)
     if adaptation.terms:
         # Plain least squares knows nothing of the added terms, so that it differs says no more than they do.
         doubts = tuple(item for item in doubts if item.kind != "conflict")
+    bounds = settings.bounds if isinstance(settings, StatedBoundsSettings) else None
+    instants = np.column_stack([estimate.regression.problem.trial, estimate.regression.problem.time])
     result = Identification(
         robot=robot.name,
-        solution=solution_of(estimate),
+        method=estimate.method,
+        status=estimate.status.value,
+        solved=estimate.status is SolveStatus.SOLVED,
+        n_samples=len(np.unique(instants, axis=0)),
+        violations=dict(estimate.violations or {}),
+        certificate=estimate.certificate,
+        held_mass=estimate.total_mass,
         identified=identified,
-        statistics=certainty,
-        judgement=judgement,
-        findings=(
-            *known,
-            *failed,
-            *too_few,
-            *notes,
-            *drives_finding(asked, names, identified),
-            *adaptation_finding(adaptation, identified),
-            *warnings,
-            *doubts,
-        ),
+        base=base_parameter_table(plain, statistics, estimate.parameters),
+        structural_rank=structural_rank(plain, statistics.base.rank),
+        essential=essential_parameter_table(plain, statistics),
+        uncertainty=parameter_uncertainty(plain, statistics, spreads),
+        consistency=check_consistency(identified.inertial, identified.segments),
+        fit=channel_fits(problem, parameters, problem.prior),
+        validation={} if validation is None else channel_fits(validation, parameters, problem.prior),
+        changes=changes,
+        total_mass=mass_report(weighted, weighted_statistics.noise, settings, identified),
+        bounds=None
+        if bounds is None
+        else bounds.judge(identified.links, identified.inertial, identified.by_drive()),
     )
+    # What a reader of the parameters has to know first.
+    said = f"{failure and failure.what}: these parameters are only the best that is known, do not use them"
+    failed = () if failure is None else (Finding("no_solution", said),)
+    findings = (
+        *known,
+        *failed,
+        *too_few,
+        *notes,
+        *drives_finding(asked, names, identified),
+        *adaptation_finding(adaptation, identified),
+        *find_warnings(result),
+        *doubts,
+    )
+    result = replace(result, findings=findings)
     if failure is not None:
         raise NoSolutionError(failure.what, best=result, remedy=failure.remedy) from failure
     return result
@@ -260,11 +275,9 @@ def _boxes(robot: Robot, settings: EstimatorSettings) -> tuple[Array, tuple[Find
     """Boxes of the centres of mass that are stated, else from the geometry, else from the nominal inertias."""
     if isinstance(settings, BoxSettings) and settings.com_boxes is not None:
         return settings.com_boxes, ()
-    try:
-        return com_boxes(robot), ()
-    except RobotError as error:
-        text = f"boxes of the centres of mass come from the nominal inertias, not from the geometry: {error}"
-        return equivalent_boxes(robot), (Finding("com_boxes", text),)
+    boxes, error = derived_boxes(robot)
+    text = f"boxes of the centres of mass come from the nominal inertias, not from the geometry: {error}"
+    return boxes, () if error is None else (Finding("com_boxes", text),)
 
 
 def _informed_settings(robot: Robot, settings: EstimatorSettings, changes: Changes) -> EstimatorSettings:
@@ -316,13 +329,6 @@ def attempt_estimate(
     if isinstance(failure.best, Estimate):
         return failure.best, failure
     return estimate_at(estimator.name, rows, problem.prior.copy(), SolveStatus.INFEASIBLE), failure
-
-
-def failure_finding(failure: NoSolutionError) -> Finding:
-    """What a reader of the parameters has to know first."""
-    return Finding(
-        "no_solution", f"{failure.what}: these parameters are only the best that is known, do not use them"
-    )
 
 
 @contextmanager

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -30,18 +30,17 @@ _BLOCKS = 8
 
 @dataclass(frozen=True, eq=False)
 class LoadRuns:
-    """Triangles of all logs by joint and stretch of time.
+    """Triangles of all logs by joint, of each stretch of time or of several together.
 
     Columns: base parameters' own, ten of each load, the joint's drive, current.
 
     Attributes:
         joints: names.
-        factors: ``(n_blocks, n_joints, w, w)``.
-        counts: ``(n_blocks, n_joints)`` rows.
+        factors: ``(n_blocks, n_joints, w, w)``, or ``(n_joints, w, w)``.
+        counts: ``(n_blocks, n_joints)`` rows, or ``(n_joints,)``.
         n_base: number of base columns.
         n_loads: number of logs with a load, each with a load of its own.
         signal: ``(n_joints,)`` standard deviation of the currents or torques.
-        unit: of the gains.
     """
 
     joints: tuple[str, ...]
@@ -50,24 +49,12 @@ class LoadRuns:
     n_base: int
     n_loads: int
     signal: Array
-    unit: str
 
-
-@dataclass(frozen=True, eq=False)
-class Condensed:
-    """All stretches together.
-
-    Attributes:
-        factors: triangles of the rows of each joint, ``(n_joints, w, w)``.
-        counts: rows of each joint, ``(n_joints,)``.
-        n_base: number of columns of base parameters.
-        n_loads: number of loads.
-    """
-
-    factors: Array
-    counts: Array
-    n_base: int
-    n_loads: int
+    def together(self, left_out: int | None = None) -> LoadRuns:
+        """The stretches of the logs as one, maybe without one of them."""
+        kept = [k for k in range(len(self.factors)) if k != left_out]
+        factors = [square_factor(np.vstack(list(parts))) for parts in self.factors[kept].swapaxes(0, 1)]
+        return replace(self, factors=np.stack(factors), counts=self.counts[kept].sum(axis=0))
 
 
 def load_runs(
@@ -84,44 +71,37 @@ def load_runs(
     Raises:
         LogError: the logs do not all hold currents, or torques, of the same joints.
     """
-    settings = settings or ProblemSettings()
+    header, logs = unloaded.header, (unloaded, *loaded)
     for log in loaded:
-        if unloaded.header.joints != log.header.joints:
-            raise LogError("differ from those of the log without load", source=log.folder, field="joints")
-        if unloaded.header.torque_joints != log.header.torque_joints:
-            raise LogError("differs from that of the log without load", source=log.folder, field="no_torque")
-    ones = dict.fromkeys(unloaded.header.torque_joints, 1.0)
-    settings = replace(settings, drive_gains=ones)
-    for log in (unloaded, *loaded):
-        if log.header.torque != unloaded.header.torque or log.header.torque in {None, "none"}:
+        for name, place in (("joints", "joints"), ("torque_joints", "no_torque")):
+            if getattr(log.header, name) != getattr(header, name):
+                raise LogError("differs from that of the log without load", source=log.folder, field=place)
+    for log in logs:
+        if log.header.torque != header.torque or log.header.torque in {None, "none"}:
             raise LogError(
                 "holds no currents and no torques, or others than the first log",
                 source=log.folder,
                 field="torque",
                 remedy="log i.JOINT in all, or tau.JOINT in all",
             )
-    problems = [build_problem(robot, log, settings, role=None) for log in (unloaded, *loaded)]
+    joints = header.torque_joints
+    settings = replace(settings or ProblemSettings(), drive_gains=dict.fromkeys(joints, 1.0))
+    problems = [build_problem(robot, log, settings, role=None) for log in logs]
     inertial = problems[0].n_inertial
     rows = np.vstack([square_factor(problem.Y[:, :inertial]) for problem in problems])
-    names = problems[0].parameter_names[:inertial]
-    own = base_parameters(rows, names, RANK_TOLERANCE).independent
+    own = base_parameters(rows, problems[0].parameter_names[:inertial], RANK_TOLERANCE).independent
     factors, counts = [], []
     for run, problem in enumerate(problems):
         carried = [run == load for load in range(1, len(problems))]
         for block in _stretches(problem):
-            parts = [
-                _triangle(problem, block & (problem.channel == c), own, c, carried) for c in range(len(ones))
-            ]
-            factors.append(np.stack(parts))
-            counts.append([int((block & (problem.channel == c)).sum()) for c in range(len(ones))])
+            masks = [block & (problem.channel == c) for c in range(len(joints))]
+            factors.append([_triangle(problem, mask, own, c, carried) for c, mask in enumerate(masks)])
+            counts.append([int(mask.sum()) for mask in masks])
     currents = np.concatenate([problem.y for problem in problems])
     channel = np.concatenate([problem.channel for problem in problems])
     # A joint that never moves has no rows.
-    signal = np.array(
-        [np.std(currents[channel == c]) if (channel == c).any() else 1.0 for c in range(len(ones))]
-    )
-    unit = "N·m/A" if unloaded.header.torque == "current" else "(true per logged torque)"
-    return LoadRuns(tuple(ones), np.stack(factors), np.array(counts), len(own), len(loaded), signal, unit)
+    signal = [np.std(currents[channel == c]) if (channel == c).any() else 1.0 for c in range(len(joints))]
+    return LoadRuns(joints, np.array(factors), np.array(counts), len(own), len(loaded), np.array(signal))
 
 
 def _stretches(problem: IdentificationProblem) -> list[NDArray[np.bool_]]:
@@ -145,26 +125,17 @@ def _triangle(
     carried: Sequence[bool],
 ) -> Array:
     """Triangle of one joint's rows; drives of other joints have nothing there, nor have loads not ``carried``."""
-    inertial = problem.n_inertial
-    drives = [
-        inertial + i
-        for i, name in enumerate(problem.parameter_names[inertial:])
-        if name.split(".")[1] == problem.channel_names[joint]
-    ]
-    body = problem.Y[rows, :inertial]
-    loads = [body[:, inertial - 10 :] * float(here) for here in carried]
-    return square_factor(np.column_stack([body[:, own], *loads, problem.Y[rows][:, drives], problem.y[rows]]))
-
-
-def together(runs: LoadRuns, blocks: Iterable[int]) -> Condensed:
-    """Some of the stretches of the logs as one."""
-    chosen = list(blocks)
-    n_joints = len(runs.joints)
-    factors = [square_factor(np.vstack(list(runs.factors[chosen, c]))) for c in range(n_joints)]
-    return Condensed(np.stack(factors), runs.counts[chosen].sum(axis=0), runs.n_base, runs.n_loads)
+    n, joint_name = problem.n_inertial, problem.channel_names[joint]
+    names = problem.parameter_names[n:]
+    drives = [n + i for i, name in enumerate(names) if name.split(".")[1] == joint_name]
+    matrix = problem.Y[rows]
+    loads = [matrix[:, n - 10 : n] * float(here) for here in carried]
+    return square_factor(np.column_stack([matrix[:, own], *loads, matrix[:, drives], problem.y[rows]]))
 
 
 # Torque per ampere of every joint from the same robot with and without a load of known mass.
+
+
 #
 # Logged torques whose scale is not trusted are treated alike: their gains have no unit and are near one.
 #
@@ -172,100 +143,6 @@ def together(runs: LoadRuns, blocks: Iterable[int]) -> Condensed:
 # gains of all joints that carry it known too (Gautier and Briot, 2014); its centre of mass and inertia are
 # found on the way. Noise is in the currents, so these are what is predicted: dividing the equation by the
 # gain keeps the least-squares estimate free of the attenuation that currents in the regressor bring.
-
-
-@dataclass(frozen=True, eq=False)
-class DriveGains:
-    """Drive gains and the load that they were found with.
-
-    Attributes:
-        joints: names of the joints.
-        gains: ``(n_joints,)`` torque per ampere [N·m/A or N/A], or true torque per logged torque [1].
-        gains_std: ``(n_joints,)`` standard deviations, from leaving out one stretch of the logs at a time.
-        load: ``(10,)`` the load's parameters about the last joint's frame, pinocchio's order [SI].
-        load_std: ``(10,)`` standard deviations; zero where known.
-        load_seen: ``(10,)`` share of each that the motions let be told from all else, 1 for all of it.
-        gains_left_out: ``(n_stretches, n_joints)`` the gains with one stretch of the logs left out after the other.
-        residual: ``(n_joints,)`` root mean square of what is left of the currents [A], or torques.
-        signal: ``(n_joints,)`` standard deviation of the currents [A], or torques.
-        unit: of the gains.
-    """
-
-    joints: tuple[str, ...]
-    gains: Array
-    gains_std: Array
-    load: Array
-    load_std: Array
-    load_seen: Array
-    gains_left_out: Array
-    residual: Array
-    signal: Array
-    unit: str = "N·m/A"
-
-    @property
-    def by_joint(self) -> dict[str, float]:
-        """As ``drive_gains`` of the problem settings takes them."""
-        return dict(zip(self.joints, self.gains.tolist(), strict=True))
-
-    def summary(self) -> str:
-        """A line for each joint and one for the load."""
-        rows = zip(self.joints, self.gains, self.gains_std, self.residual / self.signal, strict=True)
-        lines = []
-        for name, gain, std, left in rows:
-            said = f"{gain:.3f} ± {std:.3f} {self.unit}" if std < gain else "not determined by this load"
-            lines.append(f"{name}: {said}, {100 * left:.1f} % left")
-        return "\n".join([*lines, f"load: {self.load[0]:.3f} ± {self.load_std[0]:.3f} kg"])
-
-
-@one_blas_thread
-def identify_drive_gains(
-    robot: Robot, unloaded: Log, loaded: Log, load_mass: float, settings: ProblemSettings | None = None
-) -> DriveGains:
-    """Drive gains from a log without and one with a load on the last link, of known mass.
-
-    Args:
-        robot: the robot without load.
-        unloaded: log of currents or torques; all its trials are used.
-        loaded: the like with the load, joints in the same order, best the same motions.
-        load_mass: [kg].
-        settings: filters and drive terms; its drive gains are not used.
-
-    Returns:
-        A gain for each joint, with its standard deviation.
-
-    Raises:
-        InputError: the mass is not positive.
-        LogError: the logs do not both hold currents, or torques, the joints differ, or a joint does not feel the load.
-    """
-    check_mass(load_mass)
-    return _with_spread(load_runs(robot, unloaded, [loaded], settings), [load_mass], None)
-
-
-@one_blas_thread
-def identify_load(
-    robot: Robot,
-    unloaded: Log,
-    loaded: Log,
-    gains: Mapping[str, float],
-    settings: ProblemSettings | None = None,
-) -> DriveGains:
-    """A load of unknown mass from the same two logs, the gains being known.
-
-    Args:
-        robot: the robot.
-        unloaded: a log of the bare robot.
-        loaded: a log of the same motions with the load.
-        gains: by joint, torque per unit of the logged channel.
-        settings: how rows are made of a log.
-
-    Returns:
-        The load on the last link, with the gains that were given.
-
-    Raises:
-        LogError: as of :func:`identify_drive_gains`, or a joint's gain is missing.
-    """
-    runs = load_runs(robot, unloaded, [loaded], settings)
-    return _with_spread(runs, [None], _gains_of(runs, gains))
 
 
 def _gains_of(runs: LoadRuns, gains: Mapping[str, float] | None) -> Array | None:
@@ -276,37 +153,6 @@ def _gains_of(runs: LoadRuns, gains: Mapping[str, float] | None) -> Array | None
     if missing:
         raise LogError("has no gain", field=f"drive_gains.{missing[0]}", remedy="state N·m/A")
     return np.array([gains[name] for name in runs.joints])
-
-
-def check_mass(mass: float) -> None:
-    """Raise InputError for a mass that no load has."""
-    if not 0.0 < mass < np.inf:
-        raise InputError(f"is {mass!r}", source="load", field="mass", remedy="weigh it [kg]")
-
-
-def _with_spread(runs: LoadRuns, masses: Sequence[float | None], gains: Array | None) -> DriveGains:
-    """The last load, with standard deviations by leaving out one stretch at a time (the jackknife)."""
-    n = len(runs.factors)
-
-    def solved(left: int | None = None, start: Array | None = None) -> LoadSolution:
-        kept = [k for k in range(n) if k != left]
-        return solve_loads(together(runs, kept), masses, gains, start)
-
-    whole = solved()
-    rest = [solved(left, whole.gains) for left in range(n)]
-    left_out = np.array([item.gains for item in rest])
-    return DriveGains(
-        joints=runs.joints,
-        gains=whole.gains,
-        gains_std=jackknife_std(left_out),
-        load=whole.loads[-1],
-        load_std=jackknife_std(np.array([item.loads[-1] for item in rest])),
-        load_seen=whole.seen[-1],
-        gains_left_out=left_out,
-        residual=whole.residual,
-        signal=runs.signal,
-        unit=runs.unit,
-    )
 
 
 def jackknife_std(values: Array) -> Array:
@@ -336,7 +182,7 @@ class LoadSolution:
 
 
 def solve_loads(
-    condensed: Condensed, masses: Sequence[float | None], gains: Array | None, start: Array | None = None
+    condensed: LoadRuns, masses: Sequence[float | None], gains: Array | None, start: Array | None = None
 ) -> LoadSolution:
     """Least squares on the currents; gains are searched, all else is linear given them (variable projection).
 
@@ -366,7 +212,7 @@ def solve_loads(
     return LoadSolution(1.0 / inverse, inner.loads, inner.seen(), rms)
 
 
-def _without_drives(condensed: Condensed) -> Condensed:
+def _without_drives(condensed: LoadRuns) -> LoadRuns:
     """The rows without what each joint's drive explains, whatever gains and loads are.
 
     A drive's columns stand in its own joint's rows alone, and no gain scales them: they are projected out once, and the
@@ -380,7 +226,7 @@ def _without_drives(condensed: Condensed) -> Condensed:
         space, size, _ = np.linalg.svd(columns / scale, full_matrices=False)
         space = space[:, size > RANK_TOLERANCE * max(1.0, *size)]
         kept.append(square_factor(rest - space @ (space.T @ rest)))
-    return Condensed(np.stack(kept), condensed.counts, condensed.n_base, condensed.n_loads)
+    return replace(condensed, factors=np.stack(kept))
 
 
 @dataclass(frozen=True, eq=False)
@@ -395,12 +241,14 @@ class _Linear:
     def seen(self) -> Array:
         """As of :class:`LoadSolution`; the search asks for a hundred solutions, and this of the last."""
         shares = np.ones(self.free.shape)
-        shares[self.free] = _seen_share(self.columns, int(self.free.sum()))
+        _, size, rows = np.linalg.svd(square_factor(self.columns), full_matrices=False)
+        seen = rows[size > RANK_TOLERANCE * size[0], : int(self.free.sum())]
+        shares[self.free] = (seen**2).sum(axis=0)
         return shares
 
 
 def _linear_solution(
-    condensed: Condensed, inverse: Array, std: Array, masses: Sequence[float | None]
+    condensed: LoadRuns, inverse: Array, std: Array, masses: Sequence[float | None]
 ) -> _Linear:
     """Base parameters, loads and drives for given ``1/gain``; what is left, weighted, ``(n_joints·w,)``."""
     factors, base, loads = condensed.factors, condensed.n_base, 10 * condensed.n_loads
@@ -430,12 +278,6 @@ def _linear_solution(
     return _Linear(target - columns @ solution, found, columns / scale, free)
 
 
-def _seen_share(matrix: Array, count: int) -> Array:
-    """Share of each of the first columns' parameters that lies in the row space, ``(count,)``."""
-    _, size, rows = np.linalg.svd(square_factor(matrix), full_matrices=False)
-    return np.asarray((rows[size > RANK_TOLERANCE * size[0], :count] ** 2).sum(axis=0))
-
-
 _UNITS = ("kg", *("kg·m",) * 3, *("kg·m²",) * 6)
 # Least share of a parameter that has to lie in what the motions excite; what is less is another parameter's as well.
 _SEEN = 0.99
@@ -452,7 +294,8 @@ class WeighedLoad:
             time (the jackknife), those of the gains included; zero where stated.
         seen: ``(10,)`` whether the motions tell the parameter from all others.
         determined: ``(10,)`` whether they tell it from zero, too.
-        gains: torque per logged torque or current by joint.
+        gains: torque per current by joint [N·m/A or N/A], or true torque per logged torque [1].
+        gains_std: their standard deviations, by leaving out one stretch of the logs at a time.
         gains_source: where they come from, in words.
         left: by joint, what is left of the torques or currents as share of their deviation.
         drive_terms: what the drives were taken to have.
@@ -466,6 +309,7 @@ class WeighedLoad:
     gains_source: str
     left: Mapping[str, float]
     drive_terms: tuple[str, ...] = ()
+    gains_std: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def mass(self) -> float:
@@ -495,6 +339,7 @@ class WeighedLoad:
             },
             "center_of_mass": None if self.center is None else self.center.tolist(),
             "gains": dict(self.gains),
+            "gains_std": dict(self.gains_std),
             "gains_source": self.gains_source,
             "left": dict(self.left),
             "drive_terms": list(self.drive_terms),
@@ -502,20 +347,17 @@ class WeighedLoad:
 
     def summary(self) -> str:
         """Mass, first moments and what is not determined, in lines."""
-        lines = []
-        for name, unit, value, half, told in zip(
-            PARAMETERS, _UNITS, self.parameters, self.half_width_95, self.determined, strict=True
-        ):
-            if told and half > 0.0:
-                lines.append(f"{name:>4} {value:8.4f} ± {half:.4f} {unit} (95 %)")
-            elif told:
-                lines.append(f"{name:>4} {value:8.4f} {unit} (stated)")
+        rows = zip(PARAMETERS, _UNITS, self.parameters, self.half_width_95, self.determined, strict=True)
+        lines = [
+            f"{name:>4} {value:8.4f} " + (f"± {half:.4f} {unit} (95 %)" if half > 0.0 else f"{unit} (stated)")
+            for name, unit, value, half, told in rows
+            if told
+        ]
         lost = [name for name, told in zip(PARAMETERS, self.determined, strict=True) if not told]
-        if lost:
-            lines.append(f"these motions do not tell {', '.join(lost)}")
+        lines += [f"these motions do not tell {', '.join(lost)}"] if lost else []
         lines.append(f"gains: {self.gains_source}")
-        if _GROWING in self.drive_terms:
-            lines.append("friction of the drives grows with the load: the logs ask for it")
+        grows = "friction of the drives grows with the load: the logs ask for it"
+        lines += [grows] if _GROWING in self.drive_terms else []
         left = ", ".join(f"{name} {100 * value:.1f} %" for name, value in self.left.items())
         return "\n".join([*lines, f"left of the torques: {left}"])
 
@@ -528,13 +370,14 @@ def weigh_load(
     *,
     mass: float | None = None,
     calibration: tuple[Log, float] | None = None,
+    gains: Mapping[str, float] | None = None,
     settings: ProblemSettings | None = None,
 ) -> WeighedLoad:
     """Identify a load from a log without it and one with it.
 
     Mass and torque scales are only known together. So either the load's ``mass`` is known, and tells the gains and the
-    rest of the load; or a ``calibration`` load of known mass tells the gains first; or else the log's torque constants
-    are believed.
+    rest of the load; or a ``calibration`` load of known mass tells the gains first; or else stated ``gains``, or the
+    log's torque constants, are believed.
 
     Args:
         robot: the robot without load.
@@ -542,6 +385,7 @@ def weigh_load(
         loaded: the like with the load on the last link, best the same motions.
         mass: of the load [kg], where it was weighed.
         calibration: a log with another load on the last link, and that one's mass [kg].
+        gains: torque per unit of the logged channel by joint, where neither of these is given.
         settings: filters and drive terms; its drive gains are not used. Where it states no drive terms, they are the
             log's and, if the logs ask for it (:func:`friction_that_grows`), friction that grows with the load, which a
             load would else be taken for in part: without it the UR10e's 2.8 kg are known to 0.17 kg, with it to 0.10.
@@ -557,7 +401,7 @@ def weigh_load(
         raise InputError(
             "is stated beside a calibration load", source="load", field="mass", remedy="give one of both"
         )
-    logs, masses, gains = [loaded], [mass], None
+    logs, masses = [loaded], [mass]
     source = f"from the stated mass of {mass or 0.0:g} kg"
     if calibration is not None:
         # Gains, both loads and the bare robot are fitted to all three logs at once: what the second load's motions say
@@ -565,13 +409,39 @@ def weigh_load(
         logs, masses = [calibration[0], loaded], [calibration[1], None]
         source = f"from a calibration load of {calibration[1]:g} kg"
     elif mass is None:
-        gains = _stated_gains(without)
-        source = "as the log states them; what they are off, the load is too"
-    if masses[0] is not None:
-        check_mass(masses[0])
-    settings = friction_that_grows(robot, without, logs[0], masses[0], gains, settings or ProblemSettings())
+        source = "as stated; what they are off, the load is too"
+        if gains is None:
+            gains, source = (
+                _stated_gains(without),
+                "as the log states them; what they are off, the load is too",
+            )
+    known = masses[0]
+    if known is not None:
+        gains = None
+        if not 0.0 < known < np.inf:
+            raise InputError(f"is {known!r}", source="load", field="mass", remedy="weigh it [kg]")
+    settings = friction_that_grows(robot, without, logs[0], known, gains, settings or ProblemSettings())
     runs = load_runs(robot, without, logs, settings)
-    return _weigh_load(_with_spread(runs, masses, _gains_of(runs, gains)), source, settings)
+    fixed = _gains_of(runs, gains)
+    whole = solve_loads(runs.together(), masses, fixed)
+    # Standard deviations by leaving out one stretch at a time (the jackknife).
+    rest = [solve_loads(runs.together(k), masses, fixed, whole.gains) for k in range(len(runs.factors))]
+    load, gain = whole.loads[-1], np.array([item.gains for item in rest])
+    std = jackknife_std(np.array([item.loads[-1] for item in rest]))
+    half, seen = stdtrit(len(rest) - 1, 0.975) * std, whole.seen[-1] > _SEEN
+    by_joint = (whole.gains, jackknife_std(gain), whole.residual / runs.signal)
+    found = [dict(zip(runs.joints, values.tolist(), strict=True)) for values in by_joint]
+    return WeighedLoad(
+        parameters=load,
+        half_width_95=half,
+        seen=seen,
+        determined=seen & (np.abs(load) > half),
+        gains=found[0],
+        gains_std=found[1],
+        gains_source=source,
+        left=found[2],
+        drive_terms=settings.drive_terms or (),
+    )
 
 
 def friction_that_grows(
@@ -602,7 +472,7 @@ def friction_that_grows(
     for terms in (stated, (*stated, _GROWING)):
         tried = replace(settings, drive_terms=terms)
         runs = load_runs(robot, without, [loaded], tried)
-        rows = together(runs, range(len(runs.factors)))
+        rows = runs.together()
         found_there = solve_loads(rows, [mass], _gains_of(runs, gains))
         left = np.maximum(found_there.residual, 1e-12 * runs.signal)
         cost = float(
@@ -610,21 +480,6 @@ def friction_that_grows(
         )
         found.append((cost, tried))
     return min(found, key=lambda one: one[0])[1]
-
-
-def _weigh_load(found: DriveGains, source: str, settings: ProblemSettings) -> WeighedLoad:
-    half = stdtrit(len(found.gains_left_out) - 1, 0.975) * found.load_std
-    seen = found.load_seen > _SEEN
-    return WeighedLoad(
-        parameters=found.load,
-        half_width_95=half,
-        seen=seen,
-        determined=seen & (np.abs(found.load) > half),
-        gains=found.by_joint,
-        gains_source=source,
-        left=dict(zip(found.joints, (found.residual / found.signal).tolist(), strict=True)),
-        drive_terms=settings.drive_terms or (),
-    )
 
 
 def _stated_gains(log: Log) -> dict[str, float]:

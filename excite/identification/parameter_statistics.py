@@ -1,21 +1,22 @@
-"""How well parameters are known: base parameters with their standard deviations, and all others."""
+"""How well parameters are known: base parameters, the essential ones of them, and all standard parameters."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eigh, solve_triangular, svd
 
 from excite.arrays import Array
-from excite.identification.judgement.essential import essential_parameters
-from excite.identification.judgement.uncertainty import ParameterUncertainty, parameter_uncertainty
 from excite.identification.problem import IdentificationProblem
-from excite.identification.statistics import BaseStatistics
+from excite.identification.regression import prior_std
+from excite.identification.statistics import BaseStatistics, relative_percent
 from excite.regressor.base_parameters import structural_base_parameters
 from excite.regressor.columns import DRIVE_TERMS
-from excite.results import ADDED, Name, Stated, Unbounded, UnboundedPositive, plain
+from excite.results import ADDED, Name, Stated, Unbounded, UnboundedPositive
 
 
 @dataclass(frozen=True)
@@ -42,92 +43,200 @@ class BaseParameter(Stated):
     half_width_95: UnboundedPositive | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class ParameterStatistics:
-    """How well the parameters are known.
-
-    Attributes:
-        base: base parameters.
-        structural_rank: number of base parameters that free motion would determine; None if not known.
-        essential: base parameters that are left after the negligible ones were removed, re-estimated.
-        uncertainty: of all parameters from data and nominal model together; None where it was not computed.
-    """
-
-    base: tuple[BaseParameter, ...]
-    structural_rank: int | None
-    essential: tuple[BaseParameter, ...]
-    uncertainty: ParameterUncertainty | None
-
-    def to_json(self) -> dict[str, Any]:
-        """Its blocks of the document; the uncertainty stands beside the parameters there."""
-        return {
-            "base_parameters": plain(self.base),
-            "n_structural_base_parameters": self.structural_rank,
-            "essential": plain(self.essential),
-        }
-
-
-def parameter_statistics(
-    problem: IdentificationProblem, parameters: Array, statistics: BaseStatistics, spreads: Array
-) -> ParameterStatistics:
-    """Statistics of an estimator's answer.
+def base_parameter_table(
+    problem: IdentificationProblem, statistics: BaseStatistics, parameters: Array
+) -> tuple[BaseParameter, ...]:
+    """Base parameters of an estimator's answer ``(n_params,)``.
 
     Args:
         problem: the rows.
-        parameters: the answer, ``(n_params,)``.
         statistics: least-squares base parameters of these rows, with the estimator's weights.
-        spreads: expected spread of each segment's mass about nominal, as share of it, ``(n_segments,)``.
+        parameters: the answer.
     """
-    values = statistics.base.values(parameters)
-    essential = essential_parameters(statistics)
-    return ParameterStatistics(
-        base=_base_parameters(problem, statistics, values, statistics.std, range(len(values))),
-        structural_rank=_structural_rank(problem, statistics.base.rank),
-        essential=_base_parameters(problem, statistics, essential.values, essential.std, essential.kept),
-        uncertainty=parameter_uncertainty(problem, statistics, spreads),
+    values, half = statistics.base.values(parameters), statistics.half_width()
+    return _described(problem, statistics, range(len(values)), values, statistics.std, half.tolist())
+
+
+def essential_parameter_table(
+    problem: IdentificationProblem, statistics: BaseStatistics
+) -> tuple[BaseParameter, ...]:
+    """What :func:`essential_parameters` leaves of them."""
+    found = essential_parameters(statistics)
+    return _described(problem, statistics, found.kept, found.values, found.std, [None] * len(found.kept))
+
+
+def _described(
+    problem: IdentificationProblem,
+    statistics: BaseStatistics,
+    places: Iterable[int],
+    values: Array,
+    std: Array,
+    half_widths: list[float | None],
+) -> tuple[BaseParameter, ...]:
+    base, segments = statistics.base, problem.robot.segments
+    figures = zip(values.tolist(), std.tolist(), relative_percent(std, values).tolist(), strict=True)
+    return tuple(
+        BaseParameter(
+            base.names[column],
+            base.expressions[place],
+            segments[column // 10].link if column < problem.n_inertial else None,
+            *row,
+            half,
+        )
+        for place, column, row, half in zip(
+            places, (int(base.independent[place]) for place in places), figures, half_widths, strict=True
+        )
     )
 
 
-def _base_parameters(
-    problem: IdentificationProblem,
-    statistics: BaseStatistics,
-    values: Array,
-    std: Array,
-    indices: Iterable[int],
-) -> tuple[BaseParameter, ...]:
-    whole = len(values) == len(statistics.std)
-    rsd = statistics.rsd_percent(values) if whole else None
-    half = statistics.half_width() if whole else None
-    found = []
-    for place, index in enumerate(indices):
-        column = int(statistics.base.independent[index])
-        inertial = column < problem.n_inertial
-        size = abs(float(values[place]))
-        percent = rsd[place] if rsd is not None else (100.0 * std[place] / size if size > 0.0 else np.inf)
-        found.append(
-            BaseParameter(
-                name=statistics.base.names[column],
-                expression=statistics.base.expressions[index],
-                link=problem.robot.segments[column // 10].link if inertial else None,
-                value=float(values[place]),
-                std=float(std[place]),
-                rsd_percent=float(percent),
-                half_width_95=None if half is None else float(half[place]),
-            )
-        )
-    return tuple(found)
-
-
-def _structural_rank(problem: IdentificationProblem, of_rows: int) -> int | None:
+def structural_rank(problem: IdentificationProblem, of_rows: int) -> int | None:
     """Base parameters that free motion would determine; None where rows and robot do not correspond.
 
     No fewer than the rows have, which take right angles as the model has typed them.
     """
-    drives = dict.fromkeys(name.split(".")[0] for name in problem.parameter_names[problem.n_inertial :])
-    if problem.robot.measures_contacts != (problem.channel_names[0] == "fx") or not drives.keys() <= set(
-        DRIVE_TERMS
+    robot = problem.robot
+    drives = tuple(
+        dict.fromkeys(name.split(".")[0] for name in problem.parameter_names[problem.n_inertial :])
+    )
+    wrenches = robot.measures_contacts
+    if (
+        wrenches != (problem.channel_names[0] == "fx")
+        or not set(drives) <= set(DRIVE_TERMS)
+        or (not wrenches and len(problem.channel_names) < robot.n_joints)
     ):
         return None
-    if not problem.robot.measures_contacts and len(problem.channel_names) < problem.robot.n_joints:
-        return None
-    return max(of_rows, structural_base_parameters(problem.robot, tuple(drives)).rank)
+    return max(of_rows, structural_base_parameters(robot, drives).rank)
+
+
+# Essential parameters: base parameters without those that say nothing (Xu et al. 2020, end of II.A).
+
+SHARE_BELOW = 0.01
+"""Part of the measured channels below which a parameter may go: the figure of Xu et al. 2020, who mean SI values.
+
+A value in SI units would keep other parameters of a robot of ten times the mass, or of another unit of length.
+"""
+RSD_ABOVE = 40.0
+
+
+class Solved(Protocol):
+    """Least squares on base parameters, found or predicted: see ``BaseStatistics`` for the symbols."""
+
+    @property
+    def estimate(self) -> Array:
+        """Base parameters, ``(n_base,)`` [SI]."""
+
+    @property
+    def factor(self) -> Array:
+        """``R`` of the weighted rows on them, ``(n_base, n_base)``."""
+
+    @property
+    def meat(self) -> Array:
+        """Middle of the sandwich covariance, ``(n_base, n_base)``."""
+
+    @property
+    def rotated(self) -> Array:
+        """``Qᵀ`` of the weighted measurement, ``(n_base,)``."""
+
+
+@dataclass(frozen=True, eq=False)
+class EssentialParameters:
+    """What is left of the base parameters after elimination.
+
+    Attributes:
+        kept: ``(n_essential,)`` indices of base parameters.
+        removed: indices in the order of their removal.
+        values: ``(n_essential,)`` re-estimated values [SI].
+        std: ``(n_essential,)`` their standard deviations.
+    """
+
+    kept: NDArray[np.int64]
+    removed: tuple[int, ...]
+    values: Array
+    std: Array
+
+
+def essential_parameters(
+    statistics: Solved, *, share_below: float = SHARE_BELOW, rsd_above: float = RSD_ABOVE
+) -> EssentialParameters:
+    """Remove, one at a time and re-estimating, the worst of the small and poorly determined parameters.
+
+    A parameter is a candidate while what it adds to the weighted channels, ``‖column‖·|value|``, is below
+    ``share_below`` of what all add together, and its RSD above ``rsd_above`` percent (Xu et al. 2020: a value below
+    0.01 and 40 %); of the candidates the one of greatest RSD goes.
+
+    Args:
+        statistics: least squares on base parameters.
+        share_below: share of the channels below which a parameter may go.
+        rsd_above: relative standard deviation above which it may go [percent].
+    """
+    # The value with which a parameter alone would make all of the signal.
+    lengths = np.maximum(np.linalg.norm(statistics.factor, axis=0), np.finfo(float).tiny)
+    least = share_below * np.linalg.norm(statistics.rotated) / lengths
+    kept = np.arange(len(statistics.estimate))
+    removed: list[int] = []
+    factor, rotated, meat = statistics.factor, statistics.rotated, statistics.meat
+    while True:
+        values = solve_triangular(factor, rotated)
+        inverse = solve_triangular(factor, np.eye(len(kept)))
+        std = np.sqrt(np.einsum("ij,jk,ik->i", inverse, meat, inverse, optimize=True))
+        rsd = relative_percent(std, values)
+        candidates = (np.abs(values) < least[kept]) & (rsd > rsd_above)
+        if not candidates.any() or len(kept) == 1:
+            return EssentialParameters(kept, tuple(removed), values, std)
+        worst = int(np.argmax(np.where(candidates, rsd, -1.0)))
+        removed.append(int(kept[worst]))
+        kept = np.delete(kept, worst)
+        rotation, factor = np.linalg.qr(np.delete(factor, worst, axis=1))
+        rotated, meat = rotation.T @ rotated, rotation.T @ meat @ rotation
+
+
+# How well each standard parameter is known from the data and the nominal model together.
+
+
+@dataclass(frozen=True, eq=False)
+class ParameterUncertainty:
+    """How well the standard parameters are known.
+
+    Attributes:
+        std: of each parameter, given the data and the spread that the nominal model is granted [SI].
+        determined: share of that spread's variance that the data have taken away, 0 to 1: near 0 the value is
+            the nominal model's and the constraints' choice, near 1 it was measured.
+        covariance: ``(n_params, n_params)`` whose diagonal is ``std`` squared; None where only that is known.
+    """
+
+    std: Array
+    determined: Array
+    covariance: Array | None = None
+
+
+def parameter_uncertainty(
+    problem: IdentificationProblem, statistics: BaseStatistics, spread: Array
+) -> ParameterUncertainty:
+    """Posterior of the standard parameters of a Gaussian prior about the nominal model.
+
+    With ``P`` the prior's covariance, ``K`` the base parameters as combinations of the standard ones and
+    ``R⁻¹ M R⁻ᵀ`` their covariance, ``P − P Kᵀ (K P Kᵀ + R⁻¹ M R⁻ᵀ)⁻¹ K P``. It is computed as
+    ``P − P Kᵀ Rᵀ (R K P Kᵀ Rᵀ + M)⁻¹ R K P``: the inverse of ``R`` has no digits left of directions that the motions
+    hardly show. Directions outside ``K`` no motion shows: there the prior stays. Inequalities (positive masses,
+    physical consistency) are not used and could only narrow it.
+
+    Args:
+        problem: the rows.
+        statistics: base parameters and their covariance.
+        spread: spread of each segment's mass about nominal as share of it, ``(n_segments,)``, as
+            :func:`~excite.identification.regression.prior_std` takes it.
+
+    Returns:
+        Standard deviations, shares and covariance.
+    """
+    prior = prior_std(problem, spread)
+    power, axes = eigh(statistics.meat)
+    # What noise has rounded away is as small as the rounding of the largest.
+    power = np.maximum(power, max(np.finfo(float).eps * power[-1], np.finfo(float).tiny))
+    shown = axes.T @ (statistics.factor @ (statistics.base.matrix * prior)) / np.sqrt(power)[:, None]
+    _, sizes, directions = svd(shown, full_matrices=False)
+    share = sizes**2 / (1.0 + sizes**2)
+    determined = np.clip(share @ directions**2, 0.0, 1.0)
+    left = np.eye(len(prior)) - (directions.T * share) @ directions
+    covariance = left * np.outer(prior, prior)
+    return ParameterUncertainty(prior * np.sqrt(1.0 - determined), determined, covariance)

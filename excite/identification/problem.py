@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from excite.arrays import Array
 from excite.errors import LogError
 from excite.identification.preparation import prepare_trial
-from excite.logs.log import Log, Trial
+from excite.logs.log import Log
 from excite.logs.robot import robot_in_log
 from excite.logs.signals.butterworth import noise_bandwidth
 from excite.progress import step
@@ -193,8 +193,15 @@ def build_problem(
         builder = JointRows(robot, log.header, settings, filters, drive_terms(log.header, settings))
         unmeasured = ()
     trials = tuple(prepare_trial(trial, settings, filters).trial for trial in trials)
-    parts = [_flatten_rows(builder, trial, i) for i, trial in enumerate(trials)]
-    n_rows = sum(len(part.y) for part in parts)
+    parts = [builder.rows(trial) for trial in trials]
+    # Sample by sample, unusable rows left out.
+    places = [np.nonzero(part.use) for part in parts]
+    values = [part.values[place] for part, place in zip(parts, places, strict=True)]
+    freedom = [
+        part.freedom[place] for part, place in zip(parts, places, strict=True) if part.freedom is not None
+    ]
+    counts = [len(one) for one in values]
+    n_rows = sum(counts)
     if n_rows < _FEWEST_ROWS:
         raise LogError(
             f"leaves {n_rows} usable rows", source=log.folder, remedy="record longer, or raise the cut-off"
@@ -203,17 +210,17 @@ def build_problem(
     rate = trial_rate(log.header, trials[0])
     passed = noise_bandwidth(rate, filters.cutoff_hz, filters.order)
     noise = builder.noise * np.sqrt(passed)
-    channel = np.concatenate([part.channel for part in parts])
+    channel = np.concatenate([place[1] for place in places])
     return IdentificationProblem(
         robot=robot,
-        Y=np.concatenate([part.Y for part in parts]),
-        y=np.concatenate([part.y for part in parts]),
+        Y=np.concatenate([one[:, :-1] for one in values]),
+        y=np.concatenate([one[:, -1] for one in values]),
         weights=1.0 / noise[channel],
         channel=channel,
         channel_names=builder.channel_names,
         channel_units=builder.channel_units,
-        time=np.concatenate([part.time for part in parts]),
-        trial=np.concatenate([part.trial for part in parts]),
+        time=np.concatenate([part.time[place[0]] for part, place in zip(parts, places, strict=True)]),
+        trial=np.repeat(np.arange(len(parts)), counts),
         trial_names=tuple(trial.name for trial in trials),
         parameter_names=(*names, *builder.drive_names),
         prior=np.concatenate([robot.nominal_parameters, builder.drive_prior]),
@@ -223,32 +230,5 @@ def build_problem(
         filters=filters,
         drive_spread=builder.drive_spread,
         sampling_hz=rate,
-        freedom=_joint_freedom(parts),
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class _FlatRows:
-    """Rows of one trial, sample by sample, unusable ones left out."""
-
-    Y: Array
-    y: Array
-    channel: NDArray[np.int64]
-    time: Array
-    trial: NDArray[np.int64]
-    freedom: Array | None
-
-
-def _joint_freedom(parts: list[_FlatRows]) -> Array | None:
-    shares = [part.freedom for part in parts if part.freedom is not None]
-    return np.concatenate(shares) if len(shares) == len(parts) else None
-
-
-def _flatten_rows(builder: BaseRows | JointRows, trial: Trial, index: int) -> _FlatRows:
-    rows = builder.rows(trial)
-    sample, channel = np.nonzero(rows.use)
-    values = rows.values[sample, channel]
-    own = None if rows.freedom is None else rows.freedom[sample, channel]
-    return _FlatRows(
-        values[:, :-1], values[:, -1], channel, rows.time[sample], np.full(len(sample), index), own
+        freedom=np.concatenate(freedom) if len(freedom) == len(parts) else None,
     )

@@ -26,7 +26,6 @@ from excite.identification.problem import IdentificationProblem, row_blocks
 from excite.identification.regression import RANK_TOLERANCE, Regression, leaves_freedom
 from excite.regressor.base_parameters import BaseParameters, base_parameters
 from excite.regressor.columns import PARAMETERS
-from excite.rows.settings import Filters
 from excite.threads import one_blas_thread
 
 # Base parameters with intervals that hold for filtered noise.
@@ -167,6 +166,7 @@ _ROUNDS = 3
 _SETTLED = 1e-3
 # Off-diagonal powers count where they exceed chance by this many standard deviations.
 _SIGNIFICANT = 4.0
+_TINY = 1e-300
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,26 +193,23 @@ class NoiseBands:
         """Degrees of freedom of the variance of each estimate, ``(k,)`` (Satterthwaite 1946)."""
         total = self.shares.sum(axis=(0, 1))
         spread = (self.shares**2 / np.maximum(self.freedom, 1.0)[:, :, None]).sum(axis=(0, 1))
-        return np.asarray(np.maximum(total**2 / np.maximum(spread, 1e-300), 1.0))
+        return np.asarray(np.maximum(total**2 / np.maximum(spread, _TINY), 1.0))
 
     def model(self, problem: IdentificationProblem, grids: tuple[TrialGrid, ...], std: Array) -> NoiseModel:
         """The same noise as autocovariances, for channels whose rows were divided by ``std``.
 
         The window is as long as the filter's memory and the narrowest band ask for.
         """
-        narrowest = float(np.diff(self.edges).min())
         shortest = min(grid.n_samples for grid in grids)
-        memory = max(8.0 / min(1.0, problem.noise_bandwidth), 4.0 / narrowest)
+        memory = max(8.0 / min(1.0, problem.noise_bandwidth), 4.0 / float(np.diff(self.edges).min()))
         n_lags = int(min(memory, max(1.0, 0.2 * shortest)))
         bins = trial_bins(problem, grids[0], next_fast_len(8 * n_lags + 8, real=True))
         spectrum = np.zeros((bins.n_fft // 2 + 1, *self.power.shape[1:]))
-        spectrum[bins.kept] = bins.colour[:, None, None] * self.power[band_of(bins, self.edges)]
+        spectrum[bins.kept] = bins.colour[:, None, None] * self.power[bins.band(self.edges)]
         covariance = np.fft.irfft(spectrum, bins.n_fft, axis=0)[: n_lags + 1]
-        level = np.sqrt(np.maximum(np.einsum("cc->c", covariance[0]), 1e-300))
-        lags = np.arange(n_lags + 1)
-        window = np.clip(2.0 * (1.0 - lags / (n_lags + 1.0)), 0.0, 1.0)
-        scaled = covariance / np.outer(level, level) * window[:, None, None]
-        return NoiseModel(std * level, scaled)
+        level = np.sqrt(np.maximum(np.diag(covariance[0]), _TINY))
+        window = np.clip(2.0 * (1.0 - np.arange(n_lags + 1) / (n_lags + 1.0)), 0.0, 1.0)
+        return NoiseModel(std * level, covariance / np.outer(level, level) * window[:, None, None])
 
 
 def noise_bands(
@@ -230,48 +227,46 @@ def noise_bands(
     trials = tuple(transformed_trial(problem, grid, q, residual) for grid in grids)
     edges = band_edges(trials)
     moments = _Moments(trials, edges)
-    tied = problem.freedom is not None
-    power = moments.start()
-    if tied:
-        power = _own_power(power)
+    # Where contacts tie the rows of an instant, channels share nothing that is stationary.
+    shared = np.ones_like(moments.observed) if problem.freedom is None else np.eye(moments.observed.shape[1])
+    power = moments.start() * shared
     meat = moments.meat(power)
     for _ in range(_ROUNDS):
-        before = power
-        power = moments.improved(power, meat)
-        if tied:
-            power = _own_power(power)
+        before, power = power, moments.improved(power, meat) * shared
         meat = moments.meat(power)
-        if _is_settled(before, power):
+        if (np.abs(power - before) <= _SETTLED * _own_size(power)).all():
             break
     power = _significant_power(power, moments.freedom)
-    meat = moments.meat(power)
-    return NoiseBands(edges, power, moments.freedom, meat, moments.shares(power, factor))
+    return NoiseBands(edges, power, moments.freedom, moments.meat(power), moments.shares(power, factor))
 
 
 class _Moments:
     """Expected and observed band powers of the residual."""
 
     def __init__(self, trials: tuple[TransformedTrial, ...], edges: Array):
-        self.trials, n_bands = trials, len(edges) - 1
-        n_channels = trials[0].r.shape[2]
-        self.band = [band_of(trial.bins, edges) for trial in trials]
-        shape = (n_bands, n_channels, n_channels)
+        self.trials, self.n_bands = trials, len(edges) - 1
+        self.band = [trial.bins.band(edges) for trial in trials]
+        shape = (self.n_bands, *trials[0].counts.shape)
         self.observed, self.crossed = np.zeros(shape), np.zeros(shape)
         # Expected power per unit of power of each band, the fit left aside: (bands, bands, channels, channels).
-        self.spilled = np.zeros((n_bands, *shape))
-        for trial, band in zip(trials, self.band, strict=True):
-            bins = trial.bins
-            spill = spilled_power(trial, band, n_bands)
-            self.spilled += spill[:, :, None, None] * trial.counts
-            for b in range(n_bands):
-                for part in frequency_blocks((band == b) & bins.audible):
-                    r, x = trial.r[part], trial.q[part]
-                    inverse = bins.weight[part] / bins.colour[part]
-                    self.observed[b] += np.einsum("f,fhc,fhd->cd", inverse, r, r)
-                    self.crossed[b] += _channel_products(x * np.sqrt(bins.weight[part])[:, None, None, None])
+        self.spilled = sum(
+            spilled_power(trial, band, self.n_bands)[:, :, None, None] * trial.counts
+            for trial, band in zip(trials, self.band, strict=True)
+        )
+        for b, trial, part in self._parts(audible=True):
+            inverse = trial.bins.weight[part] / trial.bins.colour[part]
+            self.observed[b] += np.einsum("f,fhc,fhd->cd", inverse, trial.r[part], trial.r[part])
+            self.crossed[b] += _channel_products(_scaled(trial.q[part], trial.bins.weight[part]))
         self.numbers = np.einsum("bbcd->bcd", self.spilled)
-        taken = np.einsum("bcc->bc", self.crossed)
-        self.freedom = np.maximum(np.einsum("bcc->bc", self.numbers) - taken, 1.0)
+        self.freedom = np.maximum(np.einsum("bcc->bc", self.numbers - self.crossed), 1.0)
+
+    def _parts(self, *, audible: bool = False) -> Iterator[tuple[int, TransformedTrial, NDArray[np.int64]]]:
+        """Band, trial, and places of some of its frequencies there: all, or those to learn from."""
+        for trial, band in zip(self.trials, self.band, strict=True):
+            for b in range(self.n_bands):
+                chosen = (band == b) & trial.bins.audible if audible else band == b
+                for part in frequency_blocks(chosen):
+                    yield b, trial, part
 
     def start(self) -> Array:
         """Powers with the fit's share of independent numbers taken away."""
@@ -281,15 +276,11 @@ class _Moments:
     def meat(self, power: Array) -> Array:
         """``QᵀΣQ``."""
         k = self.trials[0].q.shape[3]
-        meat = np.zeros((k, k))
-        for trial, band in zip(self.trials, self.band, strict=True):
-            bins = trial.bins
-            for b in range(len(power)):
-                root = _psd_root(power[b])
-                for part in frequency_blocks(band == b):
-                    size = np.sqrt(bins.weight[part] * bins.colour[part])[:, None, None, None]
-                    z = (root.T @ (trial.q[part] * size)).reshape(-1, k)
-                    meat += z.T @ z
+        meat, roots = np.zeros((k, k)), [_psd_root(one) for one in power]
+        for b, trial, part in self._parts():
+            weight = trial.bins.weight[part] * trial.bins.colour[part]
+            z = (roots[b].T @ _scaled(trial.q[part], weight)).reshape(-1, k)
+            meat += z.T @ z
         return meat
 
     def improved(self, power: Array, meat: Array) -> Array:
@@ -302,45 +293,36 @@ class _Moments:
         expected = np.einsum("abcd,bcd->acd", self.spilled, power)
         given = self.crossed @ power
         expected -= given + given.transpose(0, 2, 1)
-        for trial, band in zip(self.trials, self.band, strict=True):
-            bins = trial.bins
-            for b in range(len(power)):
-                for part in frequency_blocks((band == b) & bins.audible):
-                    size = np.sqrt(bins.weight[part] / bins.colour[part])[:, None, None, None]
-                    expected[b] += _channel_products(_multiply_last_axis(trial.q[part], root) * size)
+        for b, trial, part in self._parts(audible=True):
+            weight = trial.bins.weight[part] / trial.bins.colour[part]
+            expected[b] += _channel_products(_scaled(_multiply_last_axis(trial.q[part], root), weight))
         own, wanted = np.einsum("bcc->bc", expected), np.einsum("bcc->bc", self.observed)
-        ratio = np.sqrt(np.clip(wanted / np.maximum(own, 1e-300), 0.25, 4.0))
-        stretched = power * ratio[:, :, None] * ratio[:, None, :]
-        scaled = expected * ratio[:, :, None] * ratio[:, None, :]
-        step = (self.observed - scaled) / np.maximum(self.numbers, 1.0)
-        diagonal = np.arange(power.shape[1])
-        step[:, diagonal, diagonal] = 0.0
-        return np.asarray(stretched + step)
+        ratio = np.sqrt(np.clip(wanted / np.maximum(own, _TINY), 0.25, 4.0))
+        both = ratio[:, :, None] * ratio[:, None, :]
+        step = (self.observed - expected * both) / np.maximum(self.numbers, 1.0)
+        return np.asarray(power * both + step * (1.0 - np.eye(power.shape[1])))
 
     def shares(self, power: Array, factor: Array) -> Array:
         """What each band and channel adds to the variances of ``R⁻¹Qᵀe``, ``(bands, channels, k)``."""
         inverse = np.asarray(np.linalg.solve(factor, np.eye(len(factor))), dtype=float)
         shares = np.zeros((*power.shape[:2], len(factor)))
-        for trial, band in zip(self.trials, self.band, strict=True):
-            bins = trial.bins
-            for b in range(len(power)):
-                for part in frequency_blocks(band == b):
-                    x = _multiply_last_axis(trial.q[part], inverse.T)
-                    weight = bins.weight[part] * bins.colour[part]
-                    squared = np.einsum("f,fhck->ck", weight, np.square(x, out=x))
-                    shares[b] += squared * np.diag(power[b])[:, None]
+        for b, trial, part in self._parts():
+            x = _multiply_last_axis(trial.q[part], inverse.T)
+            weight = trial.bins.weight[part] * trial.bins.colour[part]
+            squared = np.einsum("f,fhck->ck", weight, np.square(x, out=x))
+            shares[b] += squared * np.diag(power[b])[:, None]
         return shares
 
 
-def _is_settled(before: Array, after: Array) -> bool:
-    """Whether a round has moved no power by more than a negligible share of its channels' own."""
-    own = np.sqrt(np.maximum(np.einsum("bcc->bc", after), 1e-300))
-    return bool((np.abs(after - before) <= _SETTLED * own[:, :, None] * own[:, None, :]).all())
+def _scaled(x: Array, weight: Array) -> Array:
+    """Transformed columns ``(n_frequencies, …)`` by the root of a weight of each frequency."""
+    return np.asarray(x * np.sqrt(weight)[:, None, None, None])
 
 
-def _own_power(power: Array) -> Array:
-    """Each channel's own power, ``(n_bands, n_channels, n_channels)``, without what channels share."""
-    return np.asarray(power * np.eye(power.shape[1]))
+def _own_size(power: Array) -> Array:
+    """Geometric mean of both channels' own power, for each pair, ``(n_bands, n_channels, n_channels)``."""
+    own = np.sqrt(np.maximum(np.einsum("bcc->bc", power), _TINY))
+    return np.asarray(own[:, :, None] * own[:, None, :])
 
 
 def _multiply_last_axis(x: Array, matrix: Array) -> Array:
@@ -356,20 +338,18 @@ def _channel_products(x: Array) -> Array:
 
 def _significant_power(power: Array, freedom: Array) -> Array:
     """Powers between channels that do not stand out of chance removed, and all made positive."""
-    own = np.sqrt(np.maximum(np.einsum("bcc->bc", power), 1e-300))
-    correlation = power / (own[:, :, None] * own[:, None, :])
     numbers = np.sqrt(freedom[:, :, None] * freedom[:, None, :])
-    evidence = (numbers * correlation**2).sum(axis=0)
-    n_bands = len(power)
-    keep = evidence > n_bands + _SIGNIFICANT * np.sqrt(2.0 * n_bands)
+    evidence = (numbers * (power / _own_size(power)) ** 2).sum(axis=0)
+    keep = evidence > len(power) + _SIGNIFICANT * np.sqrt(2.0 * len(power))
     np.fill_diagonal(keep, True)
-    values, vectors = np.linalg.eigh(np.where(keep, power, 0.0))
-    return np.asarray((vectors * np.maximum(values, 0.0)[:, None, :]) @ vectors.transpose(0, 2, 1))
+    root = _psd_root(np.where(keep, power, 0.0))
+    return np.asarray(root @ root.transpose(0, 2, 1))
 
 
 def _psd_root(matrix: Array) -> Array:
+    """A root of symmetric matrices ``(…, n, n)``, what is negative of them left out."""
     values, vectors = np.linalg.eigh(matrix)
-    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :])
 
 
 # The colour that a filter gives to noise, and frequencies at which the noise before it is alike.
@@ -380,27 +360,8 @@ _AUDIBLE = 0.05
 _PRESENT = 1e-7
 # A band has to hold this many independent numbers that the fit has not taken, in every channel.
 _FEWEST = 12.0
-
-
-def filter_power(frequency_hz: Array, filters: Filters | None, sampling_hz: float, rate_hz: float) -> Array:
-    """Power of white noise after the zero-phase filter and decimation, one where nothing is filtered.
-
-    Decimation folds what lies above half the new rate.
-
-    Args:
-        frequency_hz: ``(n,)`` from 0 to half of ``rate_hz``.
-        filters: the filter on both sides of the regression; None for none.
-        sampling_hz: rate at which it ran.
-        rate_hz: rate of the rows after decimation.
-
-    Returns:
-        ``(n,)``.
-    """
-    if filters is None or filters.cutoff_hz >= 0.5 * sampling_hz:
-        return np.ones_like(frequency_hz)
-    folds = rate_hz * np.arange(max(1, round(sampling_hz / rate_hz)))[:, None]
-    amplitude = filter_amplitude(frequency_hz + folds, filters.cutoff_hz, filters.order, sampling_hz)
-    return np.asarray((amplitude**2).sum(axis=0))
+# Cells that bands are made of.
+_CELLS = 256
 
 
 @dataclass(frozen=True, eq=False)
@@ -424,62 +385,28 @@ class Bins:
     audible: NDArray[np.bool_]
     weight: Array
 
-
-def frequency_bins(n_fft: int, filters: Filters | None, sampling_hz: float, rate_hz: float) -> Bins:
-    """Frequencies of a transform of length ``n_fft`` of rows at ``rate_hz``; see :class:`Bins`."""
-    relative = np.arange(n_fft // 2 + 1) * 2.0 / n_fft
-    colour = filter_power(0.5 * rate_hz * relative, filters, sampling_hz, rate_hz)
-    kept = np.flatnonzero(colour > _PRESENT * colour.max())
-    weight = conjugate_counts(n_fft) / n_fft
-    return Bins(
-        n_fft, kept, relative[kept], colour[kept], colour[kept] > _AUDIBLE * colour.max(), weight[kept]
-    )
+    def band(self, edges: Array) -> NDArray[np.int64]:
+        """Band of each frequency, ``(n_kept,)``."""
+        return np.clip(np.searchsorted(edges, self.relative, side="right") - 1, 0, len(edges) - 2)
 
 
-def alike_bands(power: Array, counts: Array, taken: Array) -> Array:
-    """Bands of frequency in which each channel's noise is white before the filter.
+def trial_bins(problem: IdentificationProblem, grid: TrialGrid, n_fft: int) -> Bins:
+    """The bins of a trial transformed over ``n_fft`` instants, with what the problem's filter leaves in each.
 
-    The best dyadic division by the Bayesian information criterion: a band is halved where the likelihood
-    of the residual's periodogram (Whittle 1953) grows by more than chance allows. For white noise through the
-    filter one band remains, and with it all that is unknown is one power per channel.
-
-    Args:
-        power: ``(2^d, n_channels)`` residual power before the filter, summed over cells of equal width.
-        counts: ``(2^d, n_channels)`` independent numbers in each cell.
-        taken: ``(2^d, n_channels)`` how many of them the fit has taken.
-
-    Returns:
-        First cell of each band, increasing, the first is 0.
+    White noise has power one before the zero-phase filter; decimation folds what lies above half the new rate.
     """
-    total = max(float(counts.sum()), 2.0)
-    # One power for each channel, and the place of the cut.
-    price = 0.5 * (power.shape[1] + 1.0) * np.log(total)
-
-    def cost(low: int, high: int) -> float:
-        free = counts[low:high].sum(axis=0) - taken[low:high].sum(axis=0)
-        seen = counts[low:high].sum(axis=0) > 0.0
-        if (free[seen] < _FEWEST).any() or not seen.any():
-            return np.inf
-        level = np.maximum(power[low:high].sum(axis=0)[seen] / free[seen], 1e-300)
-        return float(0.5 * (free[seen] * np.log(level)).sum() + price)
-
-    def best(low: int, high: int) -> tuple[float, list[int]]:
-        whole = cost(low, high)
-        if high - low == 1:
-            return whole, [low]
-        middle = (low + high) // 2
-        left, right = best(low, middle), best(middle, high)
-        halves = left[0] + right[0]
-        # With nothing to learn from on one side, the whole is the only choice.
-        return (halves, left[1] + right[1]) if halves < whole else (whole, [low])
-
-    return np.array(best(0, len(power))[1])
-
-
-# Trials in the frequency domain, and the bands in which their noise is alike.
-
-# Cells that bands are made of.
-_CELLS = 256
+    rate, filters = 1.0 / grid.step_s, problem.filters
+    sampling = problem.sampling_hz or rate
+    relative = np.arange(n_fft // 2 + 1) * 2.0 / n_fft
+    colour = np.ones_like(relative)
+    if filters is not None and filters.cutoff_hz < 0.5 * sampling:
+        folded = 0.5 * rate * relative + rate * np.arange(max(1, round(sampling / rate)))[:, None]
+        amplitude = filter_amplitude(folded, filters.cutoff_hz, filters.order, sampling)
+        colour = (amplitude**2).sum(axis=0)
+    share = colour / colour.max()
+    kept = np.flatnonzero(share > _PRESENT)
+    weight = conjugate_counts(n_fft) / n_fft
+    return Bins(n_fft, kept, relative[kept], colour[kept], share[kept] > _AUDIBLE, weight[kept])
 
 
 @dataclass(frozen=True, eq=False)
@@ -502,59 +429,88 @@ class TransformedTrial:
     n_samples: int
 
 
-def trial_bins(problem: IdentificationProblem, grid: TrialGrid, n_fft: int) -> Bins:
-    """The bins of a trial transformed over ``n_fft`` instants, with what the problem's filter leaves in each."""
-    rate = 1.0 / grid.step_s
-    return frequency_bins(n_fft, problem.filters, problem.sampling_hz or rate, rate)
-
-
 def transformed_trial(
     problem: IdentificationProblem, grid: TrialGrid, q: Array, residual: Array
 ) -> TransformedTrial:
     """A trial's columns ``q`` ``(n_rows, k)`` and residual ``(n_rows,)`` transformed."""
-    n_channels = len(problem.channel_names)
+    n_channels, k = len(problem.channel_names), q.shape[1]
     bins = trial_bins(problem, grid, next_fast_len(2 * grid.n_samples, real=True))
-    k = q.shape[1]
+
+    def transform(columns: Array) -> Array:
+        spread = grid.spread(columns[grid.rows], problem.channel, n_channels)
+        found = np.fft.rfft(spread, bins.n_fft, axis=0)[bins.kept]
+        return np.stack([found.real, found.imag], axis=1)
+
     x = np.empty((len(bins.kept), 2, n_channels, k))
     for start in range(0, k, COLUMNS_AT_ONCE):
         part = slice(start, start + COLUMNS_AT_ONCE)
-        spread = grid.spread(q[grid.rows, part], problem.channel, n_channels)
-        transformed = np.fft.rfft(spread, bins.n_fft, axis=0)[bins.kept]
-        x[:, 0, :, part], x[:, 1, :, part] = transformed.real, transformed.imag
-    r = grid.spread(residual[grid.rows], problem.channel, n_channels)
+        x[:, :, :, part] = transform(q[:, part])
     mask = grid.spread(np.ones(len(grid.rows)), problem.channel, n_channels)
     counts = mask.T @ mask if problem.freedom is None else np.diag(problem.numbers(grid.rows))
-    transformed = np.fft.rfft(r, bins.n_fft, axis=0)[bins.kept]
-    r = np.stack([transformed.real, transformed.imag], axis=1)
-    return TransformedTrial(bins, x, r, counts, grid.n_samples)
+    return TransformedTrial(bins, x, transform(residual), counts, grid.n_samples)
 
 
 def band_edges(trials: tuple[TransformedTrial, ...]) -> Array:
     """Edges of the bands, as share of half the rate, ``(n_bands + 1,)``."""
-    n_channels = trials[0].r.shape[2]
     top = max(float(trial.bins.relative[trial.bins.audible].max()) for trial in trials)
-    power, counts, taken = (np.zeros((_CELLS, n_channels)) for _ in range(3))
+    cells = np.zeros((3, _CELLS, trials[0].r.shape[2]))
     for trial in trials:
-        bins = trial.bins
-        cell = np.minimum((bins.relative / top * _CELLS).astype(np.int64), _CELLS - 1)
-        use = bins.audible
-        inverse = np.where(use, bins.weight / bins.colour, 0.0)
-        np.add.at(power, cell, inverse[:, None] * (trial.r**2).sum(axis=1))
-        np.add.at(counts, cell, np.outer(np.where(use, bins.weight, 0.0), np.diag(trial.counts)))
-        absorbed = np.concatenate(
-            [
-                np.einsum("fhck,fhck->fc", trial.q[part], trial.q[part])
-                for part in frequency_blocks(np.ones(len(bins.kept), dtype=bool))
-            ]
-        )
-        np.add.at(taken, cell, np.where(use, bins.weight, 0.0)[:, None] * absorbed)
-    first = alike_bands(power, counts, taken)
-    return np.concatenate([first / _CELLS * top, [max(1.0, top)]])
+        bins, everywhere = trial.bins, np.ones(len(trial.bins.kept), dtype=bool)
+        weight = np.where(bins.audible, bins.weight, 0.0)[:, None]
+        absorbed = [
+            np.einsum("fhck,fhck->fc", trial.q[part], trial.q[part]) for part in frequency_blocks(everywhere)
+        ]
+        for sums, of_bins in zip(
+            cells,
+            (
+                weight / bins.colour[:, None] * (trial.r**2).sum(axis=1),
+                weight * np.diag(trial.counts),
+                weight * np.concatenate(absorbed),
+            ),
+            strict=True,
+        ):
+            cell = np.minimum((bins.relative / top * _CELLS).astype(np.int64), _CELLS - 1)
+            np.add.at(sums, cell, of_bins)
+    return np.concatenate([alike_bands(*cells) / _CELLS * top, [max(1.0, top)]])
 
 
-def band_of(bins: Bins, edges: Array) -> NDArray[np.int64]:
-    """Band of each frequency, ``(n_kept,)``."""
-    return np.clip(np.searchsorted(edges, bins.relative, side="right") - 1, 0, len(edges) - 2)
+def alike_bands(power: Array, counts: Array, taken: Array) -> Array:
+    """Bands of frequency in which each channel's noise is white before the filter.
+
+    The best dyadic division by the Bayesian information criterion: a band is halved where the likelihood
+    of the residual's periodogram (Whittle 1953) grows by more than chance allows. For white noise through the
+    filter one band remains, and with it all that is unknown is one power per channel.
+
+    Args:
+        power: ``(2^d, n_channels)`` residual power before the filter, summed over cells of equal width.
+        counts: ``(2^d, n_channels)`` independent numbers in each cell.
+        taken: ``(2^d, n_channels)`` how many of them the fit has taken.
+
+    Returns:
+        First cell of each band, increasing, the first is 0.
+    """
+    # One power for each channel, and the place of the cut.
+    price = 0.5 * (power.shape[1] + 1.0) * np.log(max(float(counts.sum()), 2.0))
+
+    def cost(low: int, high: int) -> float:
+        level, total, lost = (one[low:high].sum(axis=0) for one in (power, counts, taken))
+        seen = total > 0.0
+        free = (total - lost)[seen]
+        if (free < _FEWEST).any() or not seen.any():
+            return np.inf
+        return float(0.5 * (free * np.log(np.maximum(level[seen] / free, _TINY))).sum() + price)
+
+    def best(low: int, high: int) -> tuple[float, list[int]]:
+        whole = cost(low, high)
+        if high - low == 1:
+            return whole, [low]
+        middle = (low + high) // 2
+        left, right = best(low, middle), best(middle, high)
+        halves = left[0] + right[0]
+        # With nothing to learn from on one side, the whole is the only choice.
+        return (halves, left[1] + right[1]) if halves < whole else (whole, [low])
+
+    return np.array(best(0, len(power))[1])
 
 
 def spilled_power(trial: TransformedTrial, band: NDArray[np.int64], n_bands: int) -> Array:
@@ -569,11 +525,8 @@ def spilled_power(trial: TransformedTrial, band: NDArray[np.int64], n_bands: int
     """
     bins = trial.bins
     seen, given = (np.zeros((n_bands, bins.n_fft // 2 + 1)) for _ in range(2))
-    for b in range(n_bands):
-        part = band == b
-        given[b, bins.kept[part]] = bins.colour[part]
-        part = part & bins.audible
-        seen[b, bins.kept[part]] = 1.0 / bins.colour[part]
+    given[band, bins.kept] = bins.colour
+    seen[band[bins.audible], bins.kept[bins.audible]] = 1.0 / bins.colour[bins.audible]
     lag = np.arange(bins.n_fft)
     pairs = np.maximum(0.0, 1.0 - np.minimum(lag, bins.n_fft - lag) / trial.n_samples)
     return np.asarray((np.fft.irfft(seen, bins.n_fft) * pairs) @ np.fft.irfft(given, bins.n_fft).T)

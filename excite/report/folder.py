@@ -32,7 +32,7 @@ _KINDS: Registry[Any] = Registry(
         "plan": "excite.documents.plan:PlanDocument",
         "refusals": "excite.documents.plan:RefusalsDocument",
         "check": "excite.safety.verdict:CheckReport",
-        "identification": "excite.documents.identification:Identification",
+        "identification": "excite.identification.result:Identification",
         "campaign": "excite.documents.campaign:Campaign",
         "signals": "excite.logs.signals.trace:SignalTrace",
         "diagnosis": "excite.diagnosis.answer.answer:Diagnosis",

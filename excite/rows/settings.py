@@ -5,20 +5,49 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any
 
 from excite.errors import InputError, UnknownNameError
 from excite.rows.drive_terms import DRIVE_TERMS
 
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
 LONGEST_GAP_S = 0.1
 """What is interpolated over longer gaps is left out [s]."""
 
-_CHOICES = {"clock": ("stamps", "positions"), "differentiation": ("central", "fourier")}
+# How a setting is declared: once, with default, unit, bounds and meaning, and checked by what was declared.
+
+SOURCE = "settings"
 
 
-def _numeric_setting(default: float | int | None, unit: str, low: float, high: float, what: str) -> Any:
-    """One numeric setting: default, unit, bounds (both allowed) and meaning, declared once."""
-    return field(default=default, metadata={"unit": unit, "low": low, "high": high, "what": what})
+def number(
+    default: float | None, unit: str, low: float, high: float, what: str, *, optional: bool = False
+) -> Any:
+    """A number within bounds, which are allowed themselves; ``optional`` ones may be None, for "none"."""
+    declared = {"unit": unit, "low": low, "high": high, "what": what, "optional": optional or default is None}
+    return field(default=default, metadata=declared)
+
+
+def word(default: str, options: tuple[str, ...], what: str) -> Any:
+    """One of some words."""
+    return field(default=default, metadata={"options": options, "what": what})
+
+
+def check_settings(settings: DataclassInstance) -> None:
+    """Raise InputError, which names the setting, for a value that its declaration does not allow."""
+    for item in fields(settings):
+        value, said = getattr(settings, item.name), item.metadata
+        remedy = ""
+        if "options" in said and value not in said["options"]:
+            remedy = " or ".join(said["options"])
+        elif "low" in said and not (value is None and said["optional"]):
+            known = isinstance(value, int | float) and not isinstance(value, bool)
+            if not known or not said["low"] <= value <= said["high"]:
+                unit = "" if said["unit"] == "1" else f" {said['unit']}"
+                remedy = f"{said['low']:g} … {said['high']:g}{unit}"
+        if remedy:
+            raise InputError(f"is {value!r}", source=SOURCE, field=item.name, remedy=f"choose {remedy}")
 
 
 @dataclass(frozen=True)
@@ -70,32 +99,26 @@ class ProblemSettings:
             for which a period has to be known.
     """
 
-    cutoff_hz: float | None = _numeric_setting(
+    cutoff_hz: float | None = number(
         None, "Hz", 0.05, 1e4, "cut-off of the filter on both sides of the regression"
     )
-    kinematics_cutoff_hz: float | None = _numeric_setting(
-        None, "Hz", 0.05, 1e4, "cut-off before differentiation"
-    )
-    order: int = _numeric_setting(4, "1", 1, 12, "order of the Butterworth filters")
-    rate_hz: float | None = _numeric_setting(None, "Hz", 0.1, 1e5, "rate of the rows after decimation")
-    coulomb_width: float = _numeric_setting(
+    kinematics_cutoff_hz: float | None = number(None, "Hz", 0.05, 1e4, "cut-off before differentiation")
+    order: int = number(4, "1", 1, 12, "order of the Butterworth filters")
+    rate_hz: float | None = number(None, "Hz", 0.1, 1e5, "rate of the rows after decimation")
+    coulomb_width: float = number(
         0.01, "rad/s", 0.0, 10.0, "velocity over which Coulomb friction changes sign"
     )
-    standstill_velocity: float = _numeric_setting(
-        0.01, "rad/s", 0.0, 10.0, "speed below which a joint stands"
-    )
-    longest_gap_s: float = _numeric_setting(LONGEST_GAP_S, "s", 0.0, 1e3, "longest gap that is interpolated")
+    standstill_velocity: float = number(0.01, "rad/s", 0.0, 10.0, "speed below which a joint stands")
+    longest_gap_s: float = number(LONGEST_GAP_S, "s", 0.0, 1e3, "longest gap that is interpolated")
     drive_terms: tuple[str, ...] | None = None
     drive_gains: Mapping[str, float] = field(default_factory=dict)
     coupling: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    clock: Literal["stamps", "positions"] = "stamps"
-    outlier_sigma: float | None = _numeric_setting(
-        None, "1", 2.0, 1e3, "deviations beyond which a sample is replaced"
-    )
-    torque_delay_s: float = _numeric_setting(0.0, "s", -10.0, 10.0, "delay of torques behind positions")
-    period_s: float | None = _numeric_setting(None, "s", 1e-3, 1e5, "period over which signals are averaged")
-    skip_periods: int = _numeric_setting(0, "1", 0, 1000, "periods left out at the start")
-    differentiation: Literal["central", "fourier"] = "central"
+    clock: str = word("stamps", ("stamps", "positions"), "whose times samples have")
+    outlier_sigma: float | None = number(None, "1", 2.0, 1e3, "deviations beyond which a sample is replaced")
+    torque_delay_s: float = number(0.0, "s", -10.0, 10.0, "delay of torques behind positions")
+    period_s: float | None = number(None, "s", 1e-3, 1e5, "period over which signals are averaged")
+    skip_periods: int = number(0, "1", 0, 1000, "periods left out at the start")
+    differentiation: str = word("central", ("central", "fourier"), "how positions are differentiated")
 
     def filters(self, *, floating: bool, lowpass_hz: float | None = None) -> Filters:
         """The filters, with every None that depends on the robot or on others filled in.
@@ -121,7 +144,7 @@ class ProblemSettings:
         if self.cutoff_hz is not None and self.cutoff_hz >= nyquist:
             raise InputError(
                 f"is {self.cutoff_hz:g} Hz, and rows at {sampling_hz:g} Hz hold nothing beyond {nyquist:g} Hz",
-                source="settings",
+                source=SOURCE,
                 field="cutoff_hz",
                 remedy=f"choose one below {nyquist:g} Hz, or leave it out",
             )
@@ -133,36 +156,16 @@ class ProblemSettings:
             InputError: a number out of bounds; names the setting.
             UnknownNameError: an unknown drive term.
         """
-        for item in fields(self):
-            value = getattr(self, item.name)
-            if not item.metadata or value is None:
-                continue
-            low, high, unit = item.metadata["low"], item.metadata["high"], item.metadata["unit"]
-            if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
-                raise InputError(
-                    f"is {value!r}",
-                    source="settings",
-                    field=item.name,
-                    remedy=f"choose {low:g} … {high:g} {unit}",
-                )
-        _check_choices(self)
+        check_settings(self)
+        if self.differentiation == "fourier" and self.period_s is None:
+            raise InputError(
+                "needs a period", source=SOURCE, field="differentiation", remedy="state period_s"
+            )
         for name in self.drive_terms or ():
             if name not in DRIVE_TERMS:
                 raise UnknownNameError("drive term", name, list(DRIVE_TERMS))
         for joint, gain in self.drive_gains.items():
             if not (math.isfinite(gain) and gain != 0.0):
                 raise InputError(
-                    f"is {gain!r}", source="settings", field=f"drive_gains.{joint}", remedy="give N·m/A"
+                    f"is {gain!r}", source=SOURCE, field=f"drive_gains.{joint}", remedy="give N·m/A"
                 )
-
-
-def _check_choices(settings: ProblemSettings) -> None:
-    for name, allowed in _CHOICES.items():
-        value = getattr(settings, name)
-        if value not in allowed:
-            remedy = "choose " + " or ".join(allowed)
-            raise InputError(f"is {value!r}", source="settings", field=name, remedy=remedy)
-    if settings.differentiation == "fourier" and settings.period_s is None:
-        raise InputError(
-            "needs a period", source="settings", field="differentiation", remedy="state period_s"
-        )

@@ -47,14 +47,14 @@ def rows() -> list[Row]:
     with tempfile.TemporaryDirectory() as name:
         for title, split, log in splits(Path(name)):
             result = identify(nominal_robot(log), log)
-            ours = sum(fit.rmse for fit in result.judgement.validation.values())
+            ours = sum(fit.rmse for fit in result.validation.values())
             hand = by_hand(log).sum()
             text = f"{ours:.4g} / {hand:.4g} = {ours / hand:.3f}"
             what = (
                 f"{title}, {split}: trials left out, sum over joints, default method / least squares by hand"
             )
             found.append(Row.holds(what, "≤ 1", text, ours <= hand))
-            same = sum(fit.rmse for fit in _on_own_rows(log).judgement.validation.values())
+            same = sum(fit.rmse for fit in _on_own_rows(log).validation.values())
             found.append(
                 Row(
                     "… beside least squares on the same rows",
@@ -63,7 +63,7 @@ def rows() -> list[Row]:
                     None,
                 )
             )
-            bad = result.judgement.consistency.inconsistent
+            bad = result.consistency.inconsistent
             found.append(Row.holds("… bodies that cannot exist", "none", ", ".join(bad) or "none", not bad))
     return found
 

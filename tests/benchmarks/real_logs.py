@@ -68,7 +68,7 @@ def _panda(folder: Path) -> list[Row]:
     asked = " ".join(f"{value:g}" for value in BY_HAND)
     share = rmse.sum() / BY_HAND.sum()
     log = panda_log(DATA, folder / "default")
-    fits = identify(nominal_robot(log), log).judgement.validation.values()
+    fits = identify(nominal_robot(log), log).validation.values()
     default = " ".join(f"{fit.rmse:.3f}" for fit in fits)
     return [
         Row.holds(

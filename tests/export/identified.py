@@ -7,10 +7,9 @@ import numpy as np
 from excite.arrays import Array
 from excite.identification.changed_segments import Changes
 from excite.identification.identified_parameters import IdentifiedParameters
-from excite.identification.judgement.judgement import Judgement, TotalMassReport, check_consistency
-from excite.identification.judgement.uncertainty import ParameterUncertainty
-from excite.identification.parameter_statistics import ParameterStatistics
-from excite.identification.result import Identification, Solution
+from excite.identification.judgement.judgement import TotalMassReport, check_consistency
+from excite.identification.parameter_statistics import ParameterUncertainty
+from excite.identification.result import Identification
 from excite.robot.robot import Robot
 
 
@@ -22,7 +21,9 @@ def identification_of(
     n = len(parameters) + len(drives or {})
     return Identification(
         robot=robot.name,
-        solution=Solution("lmi", "solved", True, 1000, {}, None),
+        method="lmi",
+        status="solved",
+        n_samples=1000,
         identified=IdentifiedParameters(
             links=tuple(segment.link for segment in robot.segments),
             segments=names,
@@ -32,18 +33,13 @@ def identification_of(
             drive_names=tuple(drives or {}),
             drives=np.array(list((drives or {}).values())),
         ),
-        statistics=ParameterStatistics(
-            base=(),
-            structural_rank=None,
-            essential=(),
-            uncertainty=ParameterUncertainty(np.full(n, 0.01), np.linspace(0.0, 1.0, n)),
-        ),
-        judgement=Judgement(
-            consistency=check_consistency(parameters, names),
-            fit={},
-            validation={},
-            changes=Changes((), 1.0, 1.0),
-            total_mass=TotalMassReport(float(parameters[::10].sum()), robot.mass, None, None, None),
-        ),
-        findings=(),
+        base=(),
+        structural_rank=None,
+        essential=(),
+        uncertainty=ParameterUncertainty(np.full(n, 0.01), np.linspace(0.0, 1.0, n)),
+        consistency=check_consistency(parameters, names),
+        fit={},
+        validation={},
+        changes=Changes((), 1.0, 1.0),
+        total_mass=TotalMassReport(float(parameters[::10].sum()), robot.mass, None, None, None),
     )

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from excite.export.models.parameters import find_differences
-from excite.identification.judgement.uncertainty import parameter_uncertainty
+from excite.identification.parameter_statistics import parameter_uncertainty
 from excite.identification.regression import condense_problem, iterate_weights, prior_std
 from excite.identification.statistics import base_statistics
 from excite.robot.loading import load_robot

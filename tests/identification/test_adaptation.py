@@ -46,14 +46,14 @@ def added(result) -> tuple[str, ...]:
 
 
 def left(result) -> float:
-    return sum(fit.rmse for fit in result.judgement.validation.values())
+    return sum(fit.rmse for fit in result.validation.values())
 
 
 def test_a_log_of_rigid_bodies_and_friction_gets_nothing_added(robot, clean):
     found = identify(robot, clean)
     assert added(found) == ()
     assert not any(name.split(".")[0] in EXTENSIONS for name in found.identified.drive_names)
-    assert not found.judgement.consistency.inconsistent
+    assert not found.consistency.inconsistent
 
 
 def test_friction_that_grows_with_the_load_is_added_and_named(robot, clean):
@@ -69,7 +69,7 @@ def test_friction_that_grows_with_the_load_is_added_and_named(robot, clean):
     assert max(size, key=size.get) == f"load_friction.{robot.joint_names[1]}"
     assert drives[f"load_friction.{robot.joint_names[1]}"] == pytest.approx(0.07, abs=0.02)
     assert left(found) < 0.8 * left(identify(robot, log, "wls"))
-    assert not found.judgement.consistency.inconsistent
+    assert not found.consistency.inconsistent
 
 
 def test_a_torque_scale_that_no_bodies_explain_is_taken_out_of_them(robot, clean):
@@ -77,7 +77,7 @@ def test_a_torque_scale_that_no_bodies_explain_is_taken_out_of_them(robot, clean
     found, stated = identify(robot, log), identify(robot, log, settings=stated_terms())
     assert "gain" in added(found) and added(stated) == ()
     assert left(found) < left(stated)
-    assert not found.judgement.consistency.inconsistent
+    assert not found.consistency.inconsistent
 
 
 def test_deviations_are_those_of_bodies_and_friction_alone(robot, clean):
@@ -87,7 +87,7 @@ def test_deviations_are_those_of_bodies_and_friction_alone(robot, clean):
     plain = build_problem(robot, log).with_drives(names)
     expected = base_statistics(iterate_weights(condense_problem(plain)))
     assert "gain" in added(found)
-    np.testing.assert_allclose([item.std for item in found.statistics.base], expected.std, rtol=1e-6)
+    np.testing.assert_allclose([item.std for item in found.base], expected.std, rtol=1e-6)
 
 
 class TestEvidence:

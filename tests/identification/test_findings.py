@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,9 +13,15 @@ from excite.identification.estimators.method_settings import estimator_settings
 from excite.identification.estimators.registry import find_estimator
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.identify import identify
-from excite.identification.judgement.judgement import TotalMassReport, _bounds, find_doubts, find_warnings
+from excite.identification.judgement.judgement import TotalMassReport
 from excite.identification.problem import build_problem
-from excite.identification.result import Identification, mass_change
+from excite.identification.result import (
+    Identification,
+    _constraints_reached,
+    find_doubts,
+    find_warnings,
+    mass_change,
+)
 from excite.identification.statistics import base_statistics
 from excite.robot.loading import load_robot
 from excite.rows.settings import ProblemSettings
@@ -74,9 +79,7 @@ def test_forces_that_disagree_with_the_known_mass_are_named(ur10):
 
     def said(measured: float, weighed: float | None, std: float = 0.05, *, torques: bool = False) -> str:
         mass = TotalMassReport(35.0, 35.0, measured, std, weighed, torques)
-        found = find_warnings(
-            result.identified, result.statistics, replace(result.judgement, total_mass=mass)
-        )
+        found = find_warnings(replace(result, total_mass=mass))
         return next((item.text for item in found if item.kind == "force_scale"), "")
 
     assert "exerts" in said(-34.0, None)
@@ -110,10 +113,8 @@ def test_a_changed_segment_that_would_weigh_less_than_nothing_is_called_no_body(
 
     def judged(change: float, std: float) -> Identification:
         segment = ChangedSegment("tool", link, change, std, 50.0, ())
-        changes = replace(result.changes, segments=(segment,))
-        judgement = replace(result.judgement, changes=changes)
-        found = find_warnings(result.identified, result.statistics, judgement)
-        return replace(result, judgement=judgement, findings=found)
+        judged = replace(result, changes=replace(result.changes, segments=(segment,)))
+        return replace(judged, findings=find_warnings(judged))
 
     def said(change: float, std: float) -> list[str]:
         return [item.text for item in judged(change, std).findings if item.kind == "weightless"]
@@ -143,15 +144,15 @@ def test_a_gain_that_the_scale_contradicts_is_called_no_body(ur10, change, weigh
     mass = replace(
         mass, weighed=None if weighed is None else mass.nominal + weighed, measured=None, measured_std=None
     )
-    judgement = replace(result.judgement, changes=replace(result.changes, segments=segments), total_mass=mass)
-    found = find_warnings(result.identified, result.statistics, judgement)
-    judged = replace(result, judgement=judgement, findings=found)
+    judged = replace(result, changes=replace(result.changes, segments=segments), total_mass=mass)
+    found = find_warnings(judged)
+    judged = replace(judged, findings=found)
     assert ("overweight" in {item.kind for item in found}) is impossible
     assert ("no such change" in judged.summary()) is impossible
 
 
 def test_one_constraint_holds_and_two_hold():
-    one, two = (_bounds(SimpleNamespace(active=("total_mass:robot",) * n))[0].text for n in (1, 2))
+    one, two = (next(_constraints_reached(("total_mass:robot",) * n)).text for n in (1, 2))
     assert one.startswith("1 constraint holds with") and two.startswith("2 constraints hold with")
 
 

@@ -13,7 +13,7 @@ from excite.identification.estimators.registry import ESTIMATORS
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.identify import identify_problem
 from excite.identification.regression import condense_problem, iterate_weights
-from excite.identification.result import SCHEMA
+from excite.identification.result import Identification
 from excite.identification.statistics import base_statistics
 from tests.identification.synthetic import modified_g1_parameters, segment_index, wrench_problem
 
@@ -70,7 +70,7 @@ def test_changed_segments_are_named_and_no_others(result):
 
 def test_document_keeps_the_contract(result, g1):
     document = json.loads(json.dumps(result.to_json(), allow_nan=False))
-    assert document["schema"] == SCHEMA == "excite.identification/1"
+    assert document["schema"] == Identification.SCHEMA == "excite.identification/1"
     link = "torso_link"
     row = document["standard_parameters"][link]
     ten = result.parameters[g1.parameter_columns(segment_index(g1, link))]

@@ -24,7 +24,7 @@ from excite.identification.estimators.estimator import (
 from excite.identification.estimators.hqp import HqpSettings
 from excite.identification.estimators.projection import ProjectionAnswer, distance_to_optimum
 from excite.identification.estimators.registry import ESTIMATORS
-from excite.identification.estimators.scaled_problem import Ridge, pullback_metric, ridge, scaled_parameters
+from excite.identification.estimators.scaled_problem import Ridge, ridge, scaled_parameters
 from excite.identification.estimators.settings import EstimatorSettings, PullSettings
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import Regression, condense_problem, iterate_weights, prior_std
@@ -123,25 +123,6 @@ def test_the_objective_is_a_squared_distance(problem, rows, objective):
     assert np.array_equal(objective.parameters(np.zeros(len(objective.target))), problem.prior)
 
 
-def test_a_metric_takes_the_place_of_the_spreads(problem, rows):
-    spreads = SETTINGS.spreads(problem.robot)
-    scales = prior_std(problem, spreads)
-    metric = pullback_metric(problem, spreads, scales)
-    plain, bent = ridge(rows, SETTINGS), ridge(rows, SETTINGS, metric)
-    weights = 1.0 / (rows.std * np.sqrt(rows.noise.inflation))[problem.channel]
-
-    def whole(theta: np.ndarray) -> float:
-        pull = metric @ ((theta - problem.prior) / scales)
-        return float(np.sum((problem.residual(theta) * weights) ** 2) + SETTINGS.alpha * pull @ pull)
-
-    base = whole(bent.parameters(bent.target))
-    for seed in range(3):
-        theta = some_parameters(problem, seed)
-        away = float(np.sum((bent.coordinates(theta) - bent.target) ** 2))
-        assert whole(theta) - base == pytest.approx(away, rel=1e-6)
-    assert not np.allclose(plain.target, bent.target)
-
-
 def test_constraints_and_cones_mean_the_same_in_its_coordinates(problem, objective):
     for n_equal in (0, 1, 4):
         constraints = random_constraints(problem, 2, n_equal)
@@ -189,20 +170,6 @@ def test_a_projection_and_its_multipliers_are_stationary():
     assert distance_to_optimum(target, constraints, answer) < 1e-7
     free = project(target, stack_constraints([], len(target)))
     assert free is not None and np.array_equal(free.z, target) and len(free.multipliers) == 0
-
-
-def test_the_distance_is_the_root_of_twice_the_gap():
-    target, constraints = boxed()
-    answer = project(target, constraints)
-    rng = np.random.default_rng(0)
-    for size in (1e-3, 0.1, 2.0):
-        moved = ProjectionAnswer(
-            answer.z + size * rng.normal(size=6), answer.multipliers + size * rng.normal(size=7)
-        )
-        usable = np.r_[moved.multipliers[:2], np.maximum(moved.multipliers[2:], 0.0)]
-        left = moved.z - target - constraints.matrix.T @ usable
-        gap = 0.5 * left @ left + abs(usable @ (constraints.matrix @ moved.z - constraints.bound))
-        assert distance_to_optimum(target, constraints, moved) == pytest.approx(np.sqrt(2.0 * gap))
 
 
 def test_the_distance_of_a_feasible_point_is_no_less_than_its_way_to_the_optimum():

@@ -8,8 +8,8 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from excite.identification.judgement import uncertainty
-from excite.identification.judgement.uncertainty import parameter_uncertainty
+from excite.identification import parameter_statistics
+from excite.identification.parameter_statistics import parameter_uncertainty
 
 
 def test_directions_that_motions_hardly_show_keep_their_prior(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -25,7 +25,7 @@ def test_directions_that_motions_hardly_show_keep_their_prior(monkeypatch: pytes
         meat=meat,
         covariance=np.linalg.inv(factor) @ meat @ np.linalg.inv(factor).T,
     )
-    monkeypatch.setattr(uncertainty, "prior_std", lambda problem, spread: np.ones(n))
+    monkeypatch.setattr(parameter_statistics, "prior_std", lambda problem, spread: np.ones(n))
     found = parameter_uncertainty(cast("Any", None), cast("Any", statistics), np.ones(1))
     information = mixed.T @ factor.T @ np.linalg.solve(meat, factor @ mixed)
     known = 1.0 - np.diag(np.linalg.inv(np.eye(n) + information))

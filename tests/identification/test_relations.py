@@ -200,7 +200,7 @@ def test_fewer_numbers_than_parameters_are_no_failure(robot, log, method):
     first, judge = log.trials
     short = with_trials([first.rows(np.arange(300, 490)), judge], list(NAMES))
     found = identify(robot, short, method)
-    assert found.solution.solved and np.isfinite(found.parameters).all()
+    assert found.solved and np.isfinite(found.parameters).all()
     # Nothing is certain of what nothing is left over of.
     assert not found.changes.segments
     if method == "adaptive":

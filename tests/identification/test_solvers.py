@@ -21,17 +21,12 @@ from excite.identification.estimators.conic import (
     stack_rows,
 )
 from excite.identification.estimators.hierarchy import (
-    SemiAnswer,
     SemiProjection,
     completed,
-    judged,
     pursue,
     semi_project,
 )
 from excite.identification.estimators.projection import ActiveSetProjector
-from excite.identification.estimators.scaled_problem import pullback_metric, relative_map
-from excite.identification.inertia import pseudo_inertia_matrices
-from excite.identification.regression import prior_std
 from excite.robot.loading import load_robot
 from tests.identification.dual_active_set import project
 from tests.identification.synthetic import arm_problem
@@ -42,34 +37,6 @@ from tests.identification.synthetic import arm_problem
 @pytest.fixture(scope="module")
 def problem():
     return arm_problem(load_robot("panda"), seed=5, duration=1.0)
-
-
-def test_relative_bodies_are_one_where_they_are_nominal(problem):
-    maps, nominal = relative_map(problem), problem.prior[: problem.n_inertial].reshape(-1, 10)
-    shape = triangle_of(4)
-    rng = np.random.default_rng(0)
-    for k, ten in enumerate(nominal):
-        assert np.allclose(shape.matrices(maps[k] @ ten), np.eye(4), atol=1e-7)
-        # The eigenvalues of X are those of P₀⁻¹P, whatever root of P₀ is taken.
-        other = ten * (1.0 + 0.05 * rng.normal(size=10))
-        pseudo, base = (pseudo_inertia_matrices(body)[0] for body in (other, ten))
-        expected = np.sort(np.linalg.eigvals(np.linalg.solve(base, pseudo)).real)
-        assert np.allclose(
-            np.linalg.eigvalsh(shape.matrices(maps[k] @ other)), expected, rtol=1e-6, atol=1e-8
-        )
-
-
-def test_a_body_heavier_all_over_by_one_spread_costs_one(problem):
-    spreads = np.linspace(0.1, 0.7, len(problem.robot.segments))
-    scales = prior_std(problem, spreads)
-    metric = pullback_metric(problem, spreads, scales)
-    for k, spread in enumerate(spreads):
-        theta = problem.prior.copy()
-        theta[10 * k : 10 * k + 10] *= 1.0 + spread
-        away = metric @ ((theta - problem.prior) / scales)
-        assert away @ away == pytest.approx(1.0, rel=1e-6)
-    assert metric.shape == (problem.n_params, problem.n_params)
-    assert np.count_nonzero(metric[:10, 10:]) == 0
 
 
 # --- Cone programs
@@ -138,21 +105,6 @@ def test_violations_are_named_by_kind():
     bodies, com = problem.cones
     assert worst["body"] == pytest.approx(max(0.0, *(-bodies.margin(bodies.values(z)))))
     assert worst["com"] == pytest.approx(max(0.0, *(-com.margin(com.values(z)))))
-
-
-def test_the_distance_of_an_answer_is_never_too_small():
-    rng = np.random.default_rng(0)
-    for seed in range(3):
-        problem = conic_problem(seed)
-        best = refine_answer(problem, interior_point(problem))
-        matrix, offset = stack_rows(problem)
-        assert conic_distance(problem, best) < 1e-5
-        for size in (1e-2, 0.3):
-            dual = best.multipliers * (1.0 + size * rng.uniform(-1.0, 1.0))
-            away = ConicAnswer(best.z + size * rng.normal(size=9), dual)
-            slack = abs(dual @ (matrix @ away.z + offset))
-            left = away.z - problem.target - matrix.T @ dual
-            assert conic_distance(problem, away) == pytest.approx(np.sqrt(left @ left + 2.0 * slack))
 
 
 def test_only_a_ray_proves_that_there_is_no_point():
@@ -225,37 +177,6 @@ def test_free_coordinates_do_not_count(n_equal):
         assert (exact.multipliers[n_equal:] > -1e-9).all()
         bound += bool((exact.multipliers[n_equal:] > 1e-6).any())
     assert bound > 2
-
-
-def test_what_an_answer_is_worth_is_recomputed():
-    problem = semi_problem(3, 2)
-    rng = np.random.default_rng(0)
-    p, n, multipliers = rng.normal(size=4), rng.normal(size=3), rng.normal(size=9)
-    found = judged(problem, p, n, multipliers)
-    slack = problem.counted @ p + problem.free @ n - problem.bound
-    missing = np.r_[np.abs(slack[:2]), np.maximum(-slack[2:], 0.0)]
-    sizes = np.sqrt((problem.counted**2).sum(axis=1) + (problem.free**2).sum(axis=1))
-    assert np.allclose(problem.sizes, sizes)
-    assert found.violation == pytest.approx((missing / sizes).max())
-    usable = np.r_[multipliers[:2], np.maximum(multipliers[2:], 0.0)]
-    left = p - problem.target - problem.counted.T @ usable
-    drift = np.linalg.norm(problem.free.T @ usable) * (1.0 + np.linalg.norm(n))
-    gap = 0.5 * left @ left + np.abs(usable * slack).sum() + drift
-    assert found.gap == pytest.approx(gap)
-    assert found.distance == pytest.approx(np.sqrt(2.0 * gap))
-    assert judged(problem, np.full(4, np.nan), n, multipliers).gap == np.inf
-    lost = SemiAnswer(p, n, multipliers, 0.0, np.inf)
-    assert completed(problem, lost) is lost
-
-
-def test_more_rows_go_below_the_others():
-    problem = semi_problem(0)
-    more = problem.extended(np.ones((2, 4)), 2.0 * np.ones((2, 3)), np.array([3.0, 4.0]))
-    assert np.array_equal(more.counted[:9], problem.counted) and (more.counted[9:] == 1.0).all()
-    assert (more.free[9:] == 2.0).all() and more.bound[9:].tolist() == [3.0, 4.0]
-    assert more.n_equal == problem.n_equal
-    blank = problem.extended(np.zeros((1, 4)), np.zeros((1, 3)), np.zeros(1))
-    assert blank.sizes[-1] == 1e-9
 
 
 def test_a_wrong_guess_of_active_rows_is_exchanged():

@@ -75,6 +75,6 @@ def test_the_verdict_counts_what_is_reached_and_what_is_broken() -> None:
     report = known.judge(("a", "b"), bodies, {"viscous.j": 0.5})
     assert report.stated == 4 and [item.name for item in report.reached] == ["a.m"]
     assert [item.name for item in report.broken] == ["a.cx"]
-    assert report.broken[0].outside == pytest.approx(0.05)
+    assert report.broken[0].by == pytest.approx(0.05)
     without = known.judge(("a", "b"), np.zeros(20), {})
-    assert without.stated == 3 and without.broken[0].outside == float("inf")
+    assert without.stated == 3 and without.broken[0].by == float("inf")

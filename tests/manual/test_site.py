@@ -34,7 +34,7 @@ def test_the_site_builds_without_a_warning(tmp_path: Path) -> None:
     names = (tmp_path / "reference" / "generated" / "names.html").read_text(encoding="utf-8")
     assert "load_dependent_friction" in names and "ur-script" in names
     python = (tmp_path / "reference" / "api.html").read_text(encoding="utf-8")
-    assert 'id="excite.methods.momentum_residual"' in python
+    assert 'id="excite.methods.write_ranges"' in python
     findings = (tmp_path / "reference" / "findings.html").read_text(encoding="utf-8")
     assert 'id="term-weak_torque"' in findings
     notebook = (tmp_path / "tutorials" / "generated" / "arm_to_simulator.html").read_text(encoding="utf-8")

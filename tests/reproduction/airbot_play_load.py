@@ -8,16 +8,19 @@ from pathlib import Path
 from excite.arrays import Array
 from excite.identification.estimators.method_settings import estimator_settings
 from excite.identification.estimators.registry import find_estimator
-from excite.identification.load import identify_drive_gains, identify_load
+from excite.identification.load import weigh_load
 from excite.identification.problem import build_problem
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log
 from excite.logs.robot import nominal_robot
+from excite.rows.settings import ProblemSettings
 from tests.reproduction.imported import import_recordings
 from tests.reproduction.recordings import percent_left
 
 FOLDER = "airbot_play_load_pair"
 JOINTS = tuple(f"joint{i}" for i in range(1, 7))
+# Drives without friction that grows with the load.
+PLAIN = ProblemSettings(drive_terms=("viscous", "coulomb", "offset", "armature"))
 # What the authors' configuration says of the load [kg]; nobody says that it was weighed.
 STATED_MASS = 0.48
 # What plain least squares by hand leaves of the torques' deviation [%], and the load it finds [kg].
@@ -80,14 +83,14 @@ def weighed(data_dir: Path, folder: Path) -> Weighed:
     halves = [_trial(full, k) for k in (0, 1)]
     masses = []
     for known, judged in (halves, halves[::-1]):
-        gains = identify_drive_gains(robot, bare, known, STATED_MASS)
-        masses.append(float(identify_load(robot, bare, judged, gains.by_joint).load[0]))
-    whole = identify_drive_gains(robot, bare, full, STATED_MASS)
+        gains = weigh_load(robot, bare, known, mass=STATED_MASS, settings=PLAIN).gains
+        masses.append(weigh_load(robot, bare, judged, gains=gains, settings=PLAIN).mass)
+    whole = weigh_load(robot, bare, full, mass=STATED_MASS, settings=PLAIN)
     return Weighed(
-        as_given=float(identify_load(robot, bare, full, dict.fromkeys(JOINTS, 1.0)).load[0]),
+        as_given=weigh_load(robot, bare, full, settings=PLAIN).mass,
         halves=(masses[1], masses[0]),
-        gains=whole.by_joint,
-        gains_std=dict(zip(whole.joints, whole.gains_std.tolist(), strict=True)),
+        gains=dict(whole.gains),
+        gains_std=dict(whole.gains_std),
     )
 
 

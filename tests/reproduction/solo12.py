@@ -83,6 +83,6 @@ def fits_left_out(data: Path, folder: Path) -> dict[str, ChannelFit]:
         trials=tuple(headers),
     )
     found = identify(robot, Log(header, tuple(trials), robot_text=robot.urdf), "map")
-    fits = dict(found.judgement.validation)
+    fits = dict(found.validation)
     assert set(fits) == set(robot.joint_names)
     return fits

@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import pytest
 
-from excite.identification.load import identify_drive_gains, identify_load, weigh_load
+from excite.identification.load import weigh_load
 from excite.logs.log import Log
 from excite.logs.robot import nominal_robot
 from tests.reproduction.recordings import UR10E_GAINS
-from tests.reproduction.ur10e_load import MASS, SETTINGS, run_of_14_harmonics
+from tests.reproduction.ur10e_load import MASS, PLAIN, SETTINGS, run_of_14_harmonics
 
 
 class Parts(NamedTuple):
@@ -36,12 +36,12 @@ def test_the_load_is_weighed_within_three_percent(parts: Parts) -> None:
     """Measured when written: 2.792 and 2.824 kg for the halves, gains 10.8 12.3 10.0 10.3 10.2 10.3 N·m/A."""
     robot = nominal_robot(parts.bare)
     for known, judged in (parts.halves, parts.halves[::-1]):
-        gains = identify_drive_gains(robot, parts.bare, known, MASS, SETTINGS)
-        load = identify_load(robot, parts.bare, judged, gains.by_joint, SETTINGS)
-        assert abs(load.load[0] / MASS - 1.0) < 0.03, load.summary()
+        gains = weigh_load(robot, parts.bare, known, mass=MASS, settings=PLAIN).gains
+        load = weigh_load(robot, parts.bare, judged, gains=gains, settings=PLAIN)
+        assert abs(load.mass / MASS - 1.0) < 0.03, load.summary()
     # The published gains make the load a tenth too heavy.
-    published = identify_load(robot, parts.bare, parts.halves[1], UR10E_GAINS, SETTINGS)
-    assert published.load[0] > 1.05 * MASS
+    published = weigh_load(robot, parts.bare, parts.halves[1], gains=UR10E_GAINS, settings=PLAIN)
+    assert published.mass > 1.05 * MASS
 
 
 def test_the_load_is_inside_an_interval_of_a_tenth_of_a_kilogram(parts: Parts) -> None:

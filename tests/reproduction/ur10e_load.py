@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from excite.arrays import Array
 from excite.identification.identify import identify
-from excite.identification.load import identify_drive_gains
+from excite.identification.load import weigh_load
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log
 from excite.logs.robot import nominal_robot
@@ -23,6 +23,8 @@ from tests.reproduction.recordings import UR10E_GAINS, UR10E_JOINTS, ur10e_log
 MASS = 2.805
 """Of the load, as the recordings' authors state it [kg]."""
 SETTINGS = ProblemSettings(cutoff_hz=5.0)
+PLAIN = replace(SETTINGS, drive_terms=("viscous", "coulomb", "offset", "armature"))
+"""Drives without friction that grows with the load."""
 _RUN = "identification/ur-20_02_19_14harm50sec"
 
 
@@ -87,7 +89,7 @@ def weighed_gains(data_dir: Path, folder: Path) -> dict[str, float]:
     whole = {"identification": (0.0, 1.0)}
     bare = run_of_14_harmonics(data_dir, folder, "bare", whole, load=False)
     first = run_of_14_harmonics(data_dir, folder, "first", {"identification": (0.0, 0.5)}, load=True)
-    return dict(identify_drive_gains(nominal_robot(bare), bare, first, MASS, SETTINGS).by_joint)
+    return dict(weigh_load(nominal_robot(bare), bare, first, mass=MASS, settings=PLAIN).gains)
 
 
 def bare_arm(data_dir: Path, folder: Path, gains: Mapping[str, float] = UR10E_GAINS) -> Robot:

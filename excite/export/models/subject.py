@@ -16,14 +16,13 @@ from excite.diagnosis.equations.units import unit_at
 from excite.diagnosis.simulator.augmented_plant import in_no_description
 from excite.documents.campaign import Campaign
 from excite.documents.document import model_of, read_document
-from excite.documents.identification import Identification
 from excite.errors import InputError, UnknownNameError
 from excite.export.models.model_format import JOINT_TERMS, Lost, Subject
 from excite.export.models.parameters import model_parameters, with_servos
 from excite.formats.documents import read_json
 from excite.identification.identified_parameters import IdentifiedParameters
 from excite.identification.inertia import FILE_ORDER, central_inertia_matrices
-from excite.identification.result import Identification as IdentificationResult
+from excite.identification.result import Identification
 from excite.logs.robot import robot_for_log
 from excite.results import Name, Stated, Unbounded, stated
 from excite.robot.load import load_robot
@@ -36,7 +35,7 @@ _AGAIN = "write it again with excite identify … --out DIR"
 
 
 def subject_of(
-    result: str | Path | IdentificationResult,
+    result: str | Path | Identification,
     folder: Path,
     *,
     robot: str | Robot | None = None,
@@ -80,7 +79,7 @@ def read_subject(
         campaign: Any = read_document(file, model_of(Campaign), remedy=_AGAIN)
         document = campaign.identification
     else:
-        document = read_document(file, Identification, remedy=_AGAIN)
+        document = read_document(file, model_of(Identification), remedy=_AGAIN)
     if template is not None and not template.is_file():
         raise InputError(
             "is no file", source=template, field="--template", remedy="give the MuJoCo model of the robot"
@@ -132,9 +131,9 @@ def _result_document(result: Path) -> Path:
     return found
 
 
-def _named_robot(document: Identification, file: Path) -> str:
+def _named_robot(document: Any, file: Path) -> str:
     if document.robot_file is None:
-        return document.robot
+        return str(document.robot)
     there = file.parent / document.robot_file
     if not there.exists():
         raise InputError(
@@ -146,7 +145,7 @@ def _named_robot(document: Identification, file: Path) -> str:
     return str(there)
 
 
-def _result_robot(name: str, document: Identification, file: Path) -> Robot:
+def _result_robot(name: str, document: Any, file: Path) -> Robot:
     """The robot, with the joints free that the log of the identification has."""
     log = None if document.log_file is None else file.parent / document.log_file
     try:

@@ -68,7 +68,7 @@ class Cones:
     Attributes:
         order: of the matrices that are positive semidefinite; 0 for second-order cones of dimension 4, whose
             first entry is at least the length of the other three.
-        matrix: ``(n_blocks, size, n)``.
+        matrix: ``(n_blocks, size, n)``, of coordinates ``z``, or of parameters.
         bound: ``(n_blocks, size)``.
         labels: what each block says, ``kind:segment``.
     """
@@ -147,23 +147,6 @@ class Cones:
 _INSIDE = 1e-8
 
 
-@dataclass(frozen=True, eq=False)
-class ParameterCones:
-    """``matrix · θ + bound`` in cones, as :class:`~excite.identification.constraints.cones.Cones` on parameters.
-
-    Attributes:
-        order: of the matrices, 0 for second-order cones.
-        matrix: ``(n_blocks, size, n_params)``.
-        bound: ``(n_blocks, size)``.
-        labels: ``kind:link`` of each block.
-    """
-
-    order: int
-    matrix: Array
-    bound: Array
-    labels: tuple[str, ...]
-
-
 def moving_segments(problem: IdentificationProblem) -> tuple[int, ...]:
     """Segments whose parameters are free."""
     return tuple(k for k in range(problem.n_inertial // 10) if k not in problem.unmeasured)
@@ -183,7 +166,7 @@ def segment_scales(problem: IdentificationProblem) -> Array:
     )
 
 
-def pseudo_inertia_cones(problem: IdentificationProblem, floor: float) -> ParameterCones:
+def pseudo_inertia_cones(problem: IdentificationProblem, floor: float) -> Cones:
     """Every pseudo-inertia positive definite (Wensing, Kim and Slotine 2018): a density that is not negative.
 
     Args:
@@ -195,7 +178,7 @@ def pseudo_inertia_cones(problem: IdentificationProblem, floor: float) -> Parame
     return _body_cones_of(problem, unit, nominal, segment_scales(problem), floor, "pseudo_inertia")
 
 
-def feasibility_cones(problem: IdentificationProblem, floor: float) -> ParameterCones:
+def feasibility_cones(problem: IdentificationProblem, floor: float) -> Cones:
     """Mass positive and inertia about the centre of mass positive definite (eq. 3, Golluccio et al. 2020).
 
     ``[[L, S(h)ᵀ], [S(h), m·1]] ≻ 0`` says both by its Schur complement (Sousa and Cortesão 2014); the triangle
@@ -207,7 +190,7 @@ def feasibility_cones(problem: IdentificationProblem, floor: float) -> Parameter
     return _body_cones_of(problem, unit, nominal, scales, floor, "feasible_inertia")
 
 
-def inertia_cones(problem: IdentificationProblem, floor: float) -> ParameterCones:
+def inertia_cones(problem: IdentificationProblem, floor: float) -> Cones:
     """Inertia about the joint frame's origin positive definite (eq. 12 of Jovic et al., T-RO 2016)."""
     unit = np.concatenate([inertia_matrices(row) for row in np.eye(10)])
     nominal = inertia_matrices(problem.prior[: problem.n_inertial])
@@ -230,7 +213,7 @@ def spatial_inertia_matrices(parameters: Array) -> Array:
 
 def _body_cones_of(
     problem: IdentificationProblem, unit: Array, nominal: Array, scales: Array, floor: float, kind: str
-) -> ParameterCones:
+) -> Cones:
     order = unit.shape[1]
     shape = triangle_of(order)
     segments = moving_segments(problem)
@@ -242,7 +225,7 @@ def _body_cones_of(
         least = floor * max(float(np.linalg.eigvalsh(nominal[k] * scale)[0]), 1e-6) + _INSIDE
         bound[place] = shape.vectors(-least * np.eye(order))
     labels = tuple(f"{kind}:{problem.robot.segments[k].link}" for k in segments)
-    return ParameterCones(order, matrix, bound, labels)
+    return Cones(order, matrix, bound, labels)
 
 
 # Where a segment's centre of mass and its mass lie: ellipsoids (eq. 6, Golluccio et al. 2020; Wensing 2018).
@@ -301,7 +284,7 @@ def body_ellipsoids(nominal: Array, boxes: Array) -> Array:
     return ellipsoid_matrix(center, half * growth[:, None])
 
 
-def com_in_ellipsoids(problem: IdentificationProblem, ellipsoids: Array) -> ParameterCones:
+def com_in_ellipsoids(problem: IdentificationProblem, ellipsoids: Array) -> Cones:
     """``‖A (h − m c)‖ ≤ m`` with ``AᵀA`` the ellipsoid's shape about its centre ``c`` (eq. 6).
 
     Raises:
@@ -317,7 +300,7 @@ def com_in_ellipsoids(problem: IdentificationProblem, ellipsoids: Array) -> Para
         matrix[place, 1:, 10 * k] = -shape @ center
         matrix[place, 1:, 10 * k + 1 : 10 * k + 4] = shape
         labels.append(f"com_ellipsoid:{link}")
-    return ParameterCones(0, matrix, np.zeros((len(segments), 4)), tuple(labels))
+    return Cones(0, matrix, np.zeros((len(segments), 4)), tuple(labels))
 
 
 def _ellipsoid_shape(q: Array, link: str) -> tuple[Array, Array]:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import compress
 
 import numpy as np
@@ -20,7 +20,7 @@ from excite.identification.inertia import (
     parameters_of_pseudo_inertia,
     pseudo_inertia_matrices,
 )
-from excite.identification.physical.bounds import Interval, KnownBounds, PhysicalBounds
+from excite.identification.physical.bounds import KnownBounds, PhysicalBounds
 from excite.identification.physical.coordinates import NAMES, STEINER
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import Regression, least_squares, minimum_norm
@@ -94,6 +94,25 @@ def unit_rows(
     )
 
 
+Entry = tuple[Mapping[int, float], float, str]
+"""A row: factors by column, bound, and what it says, ``kind:segment``."""
+
+
+def listed_rows(n_params: int, entries: Iterable[Entry], n_equal: int = 0) -> LinearConstraints:
+    """Constraints from their entries, the first ``n_equal`` of which are equalities."""
+    listed = list(entries)
+    matrix = np.zeros((len(listed), n_params))
+    for row, (factors, _, _) in zip(matrix, listed, strict=True):
+        row[list(factors)] = list(factors.values())
+    bound = np.array([float(bound) for _, bound, _ in listed])
+    return LinearConstraints(matrix, bound, tuple(label for _, _, label in listed), n_equal)
+
+
+def between(factors: Mapping[int, float], low: float, high: float, label: str) -> tuple[Entry, Entry]:
+    """Entries of ``low ≤ factors · θ ≤ high``."""
+    return (factors, low, label), ({column: -factor for column, factor in factors.items()}, -high, label)
+
+
 def stack_constraints(parts: Sequence[LinearConstraints], n_params: int) -> LinearConstraints:
     """Join constraints, equalities first.
 
@@ -147,34 +166,26 @@ def within_bounds(
     Raises:
         InputError: bounds of another shape, NaN, or a lower one above its upper one.
     """
-    bounds = np.asarray(bounds, dtype=float)
+    bounds, names = np.asarray(bounds, dtype=float), problem.parameter_names
+    what, remedy = "", None
     if bounds.shape != (2, problem.n_params):
-        raise InputError(
-            f"has shape {bounds.shape}",
-            source="settings",
-            field="parameter_bounds",
-            remedy=f"give (2, {problem.n_params})",
-        )
-    wrong = np.flatnonzero(~(bounds[0] <= bounds[1]))
-    if len(wrong):
-        raise InputError(
-            f"leaves nothing for {problem.parameter_names[wrong[0]]}",
-            source="settings",
-            field="parameter_bounds",
-        )
+        what, remedy = f"has shape {bounds.shape}", f"give (2, {problem.n_params})"
+    elif not (bounds[0] <= bounds[1]).all():
+        what = f"leaves nothing for {names[int(np.argmin(bounds[0] <= bounds[1]))]}"
+    if what:
+        raise InputError(what, source="settings", field="parameter_bounds", remedy=remedy)
     columns = np.arange(problem.n_params)
     if places is not None:
-        columns = columns[: problem.n_inertial]
-        columns = columns[np.isin(columns % 10, places)]
-    identity = np.eye(problem.n_params)[columns]
-    lower, upper = bounds[0, columns], bounds[1, columns]
-    below, above = np.isfinite(lower), np.isfinite(upper)
-    names = np.array(problem.parameter_names)[columns]
-    labels = [f"bounds:{name}" for name in (*names[below], *names[above])]
-    return LinearConstraints(
-        np.vstack([identity[below], -identity[above]]),
-        np.concatenate([lower[below], -upper[above]]),
-        tuple(labels),
+        columns = columns[: problem.n_inertial][np.isin(columns[: problem.n_inertial] % 10, places)]
+    sides = ((1.0, bounds[0]), (-1.0, -bounds[1]))
+    return listed_rows(
+        problem.n_params,
+        (
+            ({j: sign}, side[j], f"bounds:{names[j]}")
+            for sign, side in sides
+            for j in columns.tolist()
+            if np.isfinite(side[j])
+        ),
     )
 
 
@@ -190,15 +201,15 @@ def com_in_box(problem: IdentificationProblem, boxes: Array) -> LinearConstraint
         problem: the problem.
         boxes: lower and upper corners in the joint frames ``(n_segments, 2, 3)`` [m].
     """
-    n = len(problem.robot.segments)
-    matrix, labels = np.zeros((n, 3, 2, problem.n_params)), []
-    for index, segment in enumerate(problem.robot.segments):
-        for axis in range(3):
-            for side, sign in enumerate((1.0, -1.0)):
-                matrix[index, axis, side, 10 * index] = -sign * boxes[index, side, axis]
-                matrix[index, axis, side, 10 * index + 1 + axis] = sign
-                labels.append(f"com_box:{segment.link}")
-    return LinearConstraints(matrix.reshape(-1, problem.n_params), np.zeros(6 * n), tuple(labels))
+    return listed_rows(
+        problem.n_params,
+        (
+            ({10 * k: -sign * corner[axis], 10 * k + 1 + axis: sign}, 0.0, f"com_box:{segment.link}")
+            for k, (segment, box) in enumerate(zip(problem.robot.segments, boxes, strict=True))
+            for axis in range(3)
+            for sign, corner in zip((1.0, -1.0), box, strict=True)
+        ),
+    )
 
 
 def equivalent_boxes(robot: Robot, *, growth: float = 1.5) -> Array:
@@ -226,13 +237,17 @@ def equivalent_boxes(robot: Robot, *, growth: float = 1.5) -> Array:
 # Masses are not negative and add up to the total (eq. 8 and 9 of Jovic et al., T-RO 2016).
 
 _IN_ROW_SPACE = 1e-6
+# A total mass is known when its standard deviation is below this share of it: forces under the feet have a tenth of
+# that, and what joint torques say of the mass may be worth nothing.
+_KNOWN = 0.01
 
 
 def non_negative_masses(problem: IdentificationProblem) -> LinearConstraints:
     """``m_i ≥ 0`` for every segment, and every drive's friction and armature ≥ 0."""
-    columns = problem.non_negative
-    labels = tuple(f"non_negative:{problem.parameter_names[j]}" for j in columns)
-    return LinearConstraints(np.eye(problem.n_params)[columns], np.zeros(len(columns)), labels)
+    names = problem.parameter_names
+    return listed_rows(
+        problem.n_params, (({j: 1.0}, 0.0, f"non_negative:{names[j]}") for j in problem.non_negative)
+    )
 
 
 @dataclass(frozen=True)
@@ -274,80 +289,46 @@ def measured_total_mass(rows: Regression) -> TotalMass:
     return TotalMass(float(total @ fit), float(np.linalg.norm(influence) * np.sqrt(inflation)), True)
 
 
-def total_mass(problem: IdentificationProblem, mass: float) -> LinearConstraints:
-    """``Σ m_i = mass`` over all segments, those that the sensors do not see included."""
-    row = np.zeros((1, problem.n_params))
-    row[0, : problem.n_inertial : 10] = 1.0
-    return LinearConstraints(row, np.array([mass]), ("total_mass:robot",), 1)
-
-
-# All linear constraints of eq. (4) of Jovic et al., Humanoids 2015, from the settings.
-
-
-@dataclass(frozen=True, eq=False)
-class ModelConstraints:
-    """Constraints on a robot's parameters.
-
-    Attributes:
-        linear: all linear rows.
-        total_mass: mass that they impose on the sum [kg], None where it is free.
-    """
-
-    linear: LinearConstraints
-    total_mass: float | None
-
-
-def body_constraints(rows: Regression, settings: BoxSettings) -> ModelConstraints:
-    """The constraints of eq. (4) on masses and centres of mass.
-
-    The total mass is the weighed one, else what the measured forces determine, else free.
-
-    Args:
-        rows: condensed and weighted rows.
-        settings: boxes of the centres of mass, weighed mass.
-    """
-    problem = rows.problem
-    boxes = settings.com_boxes if settings.com_boxes is not None else equivalent_boxes(problem.robot)
-    parts = [non_negative_masses(problem), com_in_box(problem, boxes)]
-    mass = known_total_mass(rows, settings)
-    if mass is not None:
-        parts.append(total_mass(problem, mass))
-    return ModelConstraints(stack_constraints(parts, problem.n_params), mass)
-
-
-def model_constraints(rows: Regression, settings: SymmetrySettings) -> ModelConstraints:
-    """All constraints of eq. (4) but the inertia's: those of :func:`body_constraints`, and symmetry if asked for.
-
-    Args:
-        rows: condensed and weighted rows.
-        settings: those of :func:`body_constraints`, symmetry, and the links that are free of it.
-
-    Raises:
-        UnknownNameError: a link that need not mirror its twin is no segment.
-    """
-    bodies, problem = body_constraints(rows, settings), rows.problem
-    if settings.symmetry is None:
-        return bodies
-    pairs = symmetric_pairs(problem, settings.symmetry, settings.free_of_symmetry(problem.robot))
-    return replace(bodies, linear=stack_constraints([bodies.linear, pairs], problem.n_params))
-
-
-# A total mass is known when its standard deviation is below this share of it: forces under the feet have a tenth of
-# that, and what joint torques say of the mass may be worth nothing.
-_KNOWN = 0.01
-
-
 def known_total_mass(rows: Regression, settings: EstimatorSettings) -> float | None:
     """The weighed mass, else what the measured forces determine, else None [kg]."""
     if settings.total_mass is not None:
         return settings.total_mass
     measured = measured_total_mass(rows)
-    return measured.value if measured.identifiable and measured.std < _KNOWN * abs(measured.value) else None
+    return measured.value if measured.std < _KNOWN * abs(measured.value) else None
+
+
+def total_mass(problem: IdentificationProblem, mass: float | None) -> LinearConstraints:
+    """``Σ m_i = mass`` over all segments, those that the sensors do not see included; nothing of None."""
+    factors = dict.fromkeys(range(0, problem.n_inertial, 10), 1.0)
+    known = [] if mass is None else [(factors, mass, "total_mass:robot")]
+    return listed_rows(problem.n_params, known, len(known))
+
+
+def body_constraints(problem: IdentificationProblem, settings: BoxSettings) -> LinearConstraints:
+    """The constraints of eq. (4) of Jovic et al. 2015 on masses and centres of mass, but for the total mass.
+
+    Args:
+        problem: the problem.
+        settings: boxes of the centres of mass.
+    """
+    boxes = settings.com_boxes if settings.com_boxes is not None else equivalent_boxes(problem.robot)
+    return stack_constraints([non_negative_masses(problem), com_in_box(problem, boxes)], problem.n_params)
+
+
+def model_constraints(problem: IdentificationProblem, settings: SymmetrySettings) -> LinearConstraints:
+    """Those of :func:`body_constraints`, and symmetry if asked for.
+
+    Raises:
+        UnknownNameError: a link that need not mirror its twin is no segment.
+    """
+    parts = [body_constraints(problem, settings)]
+    if settings.symmetry is not None:
+        free = settings.free_of_symmetry(problem.robot)
+        parts.append(symmetric_pairs(problem, settings.symmetry, free))
+    return stack_constraints(parts, problem.n_params)
 
 
 # Stated bounds of physical parameters as rows on the standard ones, for methods that are linear in these.
-
-_MASS, _FIRST, _INERTIA = 0, slice(1, 4), 4
 
 
 def stated_bounds(
@@ -365,99 +346,59 @@ def stated_bounds(
         known: what is stated.
         usual: bounds of what is not, for the reach of masses and centres of mass.
     """
-    bounds = known.over(usual)
-    builder = _Rows(problem)
+    bounds, entries = known.over(usual), list[Entry]()
     for k, segment in enumerate(problem.robot.segments):
         if k in problem.unmeasured:
             continue
-        builder.body(
-            10 * k, segment.link, known.of(segment.link), _steiner_bounds(bounds.lower[k], bounds.upper[k])
-        )
+        least, greatest = _steiner_bounds(bounds.lower[k], bounds.upper[k])
+        for name, (low, high) in known.of(segment.link).items():
+            place, label = NAMES.index(name), f"stated:{segment.link}.{name}"
+            column, mass = 10 * k + place, 10 * k
+            if 0 < place < 4:
+                entries += [
+                    ({column: 1.0, mass: -low}, 0.0, label),
+                    ({column: -1.0, mass: high}, 0.0, label),
+                ]
+            else:
+                # A mass has no such part.
+                part = max(place - 4, 0)
+                reach = (least[part], greatest[part]) if place else (0.0, 0.0)
+                entries += between({column: 1.0}, low + reach[0], high + reach[1], label)
+    names = problem.parameter_names
     for name, pair in known.drives.items():
-        if name in problem.parameter_names:
-            builder.within({problem.parameter_names.index(name): 1.0}, pair, name)
+        if name in names:
+            entries += between({names.index(name): 1.0}, *pair, f"stated:{name}")
     if known.total_mass is not None:
         total = dict.fromkeys(range(0, problem.n_inertial, 10), 1.0)
-        builder.within(total, known.total_mass, "total_mass")
-    return builder.constraints()
+        entries += between(total, *known.total_mass, "stated:total_mass")
+    return listed_rows(problem.n_params, entries)
 
 
 def speaks_of(problem: IdentificationProblem, known: KnownBounds) -> list[int]:
     """Columns of the parameters whose bounds are stated."""
     links = [segment.link for segment in problem.robot.segments]
     columns = [10 * k + NAMES.index(name) for k, link in enumerate(links) for name in known.of(link)]
-    return columns + [
-        problem.parameter_names.index(name) for name in known.drives if name in problem.parameter_names
-    ]
+    names = problem.parameter_names
+    return columns + [names.index(name) for name in known.drives if name in names]
 
 
-def _steiner_bounds(lower: Array, upper: Array) -> Array:
-    """Least and greatest of what the mass at the centre of mass adds to the six inertias, ``(2, 6)``.
+def _steiner_bounds(lower: Array, upper: Array) -> tuple[Array, Array]:
+    """Least and greatest of what the mass at the centre of mass adds to the six inertias, ``(6,)`` each.
 
     Args:
         lower: ``(10,)`` bounds of one segment.
         upper: ``(10,)``.
     """
-    corners = np.stack([lower[_FIRST], upper[_FIRST]])
-    products = np.array(
-        [_product_bounds(corners[:, i], corners[:, j], i == j) for i, j in zip(ROWS, COLUMNS, strict=True)]
+    corners = np.stack([lower[1:4], upper[1:4]])
+    products = (corners[:, None, ROWS] * corners[None, :, COLUMNS]).reshape(4, 6)
+    # A product of one coordinate with itself is not negative.
+    least = np.where(ROWS == COLUMNS, np.maximum(products.min(axis=0), 0.0), products.min(axis=0))
+    terms = np.stack([STEINER * least, STEINER * products.max(axis=0)])
+    masses = np.array([[lower[0]], [upper[0]]])
+    return (
+        (masses * terms.min(axis=0).sum(axis=1)).min(axis=0),
+        (masses * terms.max(axis=0).sum(axis=1)).max(axis=0),
     )
-    terms = np.stack([STEINER * products[:, 0], STEINER * products[:, 1]])
-    least, greatest = terms.min(axis=0).sum(axis=1), terms.max(axis=0).sum(axis=1)
-    masses = (lower[_MASS], upper[_MASS])
-    return np.array(
-        [
-            np.minimum(least * masses[0], least * masses[1]),
-            np.maximum(greatest * masses[0], greatest * masses[1]),
-        ]
-    )
-
-
-def _product_bounds(first: Array, second: Array, same: bool) -> Interval:
-    """Least and greatest product of two coordinates; of one with itself it is not negative."""
-    corners = np.outer(first, second)
-    if not same:
-        return float(corners.min()), float(corners.max())
-    squares = first**2
-    return 0.0 if first[0] <= 0.0 <= first[1] else float(squares.min()), float(squares.max())
-
-
-class _Rows:
-    """Rows under construction."""
-
-    def __init__(self, problem: IdentificationProblem):
-        self._size = problem.n_params
-        self._rows: list[Array] = []
-        self._bound: list[float] = []
-        self._labels: list[str] = []
-
-    def at_least(self, terms: dict[int, float], bound: float, name: str) -> None:
-        row = np.zeros(self._size)
-        row[list(terms)] = list(terms.values())
-        self._rows.append(row)
-        self._bound.append(bound)
-        self._labels.append(f"stated:{name}")
-
-    def within(self, terms: dict[int, float], interval: Interval, name: str) -> None:
-        self.at_least(terms, interval[0], name)
-        self.at_least({column: -factor for column, factor in terms.items()}, -interval[1], name)
-
-    def body(self, column: int, link: str, stated: dict[str, Interval], steiner: Array) -> None:
-        """Rows of one segment, whose parameters start at ``column``."""
-        for name, (low, high) in stated.items():
-            place, label = NAMES.index(name), f"{link}.{name}"
-            if place == _MASS:
-                self.within({column: 1.0}, (low, high), label)
-            elif place < _INERTIA:
-                self.at_least({column + place: 1.0, column: -low}, 0.0, label)
-                self.at_least({column + place: -1.0, column: high}, 0.0, label)
-            else:
-                reach = steiner[:, place - _INERTIA]
-                self.within({column + place: 1.0}, (low + float(reach[0]), high + float(reach[1])), label)
-
-    def constraints(self) -> LinearConstraints:
-        rows = np.array(self._rows).reshape(-1, self._size)
-        return LinearConstraints(rows, np.array(self._bound), tuple(self._labels))
 
 
 # Left and right segments mirror each other (eq. 4, Jovic 2015; eq. 15, Jovic 2016).
@@ -493,26 +434,19 @@ def symmetric_pairs(
         tolerance: relative difference; at zero the rows are equalities.
         free: segments whose pairs have no rows.
     """
-    rows: list[Array] = []
-    bounds: list[float] = []
-    labels: list[str] = []
-    signs = (1.0, -1.0) if tolerance > 0.0 else (1.0,)
+    entries = list[Entry]()
     ten = problem.prior[: problem.n_inertial].reshape(-1, 10)
     for index, other, mirror in mirrored_segments(problem, free):
+        label = f"symmetry:{problem.robot.segments[index].link}"
         nominal = ten[other, :4] - mirror[:4, :4] @ ten[index, :4]
-        sizes = (
-            0.5 * (ten[index, 0] + ten[other, 0]),
-            0.5 * np.linalg.norm(ten[[index, other], 1:4], axis=1).sum(),
-        )
-        for axis in range(4):
-            row = np.zeros(problem.n_params)
-            row[10 * other + axis] = 1.0
-            row[10 * index : 10 * index + 4] -= mirror[axis, :4]
-            rows += [sign * row for sign in signs]
-            bounds += [sign * nominal[axis] - tolerance * sizes[axis > 0] for sign in signs]
-            labels += [f"symmetry:{problem.robot.segments[index].link}"] * len(signs)
-    matrix = np.array(rows).reshape(-1, problem.n_params)
-    return LinearConstraints(matrix, np.array(bounds), tuple(labels), len(rows) if tolerance == 0.0 else 0)
+        moments = 0.5 * np.linalg.norm(ten[[index, other], 1:4], axis=1).sum()
+        sizes = [0.5 * (ten[index, 0] + ten[other, 0]), moments, moments, moments]
+        for axis, (middle, size) in enumerate(zip(nominal, sizes, strict=True)):
+            factors = {10 * index + k: -float(mirror[axis, k]) for k in range(4)}
+            factors[10 * other + axis] = factors.get(10 * other + axis, 0.0) + 1.0
+            pair = between(factors, middle - tolerance * size, middle + tolerance * size, label)
+            entries += pair if tolerance > 0.0 else pair[:1]
+    return listed_rows(problem.n_params, entries, len(entries) if tolerance == 0.0 else 0)
 
 
 def mirrored_parameters(robot: Robot, left: int, right: int) -> Array:
@@ -522,9 +456,8 @@ def mirrored_parameters(robot: Robot, left: int, right: int) -> Array:
     """
     data = robot.model.createData()
     pin.forwardKinematics(robot.model, data, pin.neutral(robot.model))
-    a, b = data.oMi[robot.segments[left].joint], data.oMi[robot.segments[right].joint]
     base = data.oMi[1] if robot.floating else pin.SE3.Identity()
-    a, b = base.actInv(a), base.actInv(b)
+    a, b = (base.actInv(data.oMi[robot.segments[side].joint]) for side in (left, right))
     transform = np.eye(4)
     transform[:3, :3] = b.rotation.T @ _MIRROR @ a.rotation
     transform[:3, 3] = b.rotation.T @ (_MIRROR @ a.translation - b.translation)

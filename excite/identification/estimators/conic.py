@@ -15,7 +15,6 @@ from scipy.linalg import LinAlgError, lu_factor, lu_solve
 from excite.arrays import Array
 from excite.identification.constraints.cones import (
     Cones,
-    ParameterCones,
     body_ellipsoids,
     com_ellipsoids,
     com_in_ellipsoids,
@@ -53,14 +52,14 @@ from excite.identification.estimators.settings import (
     PullSettings,
     StatedBoundsSettings,
     SymmetrySettings,
-    number,
     stated,
-    word,
 )
 from excite.identification.inertia import pseudo_inertia_matrices
 from excite.identification.physical.cone_program import solve_clarabel
 from excite.identification.physical.default_bounds import bound_rows, default_bounds
+from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import Regression, prior_std
+from excite.rows.settings import number, word
 
 # Nearest points under linear constraints and cones: clarabel's answer, refined and judged without its word.
 
@@ -259,8 +258,20 @@ class Program:
 
     objective: Ridge
     linear: LinearConstraints
-    cones: tuple[ParameterCones, ...]
+    cones: tuple[Cones, ...]
     total_mass: float | None = None
+
+
+def _program(
+    problem: IdentificationProblem,
+    objective: Ridge,
+    parts: list[LinearConstraints],
+    cones: tuple[Cones, ...],
+    mass: float | None = None,
+) -> Program:
+    """The program of an objective, parts of its linear rows, cones, and the total mass where it is known."""
+    linear = stack_constraints([total_mass(problem, mass), *parts], problem.n_params)
+    return Program(objective, linear, cones, mass)
 
 
 class ConicEstimator(Estimator[SettingsT]):
@@ -423,10 +434,8 @@ class Adaptive(ConicEstimator[AdaptiveSettings]):
         pull = PullSettings(
             prior_spread=settings.prior_spread, segment_spread=settings.segment_spread, alpha=alpha
         )
-        mass = known_total_mass(rows, settings)
-        linear = stack_constraints([] if mass is None else [total_mass(problem, mass)], problem.n_params)
         cones = (pseudo_inertia_cones(problem, settings.inertia_floor),)
-        return Program(ridge(rows, pull), linear, cones, mass)
+        return _program(problem, ridge(rows, pull), [], cones, known_total_mass(rows, settings))
 
 
 # Physically feasible inertias within bounds of mass and first moment (CLS-2 of Golluccio et al. 2020).
@@ -459,10 +468,10 @@ class PhysicallyFeasible(ConicEstimator[Cls2Settings]):
     def program(self, rows: Regression, settings: Cls2Settings) -> Program:
         """See :meth:`ConicEstimator.program`."""
         problem = rows.problem
-        bounds = bound_rows(rows, settings, MASS_AND_FIRST_MOMENT)
-        linear = stack_constraints([non_negative_masses(problem), bounds], problem.n_params)
-        cones = (feasibility_cones(problem, settings.inertia_floor),)
-        return Program(ridge(rows, settings), linear, cones)
+        parts = [non_negative_masses(problem), bound_rows(rows, settings, MASS_AND_FIRST_MOMENT)]
+        return _program(
+            problem, ridge(rows, settings), parts, (feasibility_cones(problem, settings.inertia_floor),)
+        )
 
 
 # Physically consistent bodies that fit into ellipsoids (CLS-3 of Golluccio et al. 2020).
@@ -520,14 +529,10 @@ class DensityRealisable(ConicEstimator[Cls3Settings]):
         centers = com_ellipsoids(nominal, boxes) if centers is None else centers
         bodies = body_ellipsoids(nominal, boxes) if bodies is None else bodies
         parts = [non_negative_masses(problem), mass_in_ellipsoids(problem, bodies)]
-        mass = known_total_mass(rows, settings)
-        if mass is not None:
-            parts.append(total_mass(problem, mass))
         if settings.bounds is not None:
             parts.append(stated_bounds(problem, settings.bounds, default_bounds(problem.robot, settings)))
         cones = (pseudo_inertia_cones(problem, settings.inertia_floor), com_in_ellipsoids(problem, centers))
-        linear = stack_constraints(parts, problem.n_params)
-        return Program(ridge(rows, settings), linear, cones, mass)
+        return _program(problem, ridge(rows, settings), parts, cones, known_total_mass(rows, settings))
 
 
 # The constrained quadratic program of eq. (4), Jovic et al., Humanoids 2015.
@@ -561,9 +566,10 @@ class QuadraticProgram(ConicEstimator[QpSettings]):
 
     def program(self, rows: Regression, settings: QpSettings) -> Program:
         """See :meth:`ConicEstimator.program`."""
-        model = model_constraints(rows, settings)
-        cones = (inertia_cones(rows.problem, settings.inertia_floor),)
-        return Program(ridge(rows, settings), model.linear, cones, model.total_mass)
+        problem = rows.problem
+        parts = [model_constraints(problem, settings)]
+        cones = (inertia_cones(problem, settings.inertia_floor),)
+        return _program(problem, ridge(rows, settings), parts, cones, known_total_mass(rows, settings))
 
 
 # Physically consistent parameters: every pseudo-inertia positive definite, as a cone program.
@@ -604,11 +610,12 @@ class PhysicallyConsistent(ConicEstimator[LmiSettings]):
     def program(self, rows: Regression, settings: LmiSettings) -> Program:
         """See :meth:`ConicEstimator.program`."""
         problem = rows.problem
-        model = model_constraints(rows, settings)
         metric = None
         if settings.regulariser != "euclidean":
             spreads = settings.spreads(problem.robot)
             metric = pullback_metric(problem, spreads, prior_std(problem, spreads))
-        objective = ridge(rows, settings, metric)
+        parts = [model_constraints(problem, settings)]
         cones = (pseudo_inertia_cones(problem, settings.inertia_floor),)
-        return Program(objective, model.linear, cones, model.total_mass)
+        return _program(
+            problem, ridge(rows, settings, metric), parts, cones, known_total_mass(rows, settings)
+        )

@@ -12,10 +12,15 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.identification.constraints.linear import (
+    Entry,
     LinearConstraints,
+    between,
     body_constraints,
+    known_total_mass,
+    listed_rows,
     mirrored_segments,
     stack_constraints,
+    total_mass,
 )
 from excite.identification.estimators.estimator import (
     Estimate,
@@ -34,7 +39,6 @@ from excite.identification.estimators.settings import (
     PairSettings,
     ParameterBoundsSettings,
     known_segments,
-    number,
     shares_by_link,
 )
 from excite.identification.physical.default_bounds import bound_rows, parameter_bounds
@@ -42,6 +46,7 @@ from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import RANK_TOLERANCE, Regression, least_squares
 from excite.regressor.base_parameters import base_parameters
 from excite.robot.robot import Robot
+from excite.rows.settings import number
 
 # Each mass stays within a share of its reference (eq. 16 of Jovic et al., T-RO 2016).
 
@@ -53,15 +58,12 @@ def masses_in_range(problem: IdentificationProblem, shares: Array) -> LinearCons
         problem: the problem; its prior is the reference.
         shares: β of each segment, ``(n_segments,)``.
     """
-    n = len(problem.robot.segments)
-    matrix, bound = np.zeros((2 * n, problem.n_params)), np.zeros(2 * n)
-    labels = []
-    for index, segment in enumerate(problem.robot.segments):
-        nominal = problem.prior[10 * index]
-        matrix[2 * index : 2 * index + 2, 10 * index] = 1.0, -1.0
-        bound[2 * index : 2 * index + 2] = (1.0 - shares[index]) * nominal, -(1.0 + shares[index]) * nominal
-        labels += [f"mass_range:{segment.link}"] * 2
-    return LinearConstraints(matrix, bound, tuple(labels))
+    entries = list[Entry]()
+    for k, segment in enumerate(problem.robot.segments):
+        nominal, share = problem.prior[10 * k], shares[k]
+        label = f"mass_range:{segment.link}"
+        entries += between({10 * k: 1.0}, (1.0 - share) * nominal, (1.0 + share) * nominal, label)
+    return listed_rows(problem.n_params, entries)
 
 
 # Left and right masses and moments of inertia differ by a share of each other (eq. 15, Jovic et al. 2016).
@@ -85,20 +87,14 @@ def mirrored_pairs(
     """
     rows: list[Array] = []
     labels: list[str] = []
+    unit = np.eye(problem.n_params)
     for index, other, mirror in mirrored_segments(problem, free):
         for place in (0, *_DIAGONAL):
-            left, right = np.zeros(problem.n_params), np.zeros(problem.n_params)
-            left[10 * index : 10 * index + 10] = mirror[place]
-            right[10 * other + place] = 1.0
-            rows += [
-                right - (1.0 - share) * left,
-                (1.0 + share) * left - right,
-                left - (1.0 - share) * right,
-                (1.0 + share) * right - left,
-            ]
+            left, right = mirror[place] @ unit[10 * index : 10 * index + 10], unit[10 * other + place]
+            for near, far in ((right, left), (left, right)):
+                rows += [near - (1.0 - share) * far, (1.0 + share) * far - near]
             labels += [f"mirror:{problem.robot.segments[index].link}"] * 4
-    matrix = np.array(rows).reshape(-1, problem.n_params)
-    return LinearConstraints(matrix, np.zeros(len(rows)), tuple(labels))
+    return LinearConstraints(np.array(rows).reshape(-1, problem.n_params), np.zeros(len(rows)), tuple(labels))
 
 
 # ``vᵀ I v ≥ ε`` on every vector of an icosphere (eq. 13 and 14 of Jovic et al., T-RO 2016), ε absolute.
@@ -239,12 +235,18 @@ class SphereRows:
 
     def rows(self, chosen: list[tuple[int, int]]) -> LinearConstraints:
         """Rows of (segment, vector) pairs."""
-        matrix = np.zeros((len(chosen), self.problem.n_params))
-        labels = []
-        for place, (segment, vector) in enumerate(chosen):
-            matrix[place, 10 * segment + 4 : 10 * segment + 10] = self.weights[vector]
-            labels.append(f"sphere:{self.problem.robot.segments[segment].link}")
-        return LinearConstraints(matrix, np.full(len(chosen), self.epsilon), tuple(labels))
+        links = self.problem.robot.segments
+        return listed_rows(
+            self.problem.n_params,
+            (
+                (
+                    dict(zip(range(10 * k + 4, 10 * k + 10), self.weights[vector].tolist(), strict=True)),
+                    self.epsilon,
+                    f"sphere:{links[k].link}",
+                )
+                for k, vector in chosen
+            ),
+        )
 
 
 # Largest violation of a vector's row that is let pass, as a share of ε.
@@ -368,7 +370,7 @@ def _best_known(
 ) -> Array | None:
     """Of points that meet the first level the one that misses the second least, then fits best."""
     problem, family = rows.problem, levels[0].family if levels else None
-    models = plain_models(problem, body_constraints(rows, settings).linear)
+    models = plain_models(problem, _feasible(rows, settings))
     if isinstance(family, ScaledSphere):
         models = [family.sphere.lifted(model) for model in models]
 
@@ -401,13 +403,18 @@ def _recomputed_status(levels: tuple[Level, ...], answer: HierarchyAnswer) -> So
     return SolveStatus.SOLVED
 
 
+def _feasible(rows: Regression, settings: HqpSettings) -> LinearConstraints:
+    """Eq. 8 to 11: masses not negative, total mass, boxes of the centres of mass."""
+    problem = rows.problem
+    parts = [total_mass(problem, known_total_mass(rows, settings)), body_constraints(problem, settings)]
+    return stack_constraints(parts, problem.n_params)
+
+
 def paper_levels(rows: Regression, settings: HqpSettings, scaled: Scaled) -> tuple[Level, ...]:
     """The two constraint levels of eq. (7): eq. 8–14, and eq. 15 and 16."""
     problem = rows.problem
     sphere = SphereRows(problem, settings.sphere_epsilon, settings.sphere_subdivisions)
-    model = body_constraints(rows, settings).linear
-
-    first = Level("feasible", scaled.constraints(model), ScaledSphere(sphere, scaled))
+    first = Level("feasible", scaled.constraints(_feasible(rows, settings)), ScaledSphere(sphere, scaled))
     parts = [masses_in_range(problem, settings.mass_ranges(problem.robot))]
     if settings.mirror is not None:
         parts.append(mirrored_pairs(problem, settings.mirror, settings.free_of_symmetry(problem.robot)))

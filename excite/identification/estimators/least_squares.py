@@ -18,7 +18,7 @@ from excite.identification.estimators.estimator import (
     no_solution,
 )
 from excite.identification.estimators.scaled_problem import ridge, scaled_parameters
-from excite.identification.estimators.settings import EstimatorSettings, PullSettings, number, word
+from excite.identification.estimators.settings import EstimatorSettings, PullSettings
 from excite.identification.noise import estimate_noise
 from excite.identification.orthogonal import row_space
 from excite.identification.problem import IdentificationProblem, row_blocks
@@ -28,6 +28,7 @@ from excite.identification.regression import (
     least_squares,
     prior_std,
 )
+from excite.rows.settings import number, word
 
 # Least squares, every row counted alike (eq. 5, Jovic et al. 2016; eq. 6, Xu et al. 2020).
 

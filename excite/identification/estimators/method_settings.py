@@ -10,8 +10,9 @@ import numpy as np
 from excite.errors import InputError, UnknownNameError
 from excite.identification.estimators.estimator import Estimator
 from excite.identification.estimators.registry import ESTIMATORS, find_estimator
-from excite.identification.estimators.settings import SOURCE, EstimatorSettings
+from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.physical.bounds import KnownBounds
+from excite.rows.settings import SOURCE
 
 
 def estimator_settings(method: str, **values: Any) -> EstimatorSettings:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from excite.arrays import Array
-from excite.identification.constraints.cones import Cones, ParameterCones, segment_scales, triangle_of
+from excite.identification.constraints.cones import Cones, segment_scales, triangle_of
 from excite.identification.constraints.linear import LinearConstraints, unit_rows
 from excite.identification.estimators.settings import EstimatorSettings, PullSettings
 from excite.identification.inertia import pseudo_inertia_matrices
@@ -99,7 +99,7 @@ class Ridge:
         bound = constraints.bound - constraints.matrix @ self.scaled.center
         return unit_rows(self.rotate(constraints.matrix), bound, constraints.labels, constraints.n_equal)
 
-    def cones(self, cones: ParameterCones) -> Cones:
+    def cones(self, cones: Cones) -> Cones:
         """The same cones on ``z``, each block divided by its own size."""
         blocks, size, _ = cones.matrix.shape
         flat = cones.matrix.reshape(blocks * size, -1)

@@ -2,39 +2,22 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping
-from dataclasses import Field, dataclass, field, fields
+from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from excite.arrays import Array
-from excite.errors import InputError, UnknownNameError
+from excite.errors import UnknownNameError
 from excite.formats.number import check_number
 from excite.identification.physical.bounds import KnownBounds
 from excite.identification.regression import USUAL_SPREAD
 from excite.robot.robot import Robot
+from excite.rows.settings import SOURCE, check_settings, number
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
-
-# How a setting is declared: once, with default, unit, bounds and meaning, and checked by what was declared.
-
-SOURCE = "settings"
-
-
-def number(
-    default: float | None, unit: str, low: float, high: float, what: str, *, optional: bool = False
-) -> Any:
-    """A number within bounds, which are allowed themselves; ``optional`` ones may be None, for "none"."""
-    declared = {"unit": unit, "low": low, "high": high, "what": what, "optional": optional}
-    return field(default=default, metadata=declared)
-
-
-def word(default: str, options: tuple[str, ...], what: str) -> Any:
-    """One of some words."""
-    return field(default=default, metadata={"options": options, "what": what})
 
 
 def shares_by_link(low: float, high: float, what: str) -> Any:
@@ -51,44 +34,6 @@ def share_limits(settings: DataclassInstance, name: str) -> tuple[float, float]:
 def stated(unit: str, what: str) -> dict[str, str]:
     """Metadata of what has a form of its own, such as an array, and is checked where it is used."""
     return {"of": unit, "what": what}
-
-
-def check_settings(settings: DataclassInstance) -> None:
-    """Raise InputError, which names the setting, for a value that its declaration does not allow."""
-    for item in fields(settings):
-        value = getattr(settings, item.name)
-        if "options" in item.metadata:
-            _check_word(item, value)
-        elif "shares" in item.metadata:
-            _check_shares(item, value)
-        elif "unit" in item.metadata and not (value is None and item.metadata["optional"]):
-            _check_number(item, value)
-
-
-def _check_word(item: Field[Any], value: Any) -> None:
-    options = item.metadata["options"]
-    if value not in options:
-        raise InputError(
-            f"is {value!r}", source=SOURCE, field=item.name, remedy="choose " + " or ".join(options)
-        )
-
-
-def _check_shares(item: Field[Any], shares: Mapping[str, float]) -> None:
-    low, high = item.metadata["shares"]
-    for link, share in shares.items():
-        check_number(share, f"{item.name}.{link[:60]}", low, high, source=SOURCE)
-
-
-def _check_number(item: Field[Any], value: Any) -> None:
-    low, high, unit = item.metadata["low"], item.metadata["high"], item.metadata["unit"]
-    valid = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-    if not valid or not low <= value <= high:
-        raise InputError(
-            f"is {value!r}",
-            source=SOURCE,
-            field=item.name,
-            remedy=f"choose {low:g} … {high:g}" + ("" if unit == "1" else f" {unit}"),
-        )
 
 
 @dataclass(frozen=True)
@@ -128,6 +73,11 @@ class EstimatorSettings:
             InputError: a number out of bounds; names the setting.
         """
         check_settings(self)
+        for item in fields(self):
+            if "shares" in item.metadata:
+                low, high = item.metadata["shares"]
+                for link, share in getattr(self, item.name).items():
+                    check_number(share, f"{item.name}.{link[:60]}", low, high, source=SOURCE)
 
 
 @dataclass(frozen=True)

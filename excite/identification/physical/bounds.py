@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -13,6 +13,7 @@ from excite.arrays import Array
 from excite.errors import InputError
 from excite.identification.inertia import inertia_matrices
 from excite.identification.physical.coordinates import DIAGONAL, NAMES, OFF_DIAGONAL, physical_parameters
+from excite.results import Name, Stated, Unbounded, named, stated
 
 
 @dataclass(frozen=True)
@@ -170,37 +171,36 @@ _AT = 1e-6
 
 
 @dataclass(frozen=True)
-class BoundReached:
+class BoundReached(Stated):
     """A parameter and the bound that was stated for it.
 
     Attributes:
         name: such as ``link1.m`` or ``viscous.joint1`` or ``total_mass``.
         value: what was identified [SI].
-        lower: [SI].
-        upper: [SI].
+        bounds: lower and upper one [SI].
     """
 
-    name: str
-    value: float
-    lower: float
-    upper: float
+    name: Name = field(metadata=named("parameter"))
+    value: Unbounded
+    bounds: tuple[float, float]
 
     @property
-    def outside(self) -> float:
-        """How far the value lies outside; 0 where it does not, infinite where it is not defined."""
-        if not np.isfinite(self.value):
-            return float("inf")
-        return max(0.0, self.lower - self.value, self.value - self.upper)
+    @stated
+    def by(self) -> Unbounded:
+        """How far the value lies outside; 0 where it does not, null where it is not defined."""
+        outside = max(0.0, self.bounds[0] - self.value, self.value - self.bounds[1])
+        return outside if np.isfinite(self.value) else float("inf")
 
     @property
     def inside(self) -> float:
         """How far the value lies from the nearer bound, as share of the interval; negative outside."""
-        nearest = min(self.value - self.lower, self.upper - self.value)
-        return nearest / (self.upper - self.lower) if np.isfinite(nearest) else -np.inf
+        low, high = self.bounds
+        nearest = min(self.value - low, high - self.value)
+        return nearest / (high - low) if np.isfinite(nearest) else -np.inf
 
 
 @dataclass(frozen=True)
-class BoundsReport:
+class BoundsReport(Stated):
     """Stated bounds against identified parameters, recomputed from these.
 
     Attributes:
@@ -210,30 +210,17 @@ class BoundsReport:
         broken: those that lie outside, the worst first.
     """
 
-    source: str
+    source: str = field(metadata=named("file"))
     stated: int
-    reached: tuple[BoundReached, ...]
-    broken: tuple[BoundReached, ...]
-
-    def to_json(self) -> dict[str, Any]:
-        """The block ``bounds`` of the document."""
-
-        def entry(item: BoundReached) -> dict[str, Any]:
-            return {"parameter": item.name, "value": item.value, "bounds": [item.lower, item.upper]}
-
-        return {
-            "file": self.source,
-            "stated": self.stated,
-            "at_bound": [entry(item) for item in self.reached],
-            "outside": [{**entry(item), "by": item.outside} for item in self.broken],
-        }
+    reached: tuple[BoundReached, ...] = field(metadata=named("at_bound"))
+    broken: tuple[BoundReached, ...] = field(metadata=named("outside"))
 
     def summary(self) -> str:
         """One line."""
         text = f"bounds of {self.source}: {self.stated} stated, {len(self.reached)} reached"
         if self.broken:
             worst = self.broken[0]
-            text += f", {len(self.broken)} broken, {worst.name} by {worst.outside:.3g}"
+            text += f", {len(self.broken)} broken, {worst.name} by {worst.by:.3g}"
         return text
 
 
@@ -300,20 +287,18 @@ class KnownBounds:
             inertial: ``(10·n_segments,)`` standard parameters.
             drives: identified drives' parameters; bounds of others say nothing.
         """
-        found = list(self._values(links, inertial, drives))
+        physical = physical_parameters(inertial)
+        values = {
+            f"{link}.{name}": float(value)
+            for link, row in zip(links, physical, strict=True)
+            for name, value in zip(NAMES, row, strict=True)
+        }
+        stated = {name: pair for name, pair in self.parameters.items() if name in values}
+        stated |= {name: pair for name, pair in self.drives.items() if name in drives}
+        values |= drives
+        if self.total_mass is not None:
+            stated["total_mass"], values["total_mass"] = self.total_mass, float(physical[:, 0].sum())
+        found = [BoundReached(name, values[name], pair) for name, pair in stated.items()]
         broken = sorted((item for item in found if item.inside < -_AT), key=lambda item: item.inside)
         reached = tuple(item for item in found if abs(item.inside) <= _AT)
         return BoundsReport(self.source, len(found), reached, tuple(broken))
-
-    def _values(
-        self, links: tuple[str, ...], inertial: Array, drives: Mapping[str, float]
-    ) -> Iterator[BoundReached]:
-        physical = physical_parameters(inertial)
-        for link, row in zip(links, physical, strict=True):
-            for name, bounds in self.of(link).items():
-                yield BoundReached(f"{link}.{name}", float(row[NAMES.index(name)]), *bounds)
-        for name, bounds in self.drives.items():
-            if name in drives:
-                yield BoundReached(name, drives[name], *bounds)
-        if self.total_mass is not None:
-            yield BoundReached("total_mass", float(physical[:, 0].sum()), *self.total_mass)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from excite.arrays import Array
+from excite.errors import RobotError
 from excite.identification.constraints.linear import (
     LinearConstraints,
     bounds_about_nominal,
@@ -22,6 +23,7 @@ from excite.identification.physical.coordinates import DIAGONAL, physical_parame
 from excite.identification.problem import NEVER_NEGATIVE
 from excite.identification.regression import Regression, prior_std
 from excite.robot.robot import Robot
+from excite.robot.shapes.collision import com_boxes
 
 # A segment may be this much lighter or heavier than nominal, and carry this share of the robot besides.
 _LIGHTEST, _HEAVIEST, _CARRIED = 0.1, 3.0, 0.15
@@ -29,6 +31,14 @@ _SMALLEST_MASS = 1e-3
 _LARGEST_INERTIA = 10.0
 _SCALE_ERROR = 1e-6
 _WIDE = 3.0
+
+
+def derived_boxes(robot: Robot) -> tuple[Array, RobotError | None]:
+    """Boxes of the centres of mass from the geometry, else from the nominal inertias, with what the first lacks."""
+    try:
+        return com_boxes(robot), None
+    except RobotError as error:
+        return equivalent_boxes(robot), error
 
 
 def default_bounds(robot: Robot, settings: BodySettings) -> PhysicalBounds:

@@ -7,16 +7,17 @@ here to the standard parameters (eq. 14, through ``hhᵀ/m``) is not.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import qr_delete, solve_triangular
+from scipy.linalg import block_diag, qr_delete, solve_triangular
 
 from excite.arrays import Array
 from excite.errors import NoSolutionError
-from excite.identification.judgement.essential import RSD_ABOVE
+from excite.identification.parameter_statistics import RSD_ABOVE
 from excite.identification.physical.bounds import PhysicalBounds, least_density_moments
 from excite.identification.physical.cone_program import ConeProgram, solve_cone_program
 from excite.identification.physical.coordinates import DIAGONAL, STEINER, second_moments
@@ -86,58 +87,43 @@ class FeasibleSet:
 
     @cached_property
     def _linear(self) -> tuple[Array, Array]:
-        rows: list[Array] = []
-        bound: list[Array] = []
-
-        def add(part: Array, start: int, values: Array) -> None:
-            block = np.zeros((len(part), self.size))
-            block[:, start : start + part.shape[1]] = part
-            rows.append(block)
-            bound.append(values)
-
-        for place, segment in enumerate(self.free):
-            low, high, at = self.bounds.lower[segment], self.bounds.upper[segment], 10 * place
-            add(np.array([[1.0], [-1.0]]), at, np.array([low[0], -high[0]]))
-            add(self._box_rows(low[1:4], high[1:4]), at, np.zeros(6))
-            add(np.vstack([np.eye(6), -np.eye(6)]), at + 4, np.concatenate([low[4:], -high[4:]]))
-            rules = self.bounds.rules.rows(self.bounds.links[segment])
-            add(rules, at + 4, np.zeros(len(rules)))
-        drives = np.eye(len(self.drive_lower))
-        add(drives, self.n_body, self.drive_lower)
-        add(-drives, self.n_body, -self.drive_upper)
-        total = np.zeros((1, self.n_body))
-        total[0, ::10] = 1.0
+        unit, parts, values = np.eye(10), [], []
+        for k in self.free:
+            low, high = self.bounds.lower[k], self.bounds.upper[k]
+            rules = np.pad(self.bounds.rules.rows(self.bounds.links[k]), ((0, 0), (4, 0)))
+            box = _box_rows(low[1:4], high[1:4])
+            parts.append(np.vstack([unit[:1], -unit[:1], box, unit[4:], -unit[4:], rules]))
+            values += [low[:1], -high[:1], np.zeros(6), low[4:], -high[4:], np.zeros(len(rules))]
+        drives = np.eye(len(self.drive_names))
+        total = np.zeros((1, self.size))
+        total[0, : self.n_body : 10] = 1.0
         masses = self.frozen[::10]
         rest = float(masses.sum() - masses[self.free].sum())
         least, greatest = self.bounds.total_mass
-        add(np.vstack([total, -total]), 0, np.array([least - rest, rest - greatest]))
-        matrix, values = np.vstack(rows), np.concatenate(bound)
+        matrix = np.vstack([block_diag(*parts, np.vstack([drives, -drives])), total, -total])
+        ends = [least - rest, rest - greatest]
+        bound = np.concatenate([*values, self.drive_lower, -self.drive_upper, ends])
         length = np.linalg.norm(matrix * self.scale, axis=1)
-        return matrix / length[:, None], values / length
+        return matrix / length[:, None], bound / length
 
-    @staticmethod
-    def _box_rows(low: Array, high: Array) -> Array:
-        """Rows on ``(m, h)`` of ``low·m ≤ h ≤ high·m``, ``(6, 4)``."""
-        return np.vstack([np.column_stack([-low, np.eye(3)]), np.column_stack([high, -np.eye(3)])])
+    def on_bodies(self, blocks: Iterable[Array]) -> Array:
+        """Blocks ``(k, 10)`` that act on each free segment's coordinates, one below the other, ``(…, size)``."""
+        return np.asarray(block_diag(*blocks, np.zeros((0, len(self.drive_names)))))
 
     def box_rows(self, low: Array, high: Array) -> Array:
         """Rows ``A x ≥ 0`` that keep the centres of mass in boxes ``(n_free, 3)``, ``(6·n_free, size)``."""
-        rows = np.zeros((len(self.free), 6, self.size))
-        for place in range(len(self.free)):
-            rows[place, :, 10 * place : 10 * place + 4] = self._box_rows(low[place], high[place])
-        return rows.reshape(-1, self.size)
+        return self.on_bodies(_box_rows(*box) for box in zip(low, high, strict=True))
 
     @cached_property
     def density(self) -> Array:
         """Triangles of ``½tr(I)·1 − I`` about the CoMs, scaled, that the rules keep PSD, ``(k, 6, size)``."""
         if not self.bounds.rules.principal_triangle:
             return np.zeros((0, 6, self.size))
-        rows = np.zeros((len(self.free), 6, self.size))
-        matrix = -np.eye(6)
-        matrix[np.ix_(DIAGONAL, DIAGONAL)] += 0.5
-        for place in range(len(self.free)):
-            rows[place, :, 10 * place + 4 : 10 * place + 10] = matrix / self.scale[10 * place + 4]
-        return rows
+        matrix = -np.eye(6, 10, 4)
+        matrix[np.ix_(DIAGONAL, [4 + k for k in DIAGONAL])] += 0.5
+        return self.on_bodies(matrix / size for size in self.scale[4 : self.n_body : 10]).reshape(
+            -1, 6, self.size
+        )
 
     def slack(self, x: Array) -> float:
         """Least slack of all constraints in scaled units; negative outside the set."""
@@ -224,13 +210,13 @@ class FeasibleSet:
     @cached_property
     def lift(self) -> Array:
         """Standard parameters and drives as linear in ``(x, hhᵀ/m)``, ``(n_params, size + 6·n_free)``."""
-        n, n_free = 10 * len(self.bounds.links), len(self.free)
-        matrix = np.zeros((n + len(self.drive_lower), self.size + 6 * n_free))
-        for place, segment in enumerate(self.free):
-            matrix[10 * segment : 10 * segment + 10, 10 * place : 10 * place + 10] = np.eye(10)
-            moments = slice(self.size + 6 * place, self.size + 6 * place + 6)
-            matrix[10 * segment + 4 : 10 * segment + 10, moments] = STEINER
-        matrix[n:, self.n_body : self.size] = np.eye(len(self.drive_lower))
+        n, n_drives = len(self.frozen), len(self.drive_names)
+        ten = (10 * self.free[:, None] + np.arange(10)).reshape(-1, 10)
+        bodies, inertias = (np.eye(n)[:, places.ravel()] for places in (ten, ten[:, 4:]))
+        matrix = np.zeros((n + n_drives, self.size + inertias.shape[1]))
+        matrix[:n, : self.n_body] = bodies
+        matrix[n:, self.n_body : self.size] = np.eye(n_drives)
+        matrix[:n, self.size :] = inertias @ np.kron(np.eye(len(self.free)), STEINER)
         return matrix
 
     @cached_property
@@ -238,13 +224,19 @@ class FeasibleSet:
         """What the frozen segments contribute, ``(n_params,)``."""
         fixed = self.frozen.reshape(-1, 10).copy()
         fixed[self.free] = 0.0
-        return np.concatenate([fixed.ravel(), np.zeros(len(self.drive_lower))])
+        return np.concatenate([fixed.ravel(), np.zeros(len(self.drive_names))])
 
     def coordinates(self, physical: Array, drives: Array) -> Array:
         """``x`` of physical parameters of all segments ``(n_segments, 10)`` and drives ``(n_drives,)``."""
         body = physical[self.free].copy()
         body[:, 1:4] *= body[:, :1]
         return np.concatenate([body.ravel(), drives])
+
+
+def _box_rows(low: Array, high: Array) -> Array:
+    """Rows on ten coordinates of a body of ``low·m ≤ h ≤ high·m``, ``(6, 10)``."""
+    sides = np.vstack([np.column_stack([-low, np.eye(3)]), np.column_stack([high, -np.eye(3)])])
+    return np.pad(sides, ((0, 0), (0, 6)))
 
 
 # The objective of eq. (15) of Xu et al. 2020: torques that essential parameters leave unexplained.

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import heapq
-import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from excite.arrays import Array
 from excite.display import percent
-from excite.errors import InputError
 from excite.identification.inertia import COLUMNS, ROWS
-from excite.identification.physical.cone_program import TRIANGLE, ConeProgram, solve_cone_program
+from excite.identification.physical.cone_program import ConeProgram, solve_cone_program
 from excite.identification.physical.coordinates import STEINER
 from excite.identification.physical.feasible_set import FeasibleSet, TorqueObjective
-from excite.results import Stated
+from excite.results import Stated, Unbounded
+from excite.rows.settings import check_settings, number
 
 # What is proven about a retrieval's objective.
 
@@ -33,11 +33,11 @@ class Certificate(Stated):
             random ones.
     """
 
-    objective: float
-    lower_bound: float
-    gap: float
+    objective: Unbounded
+    lower_bound: Unbounded
+    gap: Unbounded
     relaxations: int
-    optima: tuple[float, ...]
+    optima: tuple[Unbounded, ...]
 
     def summary(self) -> str:
         """One line."""
@@ -89,21 +89,17 @@ class Relaxation:
         """Relax with boxes of the centres of mass ``(n_free, 3)`` [m]; None where nothing lies in them."""
         allowed, n_moments = self.allowed, 6 * len(self.allowed.free)
         lifted = self._lifted_scale()
-        pad = np.zeros((1, n_moments))
-        rows = np.vstack([allowed.rows, allowed.box_rows(low, high)])
-        rows = np.hstack([rows, np.repeat(pad, len(rows), axis=0)])
-        products = self._products(low, high)
-        rows = np.vstack([rows, products])
-        bound = np.concatenate([allowed.bound, np.zeros(len(rows) - len(allowed.bound))])
-        density = np.concatenate([allowed.density, np.zeros((len(allowed.density), 6, n_moments))], axis=2)
+        rows = np.pad(np.vstack([allowed.rows, allowed.box_rows(low, high)]), ((0, 0), (0, n_moments)))
+        rows = np.vstack([rows, self._products(low, high)])
+        density = np.pad(allowed.density, ((0, 0), (0, 0), (0, n_moments)))
         program = ConeProgram(
             matrix=self.objective.factor @ allowed.lift,
             target=self.objective.target - self.objective.factor @ allowed.offset,
             rows=rows,
-            bound=bound,
+            bound=np.pad(allowed.bound, (0, len(rows) - len(allowed.bound))),
             cones=(self._moment_cones(), *((density,) if len(density) else ())),
-            weight=np.concatenate([self.weight, np.zeros(n_moments)]),
-            center=np.concatenate([self.center, np.zeros(n_moments)]),
+            weight=np.pad(self.weight, (0, n_moments)),
+            center=np.pad(self.center, (0, n_moments)),
             scale=lifted,
         )
         answer = solve_cone_program(program)
@@ -150,41 +146,36 @@ class Relaxation:
             np.concatenate([upper, allowed.drive_upper, moments]),
         )
 
+    def _on_segments(self, local: Array) -> Array:
+        """Rows ``(n_free, k, 16)`` on ten coordinates and six moments of each segment made to act on all."""
+        allowed, rows = self.allowed, np.zeros((*local.shape[:2], len(self._lifted_scale())))
+        for place, (row, own) in enumerate(zip(rows, local, strict=True)):
+            row[:, 10 * place : 10 * place + 10] = own[:, :10]
+            row[:, allowed.size + 6 * place : allowed.size + 6 * place + 6] = own[:, 10:]
+        return rows
+
     def _moment_cones(self) -> Array:
         """``[[H, h], [hᵀ, m]]`` of each free segment, scaled to its size, ``(n_free, 10, n)``."""
-        allowed = self.allowed
-        rows = np.zeros((len(allowed.free), 10, allowed.size + 6 * len(allowed.free)))
-        for place in range(len(allowed.free)):
-            body, moments = 10 * place, allowed.size + 6 * place
-            mass, first = allowed.scale[body], allowed.scale[body + 1]
-            for k, (i, j) in enumerate(TRIANGLE):
-                if j < 3:
-                    rows[place, k, moments + k] = mass / first**2
-                elif i < 3:
-                    rows[place, k, body + 1 + i] = 1.0 / first
-                else:
-                    rows[place, k, body] = 1.0 / mass
-        return rows
+        mass, first = self.allowed.scale[: self.allowed.n_body].reshape(-1, 10)[:, :2].T[:, :, None]
+        local = np.zeros((len(mass), 10, 16))
+        local[:, range(6), range(10, 16)] = mass / first**2
+        local[:, (6, 7, 8), (1, 2, 3)] = 1.0 / first
+        local[:, 9, :1] = 1.0 / mass
+        return self._on_segments(local)
 
     def _products(self, low: Array, high: Array) -> Array:
         """Products of the sides of the boxes, rows ``≥ 0`` of unit length in scaled units."""
-        allowed, found = self.allowed, []
-        for place in range(len(allowed.free)):
-            body, moments = 10 * place, allowed.size + 6 * place
-            near, far = low[place], high[place]
-            for k, (p, q) in enumerate(zip(ROWS, COLUMNS, strict=True)):
-                # ±(h_p − s m)(h_q − t m)/m ≥ 0
-                sides = [(1.0, near[p], near[q]), (1.0, far[p], far[q]), (-1.0, near[p], far[q])]
-                if p != q:
-                    sides.append((-1.0, far[p], near[q]))
-                for sign, s, t in sides:
-                    row = np.zeros(allowed.size + 6 * len(allowed.free))
-                    row[moments + k] = sign
-                    row[body + 1 + p] -= sign * t
-                    row[body + 1 + q] -= sign * s
-                    row[body] += sign * s * t
-                    found.append(row)
-        rows = np.array(found)
+        found = []
+        for k, (p, q) in enumerate(zip(ROWS, COLUMNS, strict=True)):
+            # ±(h_p − s m)(h_q − t m)/m ≥ 0
+            sides = [(1.0, low, low), (1.0, high, high), (-1.0, low, high), (-1.0, high, low)]
+            for sign, near, far in sides[: 3 if p == q else 4]:
+                s, t, row = near[:, p], far[:, q], np.zeros((len(low), 16))
+                row[:, 10 + k], row[:, 0] = sign, sign * s * t
+                row[:, 1 + p] -= sign * t
+                row[:, 1 + q] -= sign * s
+                found.append(row)
+        rows = self._on_segments(np.stack(found, axis=1)).reshape(-1, len(self._lifted_scale()))
         return np.asarray(rows / np.linalg.norm(rows * self._lifted_scale(), axis=1, keepdims=True))
 
     def completed(self, relaxed: Relaxed) -> Array | None:
@@ -215,27 +206,14 @@ class RetrievalSettings:
         nodes: most relaxations that are solved to close the gap; 1 is the relaxation of the whole set alone.
     """
 
-    starts: int = 5
-    seed: int = 0
-    gap: float = 1e-3
-    nodes: int = 200
+    starts: int = number(5, "1", 0, 1e9, "random starts")
+    seed: int = number(0, "1", 0, 2**63, "of the starts")
+    gap: float = number(1e-3, "1", 0.0, 1.0, "relative gap at which the search ends")
+    nodes: int = number(200, "1", 1, 1e9, "most relaxations")
 
     def __post_init__(self) -> None:
-        """Check every bound.
-
-        Raises:
-            InputError: names the setting.
-        """
-        least = {"starts": 0, "seed": 0, "gap": 0.0, "nodes": 1}
-        for item in fields(self):
-            value = getattr(self, item.name)
-            if not math.isfinite(value) or value < least[item.name]:
-                raise InputError(
-                    f"is {value!r}",
-                    source="settings",
-                    field=item.name,
-                    remedy=f"choose at least {least[item.name]}",
-                )
+        """Check every bound; raises InputError, which names the setting."""
+        check_settings(self)
 
 
 @dataclass(frozen=True, eq=False)
@@ -274,8 +252,7 @@ def retrieve_parameters(
     return _Search(problem, settings).run()
 
 
-@dataclass(order=True)
-class _Node:
+class _Node(NamedTuple):
     """Boxes still to be searched; ordered by bound."""
 
     bound: float
@@ -299,13 +276,19 @@ class _Search:
 
     def run(self) -> Retrieval:
         """Starts, then branch and bound."""
-        bounds, free = self.problem.allowed.bounds, self.problem.allowed.free
-        self._relax(bounds.lower[free, 1:4], bounds.upper[free, 1:4], self.problem.objective.floor)
-        rng = np.random.default_rng(self.settings.seed)
+        allowed, rng = self.problem.allowed, np.random.default_rng(self.settings.seed)
+        ends = (allowed.bounds.lower, allowed.bounds.upper)
+        boxes = [end[allowed.free, 1:4] for end in ends]
+        self._relax(boxes[0], boxes[1], self.problem.objective.floor)
         for _ in range(self.settings.starts):
             if self.closed:
                 break
-            self._descend(self._random(rng))
+            # ``LB + (UB − LB)u`` (step 4 of Table 1), moved to the nearest point that meets eq. (17), (18).
+            physical = ends[0] + (ends[1] - ends[0]) * rng.uniform(size=ends[0].shape)
+            share = rng.uniform(size=len(allowed.drive_lower))
+            drives = allowed.drive_lower + (allowed.drive_upper - allowed.drive_lower) * share
+            start = allowed.nearest(allowed.coordinates(physical, drives))
+            self.optima.append(descend_locally(self.problem, start))
         while self.open and not self.closed and self.relaxations < self.settings.nodes:
             self._branch(heapq.heappop(self.open))
         best, bound = self.best, self.bound
@@ -316,7 +299,7 @@ class _Search:
             relaxations=self.relaxations,
             optima=tuple(optimum.objective for optimum in self.optima),
         )
-        return Retrieval(self.problem.allowed.standard(best.x), certificate)
+        return Retrieval(allowed.standard(best.x), certificate)
 
     @property
     def best(self) -> LocalOptimum:
@@ -325,8 +308,6 @@ class _Search:
     @property
     def bound(self) -> float:
         """No allowed robot has a smaller objective."""
-        if not self.optima:
-            return self.open[0].bound if self.open else self.problem.objective.floor
         return min(self.open[0].bound if self.open else np.inf, self.best.objective)
 
     @property
@@ -336,52 +317,28 @@ class _Search:
     def _relax(self, low: Array, high: Array, parent: float) -> None:
         """Relax on boxes; keep what may hold something better, descend from what looks better."""
         self.relaxations += 1
-        relaxed = self.problem.solve(low, high)
-        if relaxed is None:
-            # Empty boxes or a solver that failed: the parent's bound holds for either.
-            relaxed = Relaxed(parent, self.problem.allowed.interior, np.ones_like(self.effect))
+        # Empty boxes or a solver that failed: the parent's bound holds for either.
+        failed = Relaxed(parent, self.problem.allowed.interior, np.ones_like(self.effect))
+        relaxed = self.problem.solve(low, high) or failed
         bound = max(relaxed.bound, parent)
-        completed = self.problem.completed(relaxed)
-        for start in (completed, relaxed.x):
-            if start is not None:
-                self._consider(start, bound)
-        best = self.best.objective
-        if bound < best:
+        for start in (self.problem.completed(relaxed), relaxed.x):
+            if start is None:
+                continue
+            value = self.problem.objective.value(self.problem.allowed.standard(start))
+            if self.optima and value >= self.best.objective:
+                continue
+            # A point that is as good as its bound is taken as it is.
+            exact = bound >= (1.0 - self.settings.gap) * value
+            found = LocalOptimum(start, value) if exact else descend_locally(self.problem, start)
+            self.optima.append(found)
+        if bound < self.best.objective:
             heapq.heappush(self.open, _Node(bound, self.relaxations, low, high, relaxed))
-
-    def _consider(self, start: Array, bound: float) -> None:
-        """Take a point that is as good as its bound, descend from one that is better than the best."""
-        value = self.problem.objective.value(self.problem.allowed.standard(start))
-        if self.optima and value >= self.best.objective:
-            return
-        if bound >= (1.0 - self.settings.gap) * value:
-            self.optima.append(LocalOptimum(start, value, 0))
-        else:
-            self._descend(start)
-
-    def _descend(self, start: Array) -> None:
-        self.optima.append(descend_locally(self.problem, start))
-
-    def _random(self, rng: np.random.Generator) -> Array:
-        """``LB + (UB − LB)u`` (step 4 of Table 1), moved to the nearest point that meets eq. (17), (18)."""
-        allowed = self.problem.allowed
-        span = allowed.bounds.upper - allowed.bounds.lower
-        physical = allowed.bounds.lower + span * rng.uniform(size=span.shape)
-        share = rng.uniform(size=len(allowed.drive_lower))
-        drives = allowed.drive_lower + (allowed.drive_upper - allowed.drive_lower) * share
-        return allowed.nearest(allowed.coordinates(physical, drives))
 
     def _branch(self, node: _Node) -> None:
         """Cut the box whose relaxation is least exact, near where the relaxed centre of mass lies."""
         doubt = np.abs(node.relaxed.excess) * self.effect
         # Second moments xx, xy, yy, xz, yz, zz depend on the box's sides x, y, z.
-        sides = np.column_stack(
-            [
-                doubt[:, [0, 1, 3]].sum(axis=1),
-                doubt[:, [1, 2, 4]].sum(axis=1),
-                doubt[:, [3, 4, 5]].sum(axis=1),
-            ]
-        )
+        sides = np.column_stack([doubt[:, (ROWS == k) | (COLUMNS == k)].sum(axis=1) for k in range(3)])
         sides[node.high - node.low < _SMALLEST_SIDE] = -1.0
         segment, axis = np.unravel_index(int(np.argmax(sides)), sides.shape)
         if sides[segment, axis] < 0.0:
@@ -392,11 +349,10 @@ class _Search:
         mass, *first = node.relaxed.x[10 * segment : 10 * segment + 4]
         middle = 0.25 * (low + high) + 0.5 * first[axis] / mass
         cut = float(np.clip(middle, low + 0.2 * (high - low), high - 0.2 * (high - low)))
-        for side in (node.low, node.high):
-            changed = side.copy()
-            changed[segment, axis] = cut
-            pair = (node.low, changed) if side is node.high else (changed, node.high)
-            self._relax(*pair, node.bound)
+        lower, upper = node.low.copy(), node.high.copy()
+        lower[segment, axis] = upper[segment, axis] = cut
+        self._relax(lower, node.high, node.bound)
+        self._relax(node.low, upper, node.bound)
 
 
 # Descent to a local optimum of the retrieval: Gauss-Newton steps over the feasible set (Levenberg 1944).
@@ -413,12 +369,10 @@ class LocalOptimum:
     Attributes:
         x: ``(size,)`` coordinates in the feasible set.
         objective: ``f`` of eq. (15) there [N·m].
-        iterations: Gauss-Newton steps taken.
     """
 
     x: Array
     objective: float
-    iterations: int
 
 
 def descend_locally(problem: Relaxation, start: Array) -> LocalOptimum:
@@ -442,12 +396,11 @@ def descend_locally(problem: Relaxation, start: Array) -> LocalOptimum:
         rest, pull = residual(x), problem.weight * (x - problem.center)
         return 0.5 * float(rest @ rest + pull @ pull)
 
-    x, damping, iterations = start, 1e-2, 0
+    x, damping = start, 1e-2
     best = cost(x)
     # What matters is the objective with its floor: changes far below it are of no interest.
     small = _GAIN * max(0.5 * objective.floor**2, 1e-9 * 0.5 * float(target @ target))
     for _ in range(_ITERATIONS):
-        iterations += 1
         rest, slope = residual(x), lifted @ _lift_derivative(allowed, x)
         gained = 0.0
         while damping < _LARGEST_DAMPING:
@@ -467,17 +420,15 @@ def descend_locally(problem: Relaxation, start: Array) -> LocalOptimum:
             break
         if gained > 0.7 * predicted:
             damping = max(damping / 4.0, 1e-9)
-    return LocalOptimum(x, objective.value(allowed.standard(x)), iterations)
+    return LocalOptimum(x, objective.value(allowed.standard(x)))
 
 
 def _lift_derivative(allowed: FeasibleSet, x: Array) -> Array:
     """Derivative of ``(x, hhᵀ/m)`` by ``x``, ``(size + 6·n_free, size)``."""
-    matrix = np.zeros((allowed.lift.shape[1], allowed.size))
-    matrix[: allowed.size] = np.eye(allowed.size)
-    for place, (mass, *first) in enumerate(x[: allowed.n_body].reshape(-1, 10)[:, :4]):
-        body, moments, c = 10 * place, allowed.size + 6 * place, np.array(first) / mass
-        for k, (p, q) in enumerate(zip(ROWS, COLUMNS, strict=True)):
-            matrix[moments + k, body] = -c[p] * c[q]
-            matrix[moments + k, body + 1 + p] += c[q]
-            matrix[moments + k, body + 1 + q] += c[p]
-    return matrix
+    body = x[: allowed.n_body].reshape(-1, 10)
+    c, local = body[:, 1:4] / body[:, :1], np.zeros((len(body), 6, 10))
+    for k, (p, q) in enumerate(zip(ROWS, COLUMNS, strict=True)):
+        local[:, k, 0] = -c[:, p] * c[:, q]
+        local[:, k, 1 + p] += c[:, q]
+        local[:, k, 1 + q] += c[:, p]
+    return np.vstack([np.eye(allowed.size), allowed.on_bodies(local)])

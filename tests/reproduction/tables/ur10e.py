@@ -6,15 +6,15 @@ from pathlib import Path
 
 from excite.identification.estimators.method_settings import estimator_settings
 from excite.identification.estimators.registry import find_estimator
-from excite.identification.load import identify_drive_gains, identify_load
+from excite.identification.load import weigh_load
 from excite.identification.problem import build_problem
 from excite.logs.robot import nominal_robot
 from tests.reproduction.recordings import UR10E_GAINS, UR10E_JOINTS, percent_left, ur10e_log
 from tests.reproduction.recordings_data import from_recordings
 from tests.reproduction.table import Line, Table
 from tests.reproduction.test_ur10e import LARGEST_PERCENT, SETTINGS
-from tests.reproduction.test_ur10e_load import MASS, part_of_log
-from tests.reproduction.test_ur10e_load import SETTINGS as LOAD_SETTINGS
+from tests.reproduction.test_ur10e_load import part_of_log
+from tests.reproduction.ur10e_load import MASS, PLAIN
 
 _TITLE = "Mamedov and Mikhel 2020: UR10e"
 
@@ -56,17 +56,14 @@ def _load(data: Path, folder: Path) -> Table:
     robot = nominal_robot(bare)
     lines, found = [], []
     for known, judged, name in ((halves[1], halves[0], "first"), (halves[0], halves[1], "second")):
-        gains = identify_drive_gains(robot, bare, known, MASS, LOAD_SETTINGS)
-        mass = float(identify_load(robot, bare, judged, gains.by_joint, LOAD_SETTINGS).load[0])
+        gains = weigh_load(robot, bare, known, mass=MASS, settings=PLAIN).gains
+        mass = weigh_load(robot, bare, judged, gains=gains, settings=PLAIN).mass
         what = f"load [kg], {name} half, gains from the other half"
         lines.append(Line(what, MASS, mass, abs(mass / MASS - 1.0) < 0.03, "within 3 %"))
         found.append(gains)
-    published = float(identify_load(robot, bare, halves[1], UR10E_GAINS, LOAD_SETTINGS).load[0])
+    published = weigh_load(robot, bare, halves[1], gains=UR10E_GAINS, settings=PLAIN).mass
     lines.append(Line("load [kg], second half, published gains", MASS, published))
-    lines += [
-        Line(f"gain of {joint} [N·m/A]", UR10E_GAINS[joint], found[0].by_joint[joint])
-        for joint in UR10E_JOINTS
-    ]
+    lines += [Line(f"gain of {joint} [N·m/A]", UR10E_GAINS[joint], found[0][joint]) for joint in UR10E_JOINTS]
     return Table(
         f"{_TITLE}, a load of known mass", tuple(lines), "The run of 14 harmonics, bare and loaded.", digits=4
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from excite.identification.judgement.essential import RSD_ABOVE
+from excite.identification.parameter_statistics import RSD_ABOVE
 from excite.identification.physical.feasible_set import VALUE_BELOW
 from excite.regressor.base_parameters import structural_base_parameters
 from tests.reproduction.iiwa import bounds, grouping, iiwa, judge, published_base, published_parameters

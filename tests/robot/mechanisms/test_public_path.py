@@ -142,7 +142,7 @@ def test_a_four_bar_from_its_file_to_its_parameters(tmp_path: Path) -> None:
     log = run_experiment(virtual, motions, seed=3, roles={motions[-1].name: "validation"}).log
     assert log.header.joints == ("crank",)
     found = identify(robot, log)
-    fit = found.judgement.validation["crank"]
+    fit = found.validation["crank"]
     assert fit.rmse < 0.5 * fit.reference_rmse
 
 
