@@ -95,7 +95,7 @@ NAMED = {
         times(180 / np.pi, *(f"{c}.{j}" for c in ("q", "q_cmd") for j in JOINTS)), {}, "degrees", "degrees", JOINTS,
     ),
     "all torques turned": (times(-1.0, *(f"tau.{j}" for j in JOINTS)), {}, "torque_sign", "reaction", JOINTS),
-    "one torque turned": (times(-1.0, f"tau.{JOINTS[2]}"), {}, "torque_sign", "turned", JOINTS[2:3]),
+    "one torque turned": (times(-1.0, f"tau.{JOINTS[2]}"), {}, "torque_sign", "opposite sign", JOINTS[2:3]),
     "motor side called link side": (nothing, {"torque": "link_side"}, "torque_side", "motor_side", JOINTS),
     "two rows in the wrong order": (swap_two_rows, {}, "reordered_rows", "put in order", ()),
     "a dead torque": (set_to(1.0, f"tau.{JOINTS[3]}"), {}, "constant", "dead channel", (f"tau.{JOINTS[3]}",)),

@@ -27,7 +27,7 @@ def test_own_terms_at_every_sign_change_are_those_of_each_alone() -> None:
 def test_terms_made_together_are_those_made_one_by_one() -> None:
     base = baseline(drives=True)
     library = Library(FULL[:1], tuple(EFFECTS.values()))
-    together = library.candidates(TermMaker(Context(base), base.strict))
+    together = library.candidates(TermMaker(Context(base), base.strict), Context(base))
     assert len(together) > 100
     base.derived.rows.clear()
     maker = TermMaker(Context(base), base.strict)

@@ -149,7 +149,7 @@ def replayed(columns: dict[str, np.ndarray], arm: Robot, curve: str, folder: Pat
         "action": np.column_stack([columns[f"q.{joint}"] for joint in arm.joint_names]).astype(np.float32)
     }
     fps = round(1.0 / STEP_S)
-    write_data_set(data, names, path, fps=fps, robot=arm.name, task="replay", version="v3.0")
+    write_data_set(data, names, path, fps=fps, robot=arm.name, task="replay")
     (path / STATEMENT).write_text(json.dumps({"curve": curve}))
     return path
 

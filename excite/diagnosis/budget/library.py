@@ -75,9 +75,15 @@ class Library:
                     )
         return made
 
-    def candidates(self, maker: TermMaker) -> list[Term]:
-        """Every effect at every place where it can be told, at every point of its grid."""
-        return maker.make_all(self._places(maker.context))
+    def candidates(self, maker: TermMaker, begun: Context) -> list[Term]:
+        """Every effect at every place where it can be told, at every point of its grid.
+
+        Args:
+            maker: makes their columns.
+            begun: what the model begins with. A load that is itself found is no load that a gain is told by: scaled, it
+                would be the same torque under another name.
+        """
+        return maker.make_all(self._places(maker.context, begun))
 
     def bodies(self, context: Context) -> Iterable[tuple[Effect, str]]:
         """Every effect that is a body, at every link."""
@@ -86,7 +92,7 @@ class Library:
             if effect.is_body and effect.offered(full):
                 yield from ((effect, place) for place in effect.locations(context))
 
-    def _places(self, context: Context) -> Iterable[tuple[Effect, str, Theta]]:
+    def _places(self, context: Context, begun: Context) -> Iterable[tuple[Effect, str, Theta]]:
         full = with_begun(self.modelled)
         # What a drive does in motion cannot be told of one that stands, and friction holds it with any constant.
         stands = {context.joints[j] for j in np.flatnonzero(stands_throughout(context.baseline.samples))}
@@ -96,7 +102,7 @@ class Library:
             for place in effect.locations(context):
                 if effect.own_joint and place in stands:
                     continue
-                if effect.by_load and not loaded(context, place):
+                if effect.by_load and not loaded(begun, place):
                     continue
                 for form in (effect, *effect.forms, *(f for f in effect.richer if f.seen_alone)):
                     for theta in form.grid(context, place):

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Estimate
-from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.effect import Belief, Effect, Parameter, Shape, Theta
 from excite.diagnosis.effects.forces import Wave
 from excite.diagnosis.effects.form import Beyond, Context, Draft, Form, Sizes
 from excite.diagnosis.equations.joint_torque import Fit
@@ -75,6 +75,7 @@ class BaseTilt(Effect):
     """
 
     name = "base_tilt"
+    belief = Belief(width=1.0)
     told_by = frozenset({Doubt.POSITION, Doubt.GRAVITY})
     linear: ClassVar[tuple[Parameter, ...]] = (
         Parameter("gravity_x", "m/s²", -5.0, 5.0),
@@ -274,6 +275,7 @@ class LinkLengthError(Effect):
     """The joint's placement in its parent shifted: change of all torques per metre along three axes."""
 
     name = "link_length_error"
+    belief = Belief(chance=0.01, width=0.01)
     told_by = frozenset({Doubt.POSITION, Doubt.GRAVITY, Doubt.CLOCK, Doubt.SIZE})
     linear = tuple(Parameter(f"shift_{axis}", "m", -0.3, 0.3) for axis in "xyz")
     confusable_with = ("link_inertia", "payload", "encoder_offset")
@@ -353,6 +355,7 @@ class Payload(Effect):
     """The regressor's columns of one body: mass, first moments, inertia (Atkeson, An, Hollerbach 1986)."""
 
     name = "payload"
+    belief = Belief(chance=0.05)
     told_by = frozenset({Doubt.POSITION, Doubt.GRAVITY, Doubt.CLOCK, Doubt.SIZE})
     linear = tuple(
         Parameter(n, u, width=w)

@@ -167,7 +167,6 @@ class SlackSpring(OneSided, JointSpring):
     # What acts over less is a stop, over more a spring without slack.
     within: ClassVar[tuple[float, float]] = (0.45, 0.95)
     spans: ClassVar[tuple[str, ...]] = ()
-    patches = True
 
     @property
     def forms(self) -> tuple[Effect, ...]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Estimate
-from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.effect import Belief, Effect, Parameter, Shape, Theta
 from excite.diagnosis.effects.form import Beyond, Context, Draft, Form, Note, Sizes
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.dry_friction.reversals import told_delay
@@ -25,6 +25,7 @@ class TorqueGain(Effect):
     """``τ_logged = g τ``; the column is the predicted torque, the parameter ``g − 1``."""
 
     name = "torque_gain"
+    belief = Belief(width=0.3)
     told_by = frozenset({Doubt.CLOCK, Doubt.SIZE})
     linear = (Parameter("gain_error", "1", -0.7, 2.0),)
     confusable_with = ("payload", "link_inertia", "load_dependent_friction")
@@ -81,6 +82,7 @@ class ActuatorLag(Effect):
     """The log holds the command u, the joints get τ with ``T τ̇ + τ = u``: ``u = τ + T τ̇``, linear in T."""
 
     name = "actuator_lag"
+    belief = Belief(width=0.03, group="timing")
     told_by = frozenset({Doubt.CLOCK, Doubt.DELAY})
     linear: ClassVar[tuple[Parameter, ...]] = (Parameter("time_constant", "s", 0.0, 0.5),)
     confusable_with = ("time_delay", "viscous_friction")
@@ -184,6 +186,7 @@ class EncoderOffset(Effect):
     """
 
     name = "encoder_offset"
+    belief = Belief(chance=0.04, width=0.05)
     told_by = frozenset({Doubt.POSITION, Doubt.GRAVITY})
     linear = (Parameter("offset", "rad", -0.5, 0.5),)
     searched = (Parameter("secant", "1", math.exp(-_WIDEST), math.exp(_WIDEST)),)
@@ -286,6 +289,7 @@ class TimeDelay(Effect):
     """
 
     name = "time_delay"
+    belief = Belief(group="timing")
     told_by = frozenset({Doubt.CLOCK, Doubt.DELAY})
     linear: ClassVar[tuple[Parameter, ...]] = (Parameter("delay", "s", 0.0, 0.15),)
     searched: ClassVar[tuple[Parameter, ...]] = (Parameter("secant", "s", 4e-4, 0.15),)

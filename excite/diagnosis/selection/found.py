@@ -111,6 +111,7 @@ class _Turns:
     full: Baseline
     modelled: tuple[str, ...]
     library: Library
+    begun_context: Context
     rows: Rows
     noise: Noise
     slab: Slab
@@ -133,11 +134,12 @@ class _Turns:
             full,
             modelled,
             library,
+            maker.context,
             rows,
             noise,
             Slab.of(rows, gap),
             library.begun(maker),
-            library.candidates(maker),
+            library.candidates(maker, maker.context),
             [body for body in bodies if body is not None],
         )
 
@@ -228,7 +230,10 @@ class _Turns:
         if first or moves:
             context = now.without(*gears) if moves else Context(self.full)
             maker = TermMaker(context, self.full.strict)
-            self.begun_terms, self.candidates = self.library.begun(maker), self.library.candidates(maker)
+            self.begun_terms, self.candidates = (
+                self.library.begun(maker),
+                self.library.candidates(maker, self.begun_context),
+            )
 
     def _with_shape(self, gram: Gram, maker: TermMaker, term: Term, x: Array | None) -> Atom:
         """A term with the columns of its shape."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,47 +16,6 @@ from excite.diagnosis.budget.fit.terms import Term
 from excite.diagnosis.equations.own_columns import COULOMB
 from excite.diagnosis.selection.sampler import Indices, Problem
 
-
-class Belief(NamedTuple):
-    """What is believed of an effect.
-
-    Attributes:
-        chance: that a place has it.
-        width: standard deviation of its linear parameters [SI]; infinite where only the gap bounds its torque.
-        group: effects of one group exclude each other at a place; its own name where empty.
-        share_width: factor from the scatter of its share to the half width of the 90 % interval.
-        size_width: likewise the relative half width of its sizes beside the posterior's.
-    """
-
-    chance: float = 0.1
-    width: float = np.inf
-    group: str = ""
-    share_width: float = 2.3
-    size_width: float = 0.15
-
-
-_USUAL = Belief()
-_RUBBING = Belief(share_width=2.3, size_width=0.7)
-# Chances and widths: of three drawn arms with 19 effects to be found, chances of 0.02 for 0.1, and torques three
-# times as large as the gap, changed no name; torques a third as large let five false ones in. Assembled robots rarely
-# have links of a wrong length or encoders off by much: with 0.1 for both, one of eight drawn arms had three lengths
-# that were not there. Widths of shares and sizes were learned on ten arms with a little of everything.
-BELIEFS: Mapping[str, Belief] = {
-    "time_delay": Belief(group="timing"),
-    "actuator_lag": Belief(width=0.03, group="timing"),
-    "backlash": Belief(group="gear"),
-    "joint_elasticity": Belief(group="gear"),
-    "link_length_error": Belief(chance=0.01, width=0.01),
-    "encoder_offset": Belief(chance=0.04, width=0.05),
-    "payload": Belief(chance=0.05),
-    "torque_gain": Belief(width=0.3, size_width=0.7),
-    "base_tilt": Belief(width=1.0),
-    "coulomb_friction": _RUBBING,
-    "viscous_friction": _RUBBING,
-    "stribeck": _RUBBING,
-    "load_dependent_friction": _RUBBING,
-    "friction_drift": _RUBBING,
-}
 # Terms that a model begins with are as likely there as not; what has no name is rare.
 _STARTED, _NAMELESS = 0.5, 0.03
 # Deviation of a size that is one, as a gear's with its stiffness: while its shape lies on a grid, and once that is
@@ -76,14 +34,9 @@ _FLAT, _LEAST = 1e-9, 1e-6
 Key = tuple[str, str]
 
 
-def belief(name: str) -> Belief:
-    """What is believed of an effect."""
-    return BELIEFS.get(name, _USUAL)
-
-
 def group_of(term: Term) -> Key:
     """The group of a term: at most one of its atoms is in a model."""
-    return belief(term.name).group or term.name, term.location
+    return term.effect.belief.group or term.name, term.location
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,7 +153,7 @@ def atom_of(term: Term, slab: Slab, changes: Sequence[Mapping[int, Array]] = ())
     else:
         mean, kept = np.zeros(n), list(term.kept)
         moment = slab.moment(columns)
-        moment[np.diag_indices(n)] += term.precision + (term.scale / belief(term.name).width) ** 2
+        moment[np.diag_indices(n)] += term.precision + (term.scale / term.effect.belief.width) ** 2
         precision = np.maximum(np.diag(moment), 1e-30)
         low = np.array([p.low for p in term.effect.linear])[kept] / term.scale
         high = np.array([p.high for p in term.effect.linear])[kept] / term.scale
@@ -227,14 +180,16 @@ def atom_of(term: Term, slab: Slab, changes: Sequence[Mapping[int, Array]] = ())
 def _body_atom(term: Term, slab: Slab) -> Atom:
     """A body as a draw of random bodies, as heavy as a link, of a torque as large as a few gaps of its joints.
 
-    Ten free numbers cost 50 nats and lose to three wrong lengths; of ten that are a body's few are free.
+    It is no lighter than what makes one gap: links weigh nothing where torques are a difference of two runs. Ten free
+    numbers cost 50 nats and lose to three wrong lengths; of ten that are a body's few are free.
     """
     turned = _random_bodies(term) / term.scale[:, None]
     columns = {j: block @ turned for j, block in term.columns.items()}
     inertias = term.context.baseline.samples.robot.model.inertias
     mass = float(np.mean([inertia.mass for inertia in list(inertias)[1:]]))
     n = term.size
-    precision = slab.moment(columns) / _BODY**2 + np.eye(n) / max(mass, 1e-3) ** 2
+    moment = slab.moment(columns)
+    precision = moment / _BODY**2 + np.eye(n) / max(mass**2, 1.0 / np.diag(moment).max())
     unit = np.linalg.inv(np.linalg.cholesky(precision)).T
     free = np.full(n, np.inf)
     columns = {j: block @ unit for j, block in columns.items()}
@@ -262,7 +217,7 @@ def with_odds(atoms: Iterable[Atom]) -> list[Atom]:
     made = []
     for members in groups.values():
         first = members[0].term
-        chance = max(belief(atom.term.name).chance for atom in members)
+        chance = max(atom.term.effect.belief.chance for atom in members)
         if any(atom.term.started for atom in members):
             chance = _STARTED
         elif first.effect.nameless:

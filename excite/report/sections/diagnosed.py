@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from html import escape
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -33,6 +33,9 @@ from excite.report.plots.bars import Bars, draw_bars
 from excite.report.plots.curves import MOST_PANELS, Line, Panel, channel_label, channel_panels, show_panels
 from excite.report.theme import IDENTIFIED, INK, NOMINAL, to_svg
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 # The gap of each channel against its noise floor, before and after the effects.
 
 
@@ -52,14 +55,21 @@ def show_gap_by_channel(findings: Findings) -> Shown:
     return [
         "What the model leaves on trials that were not fitted, as a multiple of the noise floor: bars that end at "
         "the line leave nothing to explain.",
-        _gap_figure(channels, closed),
+        inline_figure(
+            to_svg(draw_gap(channels, closed), "gap-bars", "Gap of each channel over its noise floor")
+        ),
         folded_content("Numbers", columns_table(channels, columns)),
         _rollout_table(found["simulation"]),
     ]
 
 
-def _gap_figure(channels: list[dict[str, Any]], closed: bool) -> str:
-    """A bar a channel from the noise floor to the gap, on a logarithmic scale; a narrow one with the effects."""
+def draw_gap(channels: list[dict[str, Any]], closed: bool) -> Figure:
+    """A bar a channel from the noise floor to the gap, on a logarithmic scale; a narrow one with the effects.
+
+    Args:
+        channels: each ``name``, and ``before``, ``after`` and ``noise_floor`` in one unit.
+        closed: whether there are effects, so that ``after`` says something.
+    """
     floor, *both = (
         np.array([one[key] for one in channels], dtype=float) for key in ("noise_floor", "before", "after")
     )
@@ -75,7 +85,7 @@ def _gap_figure(channels: list[dict[str, Any]], closed: bool) -> str:
         log=True,
         texts=["" if np.isnan(pair).any() else " → ".join(f"{x:.3g}" for x in pair) for pair in pairs],
     )
-    return inline_figure(to_svg(draw_bars(bars), "gap-bars", "Gap of each channel over its noise floor"))
+    return draw_bars(bars)
 
 
 def _rollout_table(simulation: Document | None) -> str:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.effects.effect import Effect, Parameter, Theta
+from excite.diagnosis.effects.effect import Belief, Effect, Parameter, Theta
 from excite.diagnosis.effects.form import DEFLECTION, Beyond, Context, Draft, Form, Note, Sizes
 from excite.diagnosis.effects.gears.gear import Gear, contact_stiffness, gear_damping
 from excite.diagnosis.effects.gears.gear_effect import GearEffect, joint_behind
@@ -151,6 +151,7 @@ class Backlash(GearEffect):
     """The link flies freely through a dead band between two contacts (Nordin, Gutman 2002, section 2)."""
 
     name = "backlash"
+    belief = Belief(group="gear")
     told_by = frozenset({Doubt.DELAY})
     searched: ClassVar[tuple[Parameter, ...]] = (
         Parameter("width", "rad", 2e-4, 0.08),

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.effect import Belief, Effect, Parameter, Shape, Theta
 from excite.diagnosis.effects.form import DEFLECTION, Beyond, Context, Draft, Form, Note, Sizes, Told
 from excite.diagnosis.effects.gears.gear import Behind, Gear, contact_stiffness, gear_damping, link_inertia
 from excite.diagnosis.equations.joint_torque import Fit
@@ -450,6 +450,7 @@ class JointElasticity(GearEffect):
     """The link's angle is the logged motor's angle plus a deflection, ``k δ = −τ`` (Spong 1987)."""
 
     name = "joint_elasticity"
+    belief = Belief(group="gear")
     searched: ClassVar[tuple[Parameter, ...]] = (
         Parameter("stiffness", "N·m/rad", 0.01, 1e6),
         Parameter("damping_ratio", "1", 0.01, 2.0),
