@@ -92,15 +92,12 @@ def _bam(data: Path, folder: Path) -> Entry:
                 f"friction under load of {_UNDER_LOAD[0]} to {_UNDER_LOAD[1]} (M3 to M6)",
                 f"{value:.2f}",
                 _UNDER_LOAD[0] <= value <= _UNDER_LOAD[1],
-                "the load is taken as smaller where the servo creeps and its friction changes sign slowly",
+                "by the weight's torque, of which a straight line by hand has 0.46 to 0.52; theirs is by the motor's",
             ),
         ),
         remark=(
-            f"Its coefficient here is {value:.2f} by the weight's torque, and too small: a straight line by hand "
-            "through what moves at 0.1 rad/s or more has 0.46 to 0.52. The motor's load is taken as smaller where the "
-            "servo creeps and its friction changes sign slowly, which half of the record does. The authors' 0.24 to "
-            "0.29 are by the motor's torque, friction and all. What is left with load-dependent friction in the model "
-            "is slow: the encoder's step of 1.5 mrad hides which way the servo creeps below about 0.1 rad/s. "
+            f"Its coefficient here is {value:.2f} by the weight's torque: a straight line by hand through what moves at "
+            "0.1 rad/s or more has 0.46 to 0.52. The authors' 0.24 to 0.29 are by the motor's torque, friction and all. "
             "The coefficient is the slope of the straight line that comes nearest to a power of the load; a wrong "
             "torque constant scales load and friction alike."
         ),
