@@ -1,4 +1,4 @@
-"""What is known of effects before any record: how likely each is, how large, and which of them exclude each other."""
+"""Priors of the columns of effects: odds of their groups, and normal priors of their sizes, from what effects state."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What every estimator takes and gives, and the estimators by name. A new one is one file and one line here."""
+"""What every estimator takes and gives; those there are, by name, are in ``registry``."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class Estimator(ABC, Generic[SettingsT]):
     """A way to parameters from an :class:`~excite.identification.problem.IdentificationProblem`.
 
     A new one is a file with a subclass and a line in
-    :mod:`excite.identification.estimators.estimator`.
+    :mod:`excite.identification.estimators.registry`.
 
     Attributes:
         name: registry name.
