@@ -96,8 +96,9 @@ def _bam(data: Path, folder: Path) -> Entry:
             ),
         ),
         remark=(
-            f"Its coefficient here is {value:.2f} by the weight's torque: a straight line by hand through what moves at "
-            "0.1 rad/s or more has 0.46 to 0.52. The authors' 0.24 to 0.29 are by the motor's torque, friction and all. "
+            f"Its coefficient here is {value:.2f} by the weight's torque: a straight line by hand through what moves "
+            "at 0.1 rad/s or more has 0.46 to 0.52. The authors' 0.24 to 0.29 are by the motor's torque, friction and "
+            "all. "
             "The coefficient is the slope of the straight line that comes nearest to a power of the load; a wrong "
             "torque constant scales load and friction alike."
         ),
