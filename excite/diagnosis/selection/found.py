@@ -20,7 +20,7 @@ from excite.diagnosis.effects.effect import Effect
 from excite.diagnosis.effects.form import Context
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.standing_joints import stands_throughout
-from excite.diagnosis.selection.gram import Gram, Noise, Posterior, discrepancy_columns
+from excite.diagnosis.selection.gram import Gram, Noise, discrepancy_columns
 from excite.diagnosis.selection.prior import (
     Atom,
     Key,
@@ -77,31 +77,6 @@ class Selected:
     def chosen(self) -> tuple[int, ...]:
         """Atoms of the likeliest model."""
         return tuple(int(a) for a in self.draws.best if a >= 0)
-
-    @property
-    def posterior(self) -> Posterior:
-        """Its parameters."""
-        return self.gram.posterior(self.chosen)
-
-
-@step("look for effects")
-def select(
-    full: Baseline,
-    modelled: tuple[str, ...],
-    effects: tuple[Effect, ...],
-    floor: Array,
-    rng: np.random.Generator,
-) -> Selected:
-    """Sample which effects a record has.
-
-    Args:
-        full: what every model begins with, fitted.
-        modelled: words of ``modelled``.
-        effects: that may be there.
-        floor: ``(n_joints,)`` noise in the rows' band.
-        rng: random numbers.
-    """
-    return _Turns.begun(full, modelled, effects, floor).run(rng)
 
 
 @dataclass(eq=False)
@@ -188,7 +163,7 @@ class _Turns:
         gears = gears_of(terms)
         turned = settled.basis is not basis
         self.full, self.rows = settled.basis.full, settled.basis.rows
-        self.slab = Slab.of(self.rows, self.slab.gap) if turned else self.slab
+        self.slab = settled.basis.slab
         found: Atoms = {}
         for term, maker in other_forms(gram, terms, self.slab, makers) if turn >= 1 else []:
             found.setdefault(term.key, []).append(self._with_shape(gram, maker, term, None))
@@ -230,10 +205,8 @@ class _Turns:
         if first or moves:
             context = now.without(*gears) if moves else Context(self.full)
             maker = TermMaker(context, self.full.strict)
-            self.begun_terms, self.candidates = (
-                self.library.begun(maker),
-                self.library.candidates(maker, self.begun_context),
-            )
+            self.begun_terms = self.library.begun(maker)
+            self.candidates = self.library.candidates(maker, self.begun_context)
 
     def _with_shape(self, gram: Gram, maker: TermMaker, term: Term, x: Array | None) -> Atom:
         """A term with the columns of its shape."""
@@ -321,8 +294,9 @@ def model_of_gap(
         sigma: ``(n_joints,)`` standard deviation of the positions' noise [rad]; None for none.
         rng: random numbers.
     """
-    selected = select(full, modelled, effects, floor, rng)
-    rows = rows_of(selected.full, modelled, floor)
+    with step("look for effects"):
+        selected = _Turns.begun(full, modelled, effects, floor).run(rng)
+    rows = selected.gram.rows
     gram, draws = selected.gram, selected.draws
     groups = groups_of(gram.atoms)
     number = {key: g for g, key in enumerate(groups)}
@@ -342,7 +316,7 @@ def model_of_gap(
         gram = Gram.of(begun, gram.discrepancy, gram.atoms, selected.noise)
         settled = settle(basis, gram, again, once=False)
         selected, rows = replace(selected, full=settled.basis.full), settled.basis.rows
-        terms = in_plainest_forms(settled.gram, settled.terms, Slab.of(rows, selected.gap))
+        terms = in_plainest_forms(settled.gram, settled.terms, settled.basis.slab)
     if sigma is not None:
         model = fit(Design(rows, tuple(terms)), range(len(terms)))
         terms = [terms[k] for k in sorted(unlike_noise(model, selected.full, sigma, len(groups), rng))]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -19,12 +20,10 @@ from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.dry_friction.friction_sign import WIDTHS, SignChange
 from excite.diagnosis.selection.gram import Gram, Noise
 from excite.diagnosis.selection.prior import Slab
-from excite.diagnosis.selection.shapes import Company, moved, searched_together, shape_changes
+from excite.diagnosis.selection.shapes import RICHER, Company, moved, searched_together, shape_changes
 
 # Searches at most, and change of a shape's logarithm from which there is another one.
 _SEARCHES, _STILL = 8, 0.003
-# Nats by which bristles have to be better than friction without memory beside an effect of friction.
-_BENT = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +43,11 @@ class Basis:
     modelled: tuple[str, ...]
     noise: Noise
     gap: Array
+
+    @cached_property
+    def slab(self) -> Slab:
+        """The unit of an effect's torque in these rows."""
+        return Slab.of(self.rows, self.gap)
 
     def with_baseline(self, full: Baseline) -> Basis:
         """The same with other changes of sign."""
@@ -70,11 +74,6 @@ class Settled:
     makers: list[TermMaker]
     now: Prediction
 
-    @property
-    def gears(self) -> list[int]:
-        """Which terms are gears."""
-        return gears_of(self.terms)
-
 
 def settle(basis: Basis, gram: Gram, terms: Sequence[Term], *, once: bool) -> Settled:
     """Search the shapes of terms together, friction without memory tried beside each effect of friction.
@@ -88,9 +87,9 @@ def settle(basis: Basis, gram: Gram, terms: Sequence[Term], *, once: bool) -> Se
         once: whether one search does.
     """
     found = _searched(basis, gram, terms, 1 if once else _SEARCHES)
-    for j in (
-        [] if once else sorted({int(t.own) for t in found.terms if t.effect.friction and t.own is not None})
-    ):
+    if once:
+        return found
+    for j in sorted({int(t.own) for t in found.terms if t.effect.friction and t.own is not None}):
         full = found.basis.full
         if not full.signs[j].bent:
             continue
@@ -102,7 +101,7 @@ def settle(basis: Basis, gram: Gram, terms: Sequence[Term], *, once: bool) -> Se
             for maker, term in zip(found.makers, found.terms, strict=True)
         ]
         other = _searched(plain, _gram_of(plain, gram), again, _SEARCHES)
-        if other.company.loss < found.company.loss + _BENT:
+        if other.company.loss < found.company.loss + RICHER:
             found = other
     return found
 
@@ -135,7 +134,7 @@ def _searched(basis: Basis, gram: Gram, terms: Sequence[Term], most: int) -> Set
     for k in range(most):
         before, signs = terms, basis.full.signs
         terms = [_timed(basis.rows, terms, i) for i in range(len(terms))]
-        terms, company = searched_together(gram, terms, Slab.of(basis.rows, basis.gap))
+        terms, company = searched_together(gram, terms, basis.slab)
         model = fit(Design(basis.rows, tuple(terms)), range(len(terms)), left_out=False)
         turned = signs_beside(basis.full, model)
         if turned is not basis.full:

@@ -24,8 +24,10 @@ _LONGEST, _SHORTER = 0.7, (1.0, 0.4, 0.12)
 _STEPS, _ENOUGH = 4, 0.5
 # A priori precision of a step of a shape's logarithm.
 _DAMPING = 2.0
-# Starts of another form; nats of a term from which its other forms are tried, and by which one may be behind.
-_STARTS, _WORTH, _BEHIND = 9, 8.0, 3.0
+# Starts of another form, and nats of a term from which its other forms are tried.
+_STARTS, _WORTH = 9, 8.0
+# Nats by which a richer form of a law has to be better than a plain one.
+RICHER = 3.0
 
 # Share of a term's nats that another law of its place has on its grid, from which it is searched there.
 _NEARLY = 0.5
@@ -296,7 +298,7 @@ def other_forms(
         for form, starts in tried:
             begun = [_begun(makers[i], form, term, theta) for theta in starts[:_STARTS]]
             for best, gain in _best_of(company, makers[i], begun):
-                if gain > own - _BEHIND:
+                if gain > own - RICHER:
                     found.append((replace(best, started=term.started), makers[i]))
     return found
 
@@ -316,7 +318,7 @@ def in_plainest_forms(gram: Gram, terms: Sequence[Term], slab: Slab) -> list[Ter
         begun = [maker.make(plain, term.location, theta) for theta in plain.grid(term.context, term.location)]
         best, gain = max(_best_of(beside, maker, begun), key=lambda item: item[1], default=(term, -np.inf))
         spared = term.n_parameters - best.n_parameters
-        if gain > beside.gain_of(term)[0] - _BEHIND * spared:
+        if gain > beside.gain_of(term)[0] - RICHER * spared:
             terms[i] = best
     return terms
 
