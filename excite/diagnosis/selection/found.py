@@ -88,6 +88,7 @@ class _Turns:
     library: Library
     begun_context: Context
     rows: Rows
+    discrepancy: tuple[Array, ...]
     noise: Noise
     slab: Slab
     begun_terms: Sequence[Term]
@@ -111,6 +112,7 @@ class _Turns:
             library,
             maker.context,
             rows,
+            discrepancy_columns(full),
             noise,
             Slab.of(rows, gap),
             library.begun(maker),
@@ -120,14 +122,12 @@ class _Turns:
 
     def run(self, rng: np.random.Generator) -> Selected:
         """All turns."""
-        discrepancy = discrepancy_columns(self.full)
         found: Atoms = {}
         keys: list[Term] = []
         for turn, (anneal, white) in enumerate(_TURNS):
-            last = turn == len(_TURNS) - 1
             self.noise = replace(self.noise, anneal=anneal, white=white)
             atoms = self._atoms(found, searched=turn >= 2)
-            gram = Gram.of(self.rows, discrepancy, atoms, self.noise)
+            gram = Gram.of(self.rows, self.discrepancy, atoms, self.noise)
             draws = _sampled(gram, keys, _SWEEPS, rng)
             posterior = gram.posterior([int(a) for a in draws.best if a >= 0])
             self.noise = replace(
@@ -136,12 +136,12 @@ class _Turns:
                 discrepancy=posterior.discrepancy(self.noise, self.slab.gap),
                 power=posterior.power(self.noise),
             )
-            gram = Gram.of(self.rows, discrepancy, atoms, self.noise)
             terms = [atoms[a].term for a in posterior.chosen]
-            if last:
+            if turn == len(_TURNS) - 1:
+                gram = Gram.of(self.rows, self.discrepancy, atoms, self.noise)
                 draws = _sampled(gram, terms, _LONGER * _SWEEPS, rng)
                 return Selected(self.full, gram, draws, self.noise, self.slab.gap)
-            found, keys = self._remade(gram, terms, turn)
+            found, keys = self._remade(atoms, terms, turn)
         raise AssertionError("there is a last turn")
 
     def _atoms(self, found: Atoms, *, searched: bool) -> list[Atom]:
@@ -154,23 +154,27 @@ class _Turns:
             grid[key] = [*more, *old]
         return with_odds(atom for atoms in grid.values() for atom in atoms)
 
-    def _remade(self, gram: Gram, terms: Sequence[Term], turn: int) -> tuple[Atoms, list[Term]]:
+    def _remade(self, atoms: Sequence[Atom], terms: Sequence[Term], turn: int) -> tuple[Atoms, list[Term]]:
         """The likeliest model's terms with their shapes searched, made anew at what it predicts; and where to begin."""
-        basis = Basis(self.full, self.rows, self.modelled, self.noise, self.slab.gap)
-        settled = settle(basis, gram, terms, once=turn == 0)
-        gram, terms, makers, now = settled.gram, settled.terms, settled.makers, settled.now
+        basis = Basis(self.full, self.rows, self.modelled, self.discrepancy, self.noise, self.slab.gap)
+        settled = settle(basis, terms, once=turn == 0)
+        terms, makers, now = settled.terms, settled.makers, settled.now
         sizes = [settled.company.sizes(i) for i in range(len(terms))]
         gears = gears_of(terms)
         turned = settled.basis is not basis
         self.full, self.rows = settled.basis.full, settled.basis.rows
         self.slab = settled.basis.slab
         found: Atoms = {}
-        for term, maker in other_forms(gram, terms, self.slab, makers) if turn >= 1 else []:
-            found.setdefault(term.key, []).append(self._with_shape(gram, maker, term, None))
+        for term, maker in (
+            other_forms(settled.basis.gram, atoms, terms, self.slab, makers) if turn >= 1 else []
+        ):
+            found.setdefault(term.key, []).append(self._with_shape(maker, term, None))
         whole = TermMaker(now.context, self.full.strict)
-        joints = self._worst(gram, terms)
-        for term in forms_unlike_grids(gram, terms, self.slab, whole, self.library.effects, joints):
-            found.setdefault(term.key, []).append(self._with_shape(gram, whole, term, None))
+        joints = self._worst(terms)
+        for term in forms_unlike_grids(
+            settled.basis.gram, terms, self.slab, whole, self.library.effects, joints
+        ):
+            found.setdefault(term.key, []).append(self._with_shape(whole, term, None))
         self._grid_again(now, terms, gears, first=turn == 0 or turned)
         keys: list[Term] = []
         for term, x, maker in zip(terms, sizes, makers, strict=True):
@@ -183,14 +187,14 @@ class _Turns:
             if term.known and not term.effect.timing:
                 # What is made anew may have lost what the old column had.
                 old = TermMaker(term.context, self.full.strict)
-                found.setdefault(term.key, []).append(self._with_shape(gram, old, term, x))
+                found.setdefault(term.key, []).append(self._with_shape(old, term, x))
             found.setdefault(term.key, []).append(
-                self._with_shape(gram, maker, again, x if again.size == term.size else None)
+                self._with_shape(maker, again, x if again.size == term.size else None)
             )
             keys.append(again)
         return found, [*keys, *(term for term in terms if _is_begun(term))]
 
-    def _worst(self, gram: Gram, terms: Sequence[Term]) -> list[str]:
+    def _worst(self, terms: Sequence[Term]) -> list[str]:
         """Joints without a gear in the model that have most left, in units of their noise."""
         use = self.rows.block >= 0
         left = (self.noise.residual[:, use] ** 2).mean(axis=1) / self.noise.floor**2
@@ -208,7 +212,7 @@ class _Turns:
             self.begun_terms = self.library.begun(maker)
             self.candidates = self.library.candidates(maker, self.begun_context)
 
-    def _with_shape(self, gram: Gram, maker: TermMaker, term: Term, x: Array | None) -> Atom:
+    def _with_shape(self, maker: TermMaker, term: Term, x: Array | None) -> Atom:
         """A term with the columns of its shape."""
         changes: list[Mapping[int, Array]] = []
         if x is not None and term.theta and not term.effect.is_body:
@@ -296,8 +300,8 @@ def model_of_gap(
     """
     with step("look for effects"):
         selected = _Turns.begun(full, modelled, effects, floor).run(rng)
-    rows = selected.gram.rows
     gram, draws = selected.gram, selected.draws
+    rows = gram.rows
     groups = groups_of(gram.atoms)
     number = {key: g for g, key in enumerate(groups)}
     sure = [a for a in selected.chosen if draws.inclusion[number[group_of(gram.atoms[a].term)]] >= _THERE]
@@ -310,13 +314,12 @@ def model_of_gap(
     if len(terms) < len(free):
         # What stood beside them has bent their shapes, what they are made of and how friction changes sign.
         begun = rows_of(full, modelled, floor)
-        basis = Basis(full, begun, modelled, selected.noise, selected.gap)
+        basis = Basis(full, begun, modelled, gram.discrepancy, selected.noise, selected.gap)
         maker = TermMaker(Context(full), full.strict)
         again = [term if term.effect.is_body else maker.again(term) or term for term in terms]
-        gram = Gram.of(begun, gram.discrepancy, gram.atoms, selected.noise)
-        settled = settle(basis, gram, again, once=False)
+        settled = settle(basis, again, once=False)
         selected, rows = replace(selected, full=settled.basis.full), settled.basis.rows
-        terms = in_plainest_forms(settled.gram, settled.terms, settled.basis.slab)
+        terms = in_plainest_forms(settled.basis.gram, settled.terms, settled.basis.slab)
     if sigma is not None:
         model = fit(Design(rows, tuple(terms)), range(len(terms)))
         terms = [terms[k] for k in sorted(unlike_noise(model, selected.full, sigma, len(groups), rng))]

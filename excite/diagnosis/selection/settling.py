@@ -34,6 +34,7 @@ class Basis:
         full: fitted.
         rows: its rows.
         modelled: words of ``modelled``.
+        discrepancy: its columns, by joint.
         noise: of the rows.
         gap: ``(n_joints,)`` RMS without any effect.
     """
@@ -41,6 +42,7 @@ class Basis:
     full: Baseline
     rows: Rows
     modelled: tuple[str, ...]
+    discrepancy: tuple[Array, ...]
     noise: Noise
     gap: Array
 
@@ -48,6 +50,11 @@ class Basis:
     def slab(self) -> Slab:
         """The unit of an effect's torque in these rows."""
         return Slab.of(self.rows, self.gap)
+
+    @cached_property
+    def gram(self) -> Gram:
+        """Products of what every model has, beside which terms are searched."""
+        return Gram.of(self.rows, self.discrepancy, (), self.noise)
 
     def with_baseline(self, full: Baseline) -> Basis:
         """The same with other changes of sign."""
@@ -60,7 +67,6 @@ class Settled:
 
     Attributes:
         basis: with friction's changes of sign as beside the terms.
-        gram: of its rows.
         terms: the terms.
         company: the same, solved.
         makers: by term, makes its columns at what the model predicts.
@@ -68,25 +74,23 @@ class Settled:
     """
 
     basis: Basis
-    gram: Gram
     terms: list[Term]
     company: Company
     makers: list[TermMaker]
     now: Prediction
 
 
-def settle(basis: Basis, gram: Gram, terms: Sequence[Term], *, once: bool) -> Settled:
+def settle(basis: Basis, terms: Sequence[Term], *, once: bool) -> Settled:
     """Search the shapes of terms together, friction without memory tried beside each effect of friction.
 
     Bristles bend where friction falls with speed, and may stand for an effect that was not there yet.
 
     Args:
         basis: what every model begins with.
-        gram: of the record.
         terms: the terms.
         once: whether one search does.
     """
-    found = _searched(basis, gram, terms, 1 if once else _SEARCHES)
+    found = _searched(basis, terms, 1 if once else _SEARCHES)
     if once:
         return found
     for j in sorted({int(t.own) for t in found.terms if t.effect.friction and t.own is not None}):
@@ -100,7 +104,7 @@ def settle(basis: Basis, gram: Gram, terms: Sequence[Term], *, once: bool) -> Se
             _with_signs(maker, signs).again(term) or term
             for maker, term in zip(found.makers, found.terms, strict=True)
         ]
-        other = _searched(plain, _gram_of(plain, gram), again, _SEARCHES)
+        other = _searched(plain, again, _SEARCHES)
         if other.company.loss < found.company.loss + RICHER:
             found = other
     return found
@@ -116,11 +120,7 @@ def _with_signs(maker: TermMaker, signs: Sequence[SignChange]) -> TermMaker:
     return TermMaker(Context(replace(maker.context.baseline, signs=tuple(signs))), maker.weight)
 
 
-def _gram_of(basis: Basis, gram: Gram) -> Gram:
-    return Gram.of(basis.rows, gram.discrepancy, gram.atoms, basis.noise)
-
-
-def _searched(basis: Basis, gram: Gram, terms: Sequence[Term], most: int) -> Settled:
+def _searched(basis: Basis, terms: Sequence[Term], most: int) -> Settled:
     """Terms searched until what the model predicts, of which they are made, moves them no more.
 
     What a soft gear carries depends on how it swings itself: what it takes from the bodies behind it changes them, and
@@ -134,12 +134,11 @@ def _searched(basis: Basis, gram: Gram, terms: Sequence[Term], most: int) -> Set
     for k in range(most):
         before, signs = terms, basis.full.signs
         terms = [_timed(basis.rows, terms, i) for i in range(len(terms))]
-        terms, company = searched_together(gram, terms, basis.slab)
+        terms, company = searched_together(basis.gram, terms, basis.slab)
         model = fit(Design(basis.rows, tuple(terms)), range(len(terms)), left_out=False)
         turned = signs_beside(basis.full, model)
         if turned is not basis.full:
             basis = basis.with_baseline(turned)
-            gram = _gram_of(basis, gram)
         there = model.x[:n]
         upcoming = there if last is None else _mixed(model.normal[:n, :n], there, there - x, *last)
         last, x = (there, there - x), upcoming
@@ -150,7 +149,7 @@ def _searched(basis: Basis, gram: Gram, terms: Sequence[Term], most: int) -> Set
             for i in range(len(terms))
         ]
         if k + 1 == most or (basis.full.signs == signs and not _has_moved(before, terms)):
-            return Settled(basis, gram, terms, company, makers, now)
+            return Settled(basis, terms, company, makers, now)
         terms = [maker.again(term) or term for term, maker in zip(terms, makers, strict=True)]
     raise AssertionError("the last search returns")
 

@@ -276,7 +276,7 @@ def _leaves_bounds(before: Company, after: Company) -> bool:
 
 
 def other_forms(
-    gram: Gram, terms: Sequence[Term], slab: Slab, makers: Sequence[TermMaker]
+    gram: Gram, atoms: Sequence[Atom], terms: Sequence[Term], slab: Slab, makers: Sequence[TermMaker]
 ) -> list[tuple[Term, TermMaker]]:
     """Other forms of each term's law, from several starts each, those that are near it at their best.
 
@@ -292,7 +292,7 @@ def other_forms(
         if own < _WORTH:
             continue
         tried = [(form, form.starts(term.theta)) for form in forms]
-        for other in () if term.started else _others_there(company, term, own):
+        for other in () if term.started else _others_there(company, atoms, term, own):
             tried.append((other.effect, [other.theta]))
             tried += [(form, form.starts(other.theta)) for form in other.effect.richer]
         for form, starts in tried:
@@ -366,12 +366,12 @@ def _best_of(
             yield best, gain
 
 
-def _others_there(company: Company, term: Term, own: float) -> list[Term]:
+def _others_there(company: Company, atoms: Sequence[Atom], term: Term, own: float) -> list[Term]:
     """The likeliest other law of a term's place that has a shape, as it stands on its grid."""
     taken = {group_of(other) for other in (term, *company.terms)}
     there = [
         atom.term
-        for atom in company.gram.atoms
+        for atom in atoms
         if atom.term.location == term.location and group_of(atom.term) not in taken and is_searched(atom.term)
     ]
     best = max(there, key=lambda other: company.gain_of(other)[0], default=None)
