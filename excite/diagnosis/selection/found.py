@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from excite.arrays import Array
 from excite.diagnosis.budget.bodies import body
 from excite.diagnosis.budget.fit.design import Design, Rows
-from excite.diagnosis.budget.fit.joint_fit import fit
+from excite.diagnosis.budget.fit.joint_fit import Model, fit
 from excite.diagnosis.budget.fit.terms import Term, TermMaker
 from excite.diagnosis.budget.library import Library
 from excite.diagnosis.budget.prediction import Prediction, predicted, unlike_noise
@@ -307,7 +307,7 @@ def model_of_gap(
     sure = [a for a in selected.chosen if draws.inclusion[number[group_of(gram.atoms[a].term)]] >= _THERE]
     free = [gram.atoms[a].term for a in sure]
     terms = _with_bodies(free, selected, rows)
-    terms = _of_some_share(terms, rows, floor, _scale(full), Context(selected.full))
+    terms = _of_some_share(terms, selected, rows, floor, _scale(full), Context(selected.full))
     # A body beside what is named alone: what stood beside it may have cancelled a part of it.
     keys = {term.key for term in terms}
     terms = _with_bodies([term for term in free if term.key in keys], selected, rows)
@@ -385,41 +385,72 @@ def _that_can_be(term: Term, others: Sequence[Term], selected: Selected, rows: R
 
 
 def _of_some_share(
-    terms: Sequence[Term], rows: Rows, floor: Array, scale: Array, context: Context
+    terms: Sequence[Term], selected: Selected, rows: Rows, floor: Array, scale: Array, context: Context
 ) -> list[Term]:
-    """Terms whose sizes are what their names say, that take a share of the gap and leave less of what judges."""
-    kept, moving = list(terms), np.isfinite(scale)
+    """Terms whose sizes are what their names say, that take a share of the gap and leave less of what judges.
+
+    What leaves more of what judges goes first, one at a time, and each that went is asked again beside what stays:
+    friction that drifts with time fits its own trials and denies the dry friction beside it in the others.
+    """
+    kept, gone, changed = list(terms), list[Term](), set[Key]()
     while kept:
         model = fit(Design(rows, tuple(kept)), range(len(kept)))
         cannot = [k for k, term in enumerate(kept) if not term.can_be(context, model.parameters(k))]
         if cannot:
-            weakest = min(cannot, key=model.taken_by)
-            kept = [term for k, term in enumerate(kept) if k != weakest]
+            term = kept.pop(min(cannot, key=model.taken_by))
+            like = next(_forms_that_can_be(term, kept, selected, rows, context), None)
+            if like is None or term.key in changed:
+                gone.append(term)
+            else:
+                kept.append(like)
+                changed.add(like.key)
             continue
-        shares = shares_of(model, floor)
-        weight = shares.open / scale**2
-        weight = weight / max(float(weight.sum()), 1e-300)
-        worth = np.array(
-            [
-                max(float(value @ weight) / _OF_ALL, float(value[moving].max(initial=0.0)) / _OF_A_JOINT)
-                for value in shares.value
-            ]
-        )
-        # What acts on several joints leaves less as a mean over them; what acts on one, there.
-        closes = np.array(
-            [
-                lost[term.own] if term.own is not None else np.log1p(np.maximum(lost, -0.99)).sum()
-                for term, lost in zip(kept, shares.lost, strict=True)
-            ]
-        )
-        worth = np.where(closes > 0.0, worth, -1.0)
-        small = [k for k in np.argsort(worth) if worth[k] < 1.0 and not kept[k].started]
+        worth = _worth(model, floor, scale)
+        small = [k for k, term in enumerate(kept) if worth[k] < 1.0 and not term.started]
         if not small:
             break
-        # A few at a time: what one leaves another may take.
-        gone = set(small[: max(1, len(small) // 2)])
-        kept = [term for k, term in enumerate(kept) if k not in gone]
+        gone.append(kept.pop(min(small, key=lambda k: worth[k])))
+    for term in reversed(gone):
+        for like in _forms_that_can_be(term, kept, selected, rows, context):
+            more = [*kept, like]
+            model = fit(Design(rows, tuple(more)), range(len(more)))
+            fits = (one.can_be(context, model.parameters(k)) for k, one in enumerate(more))
+            worth = _worth(model, floor, scale)
+            if all(fits) and all(w >= 1.0 or one.started for w, one in zip(worth, more, strict=True)):
+                kept = more
+                break
     return kept
+
+
+def _forms_that_can_be(
+    term: Term, others: Sequence[Term], selected: Selected, rows: Rows, context: Context
+) -> Iterator[Term]:
+    """The likeliest of each form of a term's law whose sizes beside others are what its name says; itself first."""
+    atoms, tried = selected.gram.atoms, set[type[Effect]]()
+    there = (atoms[int(a)].term for a in np.argsort(-selected.draws.by_atom))
+    for like in (term, *(other for other in there if group_of(other) == group_of(term))):
+        if type(like.effect) in tried or (like is not term and like.effect.is_body):
+            continue
+        tried.add(type(like.effect))
+        model = fit(Design(rows, (*others, like)), range(len(others) + 1), left_out=False)
+        if like.can_be(context, model.parameters(len(others))):
+            yield like
+
+
+def _worth(model: Model, floor: Array, scale: Array) -> Array:
+    """By term, its share of the gap in units of the least that is named; how much more it leaves where that is more."""
+    shares = shares_of(model, floor)
+    weight = shares.open / scale**2
+    weight = weight / max(float(weight.sum()), 1e-300)
+    moving = np.isfinite(scale)
+    made = []
+    for k, value, lost in zip(model.chosen, shares.value, shares.lost, strict=True):
+        own = model.design.terms[k].own
+        # What acts on several joints leaves less as a mean over them; what acts on one, there.
+        closes = lost[own] if own is not None else np.log1p(np.maximum(lost, -0.99)).sum()
+        share = max(float(value @ weight) / _OF_ALL, float(value[moving].max(initial=0.0)) / _OF_A_JOINT)
+        made.append(share if closes > 0.0 else min(float(closes), 0.0))
+    return np.array(made)
 
 
 def _likely(selected: Selected) -> tuple[Term, ...]:
