@@ -31,6 +31,11 @@ class Columns:
     extra: Array | None
     offset: Array | None
 
+    def torque(self, beta: Array, shape: tuple[int, ...]) -> Array:
+        """At linear parameters ``(n_linear,)``, ``shape``: ``(n_joints, n_rows)``."""
+        made = np.zeros(shape) if self.offset is None else self.offset
+        return made if self.extra is None else made + self.extra @ beta
+
 
 @dataclass(frozen=True, eq=False)
 class Hypothesis:
@@ -462,28 +467,16 @@ def effective_counts(residual: Array, use: NDArray[np.bool_], trial: NDArray[np.
 
 
 def extended(item: Hypothesis) -> Baseline:
-    """The baseline with an effect in it: its columns shared ones with hardly any prior, its offset taken off."""
-    baseline, fit = item.baseline, item.fit
-    e = baseline.solver.equations
-    y, shared, basis = e.y, e.shared, baseline.basis
-    if item.columns.offset is not None:
-        y = y - item.columns.offset
-    if (fitted := item.fitted) is not None:
-        scale = 10.0 * np.maximum(np.abs(fit.extra), 10.0 * np.maximum(fit.extra_std, 1e-12))
-        if item.direction is not None:
-            scale = np.array([np.linalg.norm(scale) / np.linalg.norm(item.direction)])
-        shared = np.concatenate([shared, fitted * scale], axis=2)
-        basis = np.hstack([basis, np.zeros((len(basis), len(scale)))])
-    solver = Solver(replace(e, y=y, shared=shared))
+    """The baseline with an effect in it, of the size that it was fitted with: its torque is taken off the rows."""
+    baseline, e = item.baseline, item.baseline.solver.equations
+    solver = Solver(replace(e, y=e.y - item.columns.torque(item.fit.extra, e.y.shape)))
     torque = torque_of(item)
     added, drive = baseline.added, baseline.added_drive
     added, drive = (added + torque, drive) if item.effect.moves else (added, drive + torque)
-    old = np.concatenate([baseline.fit.shared, np.zeros(basis.shape[1] - len(baseline.fit.shared))])
     fixed = replace(
         baseline,
         solver=solver,
-        basis=basis,
-        fit=replace(baseline.fit, shared=old, held=None),
+        fit=replace(baseline.fit, held=None),
         rigid=baseline.rigid + added - baseline.added,
         added=added,
         added_drive=drive,

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations
-from typing import NamedTuple, Protocol
+from itertools import combinations, islice
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from excite.arrays import Array
 from excite.diagnosis.answer.trivial import TrivialErrors
 from excite.diagnosis.equations.arm_trial import ArmTrial
-from excite.diagnosis.equations.repeats import Moving, lag_of
+from excite.diagnosis.equations.repeats import Moving, Repeat, lag_of
 from excite.diagnosis.equations.samples import ArmSamples
 from excite.diagnosis.equations.units import force_unit, slides
 from excite.logs.log import Log
@@ -46,21 +46,6 @@ class Commanded(Moving, Protocol):
         """Name of the trial that it says it repeats."""
 
 
-@dataclass(frozen=True)
-class Alike:
-    """Two trials of one command.
-
-    Attributes:
-        first: index of one.
-        again: index of the other.
-        lag_s: how much later the other runs it [s].
-    """
-
-    first: int
-    again: int
-    lag_s: float
-
-
 @dataclass(frozen=True, eq=False)
 class _Thinned:
     """Some samples of something that moves."""
@@ -70,73 +55,50 @@ class _Thinned:
     v: Array
 
 
-def alike(trials: Sequence[Commanded]) -> tuple[Alike, ...]:
+def alike(trials: Sequence[Commanded]) -> tuple[Repeat, ...]:
     """Pairs of trials that say that they repeat each other, or whose commands do."""
     if not trials:
         return ()
     rate = 1.0 / float(np.median(np.diff(trials[0].time)))
     step = max(1, max(len(t.time) for t in trials) // _SAMPLES)
     few = [_Thinned(t.time[::step], t.q[::step], t.v[::step]) for t in trials]
-    apart = _apart(few)
-    stated = {
-        (i, k)
-        for i, k in combinations(range(len(trials)), 2)
-        if trials[i].name == trials[k].repeats or trials[k].name == trials[i].repeats
-    }
-    near = (
-        pair for pair in combinations(range(len(trials)), 2) if apart[pair] <= _LOOK and pair not in stated
+    apart = {(i, k): _apart(few[i], few[k]) for i, k in combinations(range(len(trials)), 2)}
+    stated = [
+        (i, k) for i, k in apart if trials[i].name == trials[k].repeats or trials[k].name == trials[i].repeats
+    ]
+    near = sorted(
+        (pair for pair in apart if apart[pair] <= _LOOK and pair not in stated), key=apart.__getitem__
     )
-    looked = [*sorted(stated), *sorted(near, key=lambda pair: float(apart[pair]))[:_LOOKS]]
-    found: list[Alike] = []
-    for i, k in looked:
-        if (i, k) in stated or _same(few[i], few[k], lag_of(few[i], few[k], rate / step)):
-            found.append(Alike(i, k, lag_of(trials[i], trials[k], rate)))
-        if len(found) == _PAIRS:
-            break
-    return tuple(found)
-
-
-def _apart(trials: Sequence[Moving]) -> Array:
-    """Largest difference of what does not depend on when a logger was started, ``(n_trials, n_trials)``."""
-    mean, spread, speed = (
-        np.array([f(t) for t in trials])
-        for f in (
-            lambda t: t.q.mean(axis=0),
-            lambda t: t.q.std(axis=0),
-            lambda t: t.v.std(axis=0),
-        )
+    found = (
+        Repeat(i, k, lag_of(trials[i], trials[k], rate))
+        for i, k in (*stated, *near[:_LOOKS])
+        if (i, k) in stated or _same(few[i], few[k], lag_of(few[i], few[k], rate / step))
     )
+    return tuple(islice(found, _PAIRS))
 
-    def off(values: Array, scale: Array) -> Array:
-        difference = np.abs(values[:, None] - values[None]).sum(axis=2)
-        whole = scale.sum(axis=1)
-        return np.asarray(difference / np.maximum(np.maximum(whole[:, None], whole[None]), 1e-300))
 
-    return np.maximum(off(mean, spread), np.maximum(off(spread, spread), off(speed, speed)))
+def _apart(one: Moving, other: Moving) -> float:
+    """Largest difference of what does not depend on when a logger was started, as a share of deviations."""
+    spread, speed = (
+        np.maximum(*(getattr(t, name).std(axis=0).sum() for t in (one, other))) for name in ("q", "v")
+    )
+    mean, width, fast = (
+        np.abs(of(one) - of(other)).sum()
+        for of in (lambda t: t.q.mean(axis=0), lambda t: t.q.std(axis=0), lambda t: t.v.std(axis=0))
+    )
+    return float(max(mean / max(spread, 1e-300), width / max(spread, 1e-300), fast / max(speed, 1e-300)))
 
 
 def _same(one: Moving, other: Moving, lag: float) -> bool:
     """Whether two commands are one."""
-    here = _shared(one.time, other.time, lag)
-    if here.sum() < _SHARED * min(len(one.time), len(other.time)):
+    left = _difference(Repeat(0, 1, lag), (one.time, other.time), (one.q, other.q))
+    if len(left) < _SHARED * min(len(one.time), len(other.time)):
         return False
-    difference = one.q[here] - moved(other.time, other.q, one.time[here] + lag)
-    scale = one.q[here].std(axis=0)
-    return bool((difference**2).mean() < _SAME**2 * (scale**2).mean())
+    return bool((left**2).mean() < _SAME**2 * one.q.var(axis=0).mean())
 
 
-def _shared(time: Array, other: Array, lag: float) -> NDArray[np.bool_]:
-    """Which instants both have, ``(n,)``."""
-    return (time + lag >= other[0] - 1e-9) & (time + lag <= other[-1] + 1e-9)
-
-
-def moved(time: Array, values: Array, instants: Array) -> Array:
-    """Values ``(n, k)`` at other instants ``(m,)``, ``(m, k)``."""
-    return np.column_stack([np.interp(instants, time, column) for column in values.T])
-
-
-def difference(
-    pair: Alike,
+def _difference(
+    pair: Repeat,
     times: Sequence[Array],
     values: Sequence[Array],
     rows: Sequence[NDArray[np.bool_]] | None = None,
@@ -149,16 +111,12 @@ def difference(
         values: ``(n, n_channels)`` of every trial.
         rows: which samples of each trial count, ``(n,)`` each; by default all.
     """
-    here = _shared(times[pair.first], times[pair.again], pair.lag_s)
+    there, known = times[pair.first] + pair.lag_s, times[pair.again]
+    here = (there >= known[0] - 1e-9) & (there <= known[-1] + 1e-9)
     if rows is not None:
         here = here & rows[pair.first]
-    other = moved(times[pair.again], values[pair.again], times[pair.first][here] + pair.lag_s)
-    return values[pair.first][here] - other
-
-
-def turned(pair: Alike) -> Alike:
-    """The same pair, seen from the other."""
-    return Alike(pair.again, pair.first, -pair.lag_s)
+    other = [np.interp(there[here], known, column) for column in values[pair.again].T]
+    return values[pair.first][here] - np.column_stack(other)
 
 
 # The simplest servo there is: each joint is where its command was some time ago, to a scale and an offset.
@@ -166,8 +124,6 @@ def turned(pair: Alike) -> Alike:
 # What follows its command later than this is no servo [s]; so fine is the first search [s], and so many times finer the
 # second.
 _LATEST_S, _STEP_S, _FINER = 0.5, 0.005, 10
-# Rows enough to fit three numbers a joint on.
-_DELAYED_COMMAND_ROWS = 20_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,40 +149,27 @@ class DelayedCommand:
 
 def fit_delayed_command(trials: Sequence[EvenTrial]) -> DelayedCommand:
     """The delay, scale and offset of each joint with the least squared error on these trials."""
-    rows = sum(len(t.time) for t in trials)
-    thin = max(1, rows // _DELAYED_COMMAND_ROWS)
-    shortest = min(float(t.time[-1]) for t in trials)
-    period = float(np.median(np.diff(trials[0].time)))
-    step = max(period, _STEP_S)
+    thin = max(1, sum(len(t.time) for t in trials) // _ROWS)
+    latest = min(_LATEST_S, 0.25 * min(float(t.time[-1]) for t in trials))
+    step = max(float(np.median(np.diff(trials[0].time))), _STEP_S)
+    fine = step / _FINER * np.arange(1 - _FINER, _FINER)
+
+    def fitted(joint: int, delay: float) -> tuple[float, float, float, float]:
+        """Mean squared error, delay, scale and offset."""
+        late = np.concatenate(
+            [np.interp(t.time[::thin] - delay, t.time, t.command[:, joint]) for t in trials]
+        )
+        here = np.concatenate([t.position[::thin, joint] for t in trials])
+        x, y = late - late.mean(), here - here.mean()
+        power = float(x @ x)
+        scale = float(x @ y) / power if power > 0.0 else 0.0
+        return float(((y - scale * x) ** 2).mean()), delay, scale, float(here.mean() - scale * late.mean())
+
     found = []
     for j in range(trials[0].command.shape[1]):
-        coarse = np.arange(0.0, min(_LATEST_S, 0.25 * shortest) + 0.5 * step, step)
-        best = min((_fitted(trials, j, float(delay), thin) for delay in coarse), key=lambda x: x.error)
-        fine = best.delay + step / _FINER * np.arange(1 - _FINER, _FINER)
-        tried = (_fitted(trials, j, float(delay), thin) for delay in fine if delay >= 0.0)
-        found.append(min(tried, key=lambda x: x.error))
-    _, delay, scale, offset = np.array(found).T
-    return DelayedCommand(delay, scale, offset)
-
-
-class _Fitted(NamedTuple):
-    """Mean squared error, delay, scale and offset of a joint."""
-
-    error: float
-    delay: float
-    scale: float
-    offset: float
-
-
-def _fitted(trials: Sequence[EvenTrial], joint: int, delay: float, thin: int) -> _Fitted:
-    """The fit of a joint at a delay."""
-    late = np.concatenate([np.interp(t.time[::thin] - delay, t.time, t.command[:, joint]) for t in trials])
-    here = np.concatenate([t.position[::thin, joint] for t in trials])
-    x, y = late - late.mean(), here - here.mean()
-    power = float(x @ x)
-    scale = float(x @ y) / power if power > 0.0 else 0.0
-    left = float(((y - scale * x) ** 2).mean())
-    return _Fitted(left, float(delay), scale, float(here.mean() - scale * late.mean()))
+        near = min(fitted(j, float(delay)) for delay in np.arange(0.0, latest + 0.5 * step, step))[1]
+        found.append(min(fitted(j, float(delay)) for delay in near + fine if delay >= 0.0))
+    return DelayedCommand(*np.array(found).T[1:])
 
 
 # Commands and positions of trials on even clocks, and which of their samples judge.
@@ -310,50 +253,36 @@ _TAPS = 40
 # Ridges that are tried, relative to the mean power of the taps: commands have little above their band, and what taps
 # do there is noise.
 _RIDGES = (1e-8, 1e-6, 1e-4, 1e-2)
+# Rows enough to fit on.
 _ROWS = 20_000
 # Parts of a lone trial, each left out once.
 _PARTS = 4
 
 
 @dataclass(frozen=True, eq=False)
-class JointFir:
-    """``q(t) = offset + Σ_k weight_k q_cmd(t − lags_k)`` of one joint.
-
-    Attributes:
-        lags: ``(n_taps,)`` [samples].
-        weights: ``(n_taps,)``.
-        offset: [rad or m].
-    """
-
-    lags: NDArray[np.intp]
-    weights: Array
-    offset: float
-
-    def predicted(self, command: Array) -> Array:
-        """Positions ``(n,)`` from a command ``(n,)`` [rad or m]."""
-        return _taps(command, self.lags, np.arange(len(command))) @ self.weights + self.offset
-
-
-@dataclass(frozen=True, eq=False)
 class Fir:
-    """One filter a joint.
+    """``q_j(t) = offset_j + Σ_k weight_jk q_cmd_j(t − lags_jk)``.
 
     Attributes:
-        joints: the filters.
+        lags: ``(n_taps,)`` of each joint [samples].
+        weights: ``(n_taps + 1,)`` of each joint, the offset last [rad or m].
         period_s: between samples [s].
     """
 
-    joints: tuple[JointFir, ...]
+    lags: tuple[NDArray[np.intp], ...]
+    weights: tuple[Array, ...]
     period_s: float
 
     def predicted(self, trial: EvenTrial) -> Array:
         """Positions ``(n, n_joints)`` [rad or m]."""
-        return np.column_stack([f.predicted(c) for f, c in zip(self.joints, trial.command.T, strict=True)])
+        rows = np.arange(len(trial.time))
+        columns = zip(trial.command.T, self.lags, self.weights, strict=True)
+        return np.column_stack([_taps(command, lags, rows) @ weights for command, lags, weights in columns])
 
     @property
     def length_s(self) -> Array:
         """Length of each joint's filter, ``(n_joints,)`` [s]."""
-        return np.array([f.lags[-1] * self.period_s for f in self.joints])
+        return np.array([lags[-1] * self.period_s for lags in self.lags])
 
 
 def fit_fir(trials: Sequence[EvenTrial]) -> Fir:
@@ -361,78 +290,41 @@ def fit_fir(trials: Sequence[EvenTrial]) -> Fir:
     period = float(np.median(np.diff(trials[0].time)))
     shortest = min(len(t.time) for t in trials)
     lengths = sorted({min(max(1, round(s / period)), shortest // 4) for s in _LENGTHS_S})
-    folds = _folds(trials)
-    joints = range(trials[0].command.shape[1])
-    return Fir(tuple(_joint(trials, j, lengths, folds) for j in joints), period)
-
-
-def _folds(trials: Sequence[EvenTrial]) -> list[list[NDArray[np.intp]]]:
-    """Rows of each trial that are left out together: whole trials, parts of a lone one."""
     thin = max(1, sum(len(t.time) for t in trials) // _ROWS)
-    rows = [np.arange(0, len(t.time), thin) for t in trials]
+    rows = [(t, np.arange(0, len(t.time), thin)) for t in trials]
     if len(rows) == 1:
-        return [[part] for part in np.array_split(rows[0], _PARTS)]
-    none = np.zeros(0, dtype=np.intp)
-    return [[r if k == i else none for k, r in enumerate(rows)] for i in range(len(rows))]
+        rows = [(trials[0], part) for part in np.array_split(rows[0][1], _PARTS)]
+    found = []
+    for j in range(trials[0].command.shape[1]):
+        tried = []
+        for length in lengths:
+            lags = np.arange(0, length + 1, max(1, -(-length // _TAPS)), dtype=np.intp)
+            made = [np.column_stack([_taps(t.command[:, j], lags, r), t.position[r, j]]) for t, r in rows]
+            parts = np.array([x.T @ x for x in made])
+            whole = parts.sum(axis=0)
+            for ridge in _RIDGES:
+                left = 0.0
+                for part in parts:
+                    both = np.append(_ridge_solution(whole - part, ridge), -1.0)
+                    left += float(both @ part @ both)
+                tried.append((left, lags, _ridge_solution(whole, ridge)))
+        found.append(min(tried, key=lambda item: item[0]))
+    return Fir(tuple(lags for _, lags, _ in found), tuple(weights for _, _, weights in found), period)
 
 
-@dataclass(frozen=True, eq=False)
-class _Moments:
-    """Sums over rows of products of taps, one, and positions."""
-
-    products: Array
-    count: int
-
-    def solved(self, ridge: float) -> Array:
-        """Weights and offset ``(n_taps + 1,)``."""
-        normal, right = self.products[:-1, :-1].copy(), self.products[:-1, -1]
-        n = len(normal) - 1
-        mean = normal[:n, -1] / self.count
-        power = float(np.trace(normal[:n, :n])) / n - self.count * float((mean**2).mean())
-        # A joint whose command stands has no power, and its taps no weight.
-        normal[np.arange(n), np.arange(n)] += ridge * max(power, 0.0) + 1e-12 * (1.0 + normal[n, n])
-        return np.asarray(np.linalg.solve(normal, right))
-
-    def error(self, weights: Array) -> float:
-        """Sum of the squared errors of weights."""
-        both = np.append(weights, -1.0)
-        return float(both @ self.products @ both)
-
-
-def _joint(
-    trials: Sequence[EvenTrial], joint: int, lengths: Sequence[int], folds: list[list[NDArray[np.intp]]]
-) -> JointFir:
-    best: tuple[float, JointFir] | None = None
-    for length in lengths:
-        lags = np.arange(0, length + 1, max(1, -(-length // _TAPS)), dtype=np.intp)
-        parts = [_moments(trials, joint, lags, rows) for rows in folds]
-        products = np.sum([p.products for p in parts], axis=0)
-        whole = _Moments(products, sum(p.count for p in parts))
-        rest = [_Moments(whole.products - p.products, whole.count - p.count) for p in parts]
-        for ridge in _RIDGES:
-            left = sum(p.error(r.solved(ridge)) for p, r in zip(parts, rest, strict=True))
-            if best is None or left < best[0]:
-                weights = whole.solved(ridge)
-                best = left, JointFir(lags, weights[:-1], float(weights[-1]))
-    if best is None:
-        raise ValueError("no length was tried")
-    return best[1]
-
-
-def _moments(
-    trials: Sequence[EvenTrial], joint: int, lags: NDArray[np.intp], rows: list[NDArray[np.intp]]
-) -> _Moments:
-    made = []
-    for trial, here in zip(trials, rows, strict=True):
-        taps = _taps(trial.command[:, joint], lags, here)
-        made.append(np.column_stack([taps, np.ones(len(here)), trial.position[here, joint]]))
-    stacked = np.concatenate(made)
-    return _Moments(stacked.T @ stacked, len(stacked))
+def _ridge_solution(products: Array, ridge: float) -> Array:
+    """Weights and offset ``(n_taps + 1,)`` from products of taps, one and positions."""
+    normal, n = products[:-1, :-1].copy(), len(products) - 2
+    # A joint whose command stands has no power, and its taps no weight.
+    power = float(np.trace(normal[:n, :n]) - (normal[:n, n] ** 2).sum() / normal[n, n]) / n
+    normal[np.arange(n), np.arange(n)] += ridge * max(power, 0.0) + 1e-12 * (1.0 + normal[n, n])
+    return np.asarray(np.linalg.solve(normal, products[:-1, -1]))
 
 
 def _taps(command: Array, lags: NDArray[np.intp], rows: NDArray[np.intp]) -> Array:
-    """Earlier commands ``(n_rows, n_taps)``; before a trial its first one held."""
-    return command[np.maximum(rows[:, None] - lags, 0)]
+    """Earlier commands and one, ``(n_rows, n_taps + 1)``; before a trial its first one held."""
+    earlier = command[np.maximum(rows[:, None] - lags, 0)]
+    return np.column_stack([earlier, np.ones(len(rows))])
 
 
 # The trivial neighbours of a diagnosis' held-out figures: of positions that follow commands, and of torques.
@@ -538,9 +430,9 @@ def _repeat(
     Each pair with a trial that judges counts on the rows that do; where no such trial was run twice, all pairs.
     """
     pairs = alike(trials)
-    seen: list[Alike] = [side for pair in pairs for side in (pair, turned(pair))]
-    told = [difference(pair, times, values, judges) for pair in seen]
+    both = [*pairs, *(Repeat(pair.again, pair.first, -pair.lag_s) for pair in pairs)]
+    told = [_difference(pair, times, values, judges) for pair in both]
     if not any(len(item) for item in told):
-        told = [difference(pair, times, values) for pair in pairs]
+        told = [_difference(pair, times, values) for pair in pairs]
     each = [np.sqrt((item**2).mean(axis=0)) for item in told if len(item)]
     return np.mean(each, axis=0) if each else None

@@ -28,7 +28,6 @@ from excite.diagnosis.equations.own_columns import own_signals, own_terms
 from excite.diagnosis.equations.resampling import arm_samples
 from excite.diagnosis.equations.samples import ArmSamples
 from excite.diagnosis.equations.standing_joints import HELD, held_power, standing_share
-from excite.diagnosis.simulator.model_text import fitted_sizes
 from excite.doctor.examine import examine
 from excite.logs.log import Log, Trial
 from excite.regressor.kernels import inverse_dynamics
@@ -197,23 +196,21 @@ def residuals_on(found: Attribution, samples: ArmSamples) -> tuple[Array, Array]
     joints = range(len(samples.joints))
     tau = samples.rows([t.tau for t in samples.trials], joints)
     first = _on(found.stages[0].context.baseline, samples)
-    added, drive, sum_ = np.zeros_like(first.total), np.zeros_like(first.total), np.zeros_like(first.total)
-    for item, size in zip(found.accepted, fitted_sizes(found), strict=True):
+    added, drive, sum_ = (np.zeros_like(first.total) for _ in range(3))
+    for item in found.accepted:
         h = item.hypothesis
         there = _on(h.baseline, samples, added, drive)
         here = h.effect.shape(Context(h.baseline), item.location, h.theta)
         shape = h.effect.shape(Context(there), item.location, h.theta)
-        then, now = np.zeros_like(added), np.zeros_like(added)
+        then = np.zeros_like(added)
         for j, old in here.columns.items():
             # Columns may be normalised by what the record holds, which further trials change.
             new = shape.columns[j][: len(old)]
             by = (old * new).sum(axis=0) / np.maximum((new**2).sum(axis=0), 1e-300)
             then[:, j] += shape.columns[j] @ (by * h.fit.extra)
-            now[:, j] += shape.columns[j] @ (by * size)
         for j, offset in shape.offset.items():
             then[:, j] += offset
-            now[:, j] += offset
-        sum_ += now
+        sum_ += then
         added, drive = (added + then, drive) if h.effect.moves else (added, drive + then)
     final = _on(found.final, samples).total + sum_
     before, after = (tau - samples.rows(samples.split(total), joints) for total in (first.total, final))

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 from scipy.special import ndtri, stdtrit
@@ -62,21 +61,9 @@ from excite.rows.drive_terms import DRIVE_TERMS
 _LISTED = 8
 
 
-def candidate_of(
-    item: Scored,
-    context: Context,
-    gap: Gap,
-    attribution: Attribution,
-    tied: tuple[str, ...] = (),
-    least: Mapping[str, float] = MappingProxyType({}),
-) -> Candidate:
-    """A scored hypothesis as it stands in the document; gaps on the validation trials.
-
-    No linear parameter has a deviation below ``least``, and what is made of them has one that follows from theirs.
-    """
-    h, told = item.hypothesis, item.hypothesis.told
-    known = [least.get(p.name, 0.0) for p in h.effect.linear]
-    told = replace(told, extra_std=np.maximum(told.extra_std, known))
+def candidate_of(item: Scored, context: Context, gap: Gap, attribution: Attribution) -> Candidate:
+    """A scored hypothesis as it stands in the document; gaps on the validation trials."""
+    h = item.hypothesis
     after = h.baseline.gap(h.fit.residual, attribution.scale)
     return Candidate(
         effect=item.name,
@@ -84,43 +71,12 @@ def candidate_of(
         parameters=at_joint(
             context.baseline.samples.robot,
             item.location,
-            h.effect.estimates(context, item.location, h.theta, told),
+            h.effect.estimates(context, item.location, h.theta, h.told),
         ),
         evidence=item.evidence,
         gap_after=after,
         share_closed=share_closed(gap.before, after, gap.noise_floor),
-        tied_locations=tied,
     )
-
-
-def beside_others(item: Candidate, found: Found) -> Candidate:
-    """An accepted effect with the values that it has beside all others, not those when it was alone."""
-    values = {
-        name: replace(estimate, value=found.values.get(name, estimate.value))
-        for name, estimate in item.parameters.items()
-    }
-    return replace(item, parameters=values)
-
-
-def spread_by_blocks(budget: Budget, item: Scored) -> dict[str, float]:
-    """Deviations of an accepted effect's parameters between blocks left out of the model of all effects.
-
-    Formulas know the noise and not what the model lacks: of a ball screw's offset one says ±0.05 N that is 0.24 N off.
-    """
-    key = item.name, item.location
-    values = (other.values for other in budget.named if (other.effect, other.location) == key)
-    return {name: std for known in values for name, (_, std) in known.items() if std is not None}
-
-
-def by_blocks(item: Candidate, budget: Budget, spread: Mapping[str, float]) -> Candidate:
-    """An accepted effect as the model of all effects has it: its probability, and no smaller deviations."""
-    key = item.effect, item.location
-    chance = next((o.probability for o in budget.named if (o.effect, o.location) == key), item.probability)
-    values = {
-        name: replace(one, std=max(spread[name], one.std or 0.0)) if name in spread else one
-        for name, one in item.parameters.items()
-    }
-    return replace(item, parameters=values, probability=chance)
 
 
 def with_others_in_it(item: Candidate, scored: Scored) -> tuple[Candidate, ...]:
@@ -249,11 +205,22 @@ def diagnose_torques(
 
 
 def _accepted(item: Scored, tied: tuple[str, ...], values: Found, found: Judged, gap: Gap) -> Candidate:
-    """An accepted effect with its sizes beside all others, and one deviation of each wherever it is told."""
-    spread = spread_by_blocks(found.budget, item)
-    context = Context(item.hypothesis.baseline)
-    alone = candidate_of(item, context, gap, found.attribution, tied, spread)
-    return by_blocks(beside_others(alone, values), found.budget, spread)
+    """An accepted effect with its sizes as a simulator takes them up, and its probability in the model of all.
+
+    A size that is a gear's shape has the deviation that this model tells.
+    """
+    alone = candidate_of(item, Context(item.hypothesis.baseline), gap, found.attribution)
+    key = item.name, item.location
+    named = next(other for other in found.budget.named if (other.effect, other.location) == key)
+    parameters = {
+        name: replace(
+            one,
+            value=values.values.get(name, one.value),
+            std=named.values.get(name, (0.0, None))[1] if one.std is None else one.std,
+        )
+        for name, one in alone.parameters.items()
+    }
+    return replace(alone, parameters=parameters, tied_locations=tied, probability=named.probability)
 
 
 def _floor(found: Judged, before: Array) -> Array:

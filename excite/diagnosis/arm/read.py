@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.answer.answer import Verdict
 from excite.diagnosis.answer.budget import Budget, Named
 from excite.diagnosis.attribution import (
@@ -24,13 +25,15 @@ from excite.diagnosis.attribution import (
     structured_joints,
 )
 from excite.diagnosis.budget.bodies import likeliest_beside
+from excite.diagnosis.budget.fit.design import Design
+from excite.diagnosis.budget.fit.joint_fit import Model, fit
 from excite.diagnosis.budget.fit.terms import Term, TermMaker
 from excite.diagnosis.budget.record import Found
+from excite.diagnosis.budget.shares import deviation, judged_power, power_of
 from excite.diagnosis.budget.thresholds import THRESHOLDS
 from excite.diagnosis.effects.form import Context
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.dry_friction.fitted_signs import signs_again
-from excite.diagnosis.simulator.model_text import fitted_sizes
 
 # Candidates that are listed.
 _LISTED = 8
@@ -66,24 +69,28 @@ class Reading:
         first, *others = sorted(sure, key=lambda item: -item.surely)
         # Of what has a rival elsewhere than in the first place nobody knows the name.
         chosen = [first, *(item for item in others if alone(item))]
-        # The model of the gap may have bristles bend by less than its encoders tell, which trials that judge deny.
-        own = () if self._begun is self.scorer.baseline else (self.scorer.baseline,)
-        for begun in (self._begun, *own):
-            stages, kept = self._that_explain(chosen, begun)
-            if kept:
-                return self._named(stages, kept, whole=whole)
-        return self._open()
+        kept, model = self._that_explain(chosen)
+        return self._named(kept, model, whole=whole) if kept else self._open()
 
-    def _that_explain(self, chosen: list[Named], begun: Baseline) -> tuple[list[Stage], list[Named]]:
-        """Stages of the effects that have some size beside each other; none where trials that judge deny them."""
+    def _that_explain(self, chosen: Sequence[Named]) -> tuple[list[Named], Model]:
+        """Those that have a size beside each other and leave less of what judges, all together too; and their fit."""
+        kept, rows = list(chosen), self.found.design.rows
         while True:
-            stages, kept = self._stages(chosen, begun)
-            if not kept or not self._nearer(stages[-1].context.baseline):
-                return [], []
-            chosen = self._of_some_size(stages, kept)
-            chosen = [item for item in chosen if self._closes(stages[kept.index(item)])]
-            if chosen == kept:
-                return stages, kept
+            terms = self._beside_each_other(kept)
+            model = fit(Design(rows, tuple(terms)), range(len(terms)))
+            left, nothing = power_of(model).mean, power_of(fit(model.design, ())).mean
+            if not kept or ((left - nothing) / self.scorer.scale**2).sum() >= 0.0:
+                return [], model
+            there = [
+                item
+                for k, item in enumerate(kept)
+                if terms[k].can_be(terms[k].context, model.parameters(k))
+                and _has_size(model, k)
+                and _closes(model, k, left)
+            ]
+            if there == kept:
+                return kept, model
+            kept = there
 
     def _open(self) -> tuple[Attribution, Judgement]:
         """Nothing that is named is the gap."""
@@ -101,10 +108,9 @@ class Reading:
         made = replace(self._nothing, stages=(stage,), stranger=stranger)
         return made, Judgement("unknown" if structured else "none", (), (), (), structured)
 
-    def _named(
-        self, stages: list[Stage], kept: Sequence[Named], *, whole: bool
-    ) -> tuple[Attribution, Judgement]:
+    def _named(self, kept: Sequence[Named], model: Model, *, whole: bool) -> tuple[Attribution, Judgement]:
         """Effects, the largest share first; ``whole`` where they are the gap and not the part of it at their places."""
+        stages = self._stages(kept, model)
         last = stages[-1].context.baseline
         rivals, (first,) = self._rivals(kept[0]), stages[0].ranking
         beside = tuple(scored for scored, _ in rivals)
@@ -138,53 +144,28 @@ class Reading:
         )
         return after, judgement
 
-    def _of_some_size(self, stages: list[Stage], kept: list[Named]) -> list[Named]:
-        """Those effects of which a size, as it is beside the others, is told from none: what is told leaves it out."""
-        made, found = replace(self._nothing, stages=tuple(stages), final=stages[-1].context.baseline), []
-        for item, scored, beta in zip(kept, made.accepted, fitted_sizes(made), strict=True):
-            told, linear = scored.hypothesis.told.extra_std, scored.hypothesis.effect.linear
-            spread = np.maximum(told, [item.values.get(p.name, (0.0, None))[1] or 0.0 for p in linear])
-            there = np.abs(beta) > _TOLD * spread
-            if not linear or any(sure for sure, p in zip(there, linear, strict=True) if not p.beside):
-                found.append(item)
-        return found
+    def _stages(self, kept: Sequence[Named], model: Model) -> list[Stage]:
+        """The effects one after the other, each of the size that the model has it; at last nothing."""
+        stages, current = list[Stage](), self._begun
+        for k, item in enumerate(kept):
+            term = model.design.terms[k]
+            beta, std = term.beta(model.parameters(k)), self._spread(model, k)
+            made = self.scorer.scored(current.fit, known_hypothesis(term, current, beta, std), item.nats)
+            stages.append(Stage(Context(current), (made,), made))
+            current = extended(made.hypothesis)
+        return [*stages, Stage(Context(signs_again(current)), (), None)]
 
-    def _closes(self, stage: Stage) -> bool:
-        """Whether an effect, beside those before it, leaves less of the trials that judge at its own place.
-
-        What acts on several joints: as a mean over them of how many times less.
-        """
-        item, before = stage.accepted, stage.context.baseline
-        if item is None:
-            return True
-        judging = self.scorer.baseline.samples.judging
-        old = (before.judged(before.fit.residual)[:, judging] ** 2).mean(axis=1)
-        gain = np.log(np.maximum(old, 1e-300) / np.maximum(item.power[:, 1], 1e-300))
-        return bool((gain[item.place] if item.hypothesis.effect.own_joint else gain.sum()) > 0.0)
-
-    def _nearer(self, last: Baseline) -> bool:
-        """Whether a baseline leaves less of the trials that judge than that without effects."""
-        base, scale = self.scorer.baseline, self.scorer.scale
-        return last.gap(last.fit.residual, scale) < base.gap(base.fit.residual, scale)
-
-    def _stages(self, chosen: Iterable[Named], begun: Baseline) -> tuple[list[Stage], list[Named]]:
-        """The effects one after the other, at last nothing; and which of them can be there.
-
-        Args:
-            chosen: the effects.
-            begun: what is modelled, its friction changing sign as in the model of the gap or as it does by itself.
-        """
-        stages, kept, current, chosen = list[Stage](), list[Named](), begun, list(chosen)
-        terms = self._beside_each_other([(item.effect, item.location) for item in chosen])
-        for item in chosen:
-            scored = self._try(terms[item.effect, item.location], current, item.nats)
-            # A search that ended where its name stands for something else has found that.
-            if scored is None or not scored.hypothesis.settled:
-                continue
-            stages.append(Stage(Context(current), (scored,), scored))
-            kept.append(item)
-            current = extended(scored.hypothesis)
-        return [*stages, Stage(Context(signs_again(current)), (), None)], kept
+    def _spread(self, model: Model, k: int) -> Array:
+        """Deviations between blocks left out of a term's linear parameters; of a body as where all of them are free."""
+        term = model.design.terms[k]
+        if term.direction is not None:
+            free = TermMaker(term.context, self.found.baseline.strict).make(term.effect, term.location, ())
+            if free is not None:
+                term = free
+                terms = [free if i == k else other for i, other in enumerate(model.design.terms)]
+                model = fit(Design(model.design.rows, tuple(terms)), model.chosen, model.weight)
+        first = model.layout.begin[k]
+        return np.abs(term.beta(deviation(model.left_out[:, first : first + term.size])))
 
     def _rivals(self, item: Named) -> list[tuple[Scored, float]]:
         """What might stand in the place of an effect, with its probability."""
@@ -217,16 +198,18 @@ class Reading:
     def _terms(self) -> dict[tuple[str, str], Term]:
         return {term.key: term for term in self.found.model.terms}
 
-    def _beside_each_other(self, named: Sequence[tuple[str, str]]) -> dict[tuple[str, str], Term]:
-        """Terms by effect and place, each body of them the likeliest beside the others.
+    def _beside_each_other(self, named: Sequence[Named]) -> list[Term]:
+        """Terms of effects, each body of them the likeliest beside the others.
 
         A surgical arm's load stood beside half a newton metre at the yaw axis that its weight all but cancelled. That
         constant was no name, and the load without it closed 43 % of the gap where the one of these terms closes 79 %.
         """
         model = self.found.model
-        numbers = [k for k in model.chosen if model.design.terms[k].key in named]
+        number = {model.design.terms[k].key: k for k in model.chosen}
+        numbers = [number[item.effect, item.location] for item in named]
         maker = TermMaker(self.found.prediction.context, self.found.baseline.strict)
-        return {term.key: term for term in likeliest_beside(model, numbers, maker)}
+        made = {term.key: term for term in likeliest_beside(model, numbers, maker)}
+        return [made[item.effect, item.location] for item in named]
 
     @property
     def _likely(self) -> tuple[Term, ...]:
@@ -236,7 +219,7 @@ class Reading:
         made = (self._try(term, self.scorer.baseline) for term in terms)
         return tuple(scored for scored in made if scored is not None)
 
-    def _try(self, term: Term, baseline: Baseline, nats: float | None = None) -> Scored | None:
+    def _try(self, term: Term, baseline: Baseline) -> Scored | None:
         """A term in the equations of what is modelled; None where it cannot be there."""
         named = self._terms.get(term.key) is term or baseline is self._begun
         # Friction on other bristles, or on none, has other columns.
@@ -247,7 +230,50 @@ class Reading:
         if made.effect.along:
             # Play before friction is told by rows near standstill, which count here and hardly in the model of the gap.
             made = Search(Context(made.baseline), made.baseline.solver).refine(made)
-        return self.scorer.scored(baseline.fit, made, nats) if made.physical else None
+        return self.scorer.scored(baseline.fit, made) if made.physical else None
+
+
+def _has_size(model: Model, k: int) -> bool:
+    """Whether a size of a model's k-th term is told from none: what is said of the robot leaves that out."""
+    term, first = model.design.terms[k], model.layout.begin[k]
+    spread = np.abs(term.beta(deviation(model.left_out[:, first : first + term.size])))
+    there = np.abs(term.beta(model.parameters(k))) > _TOLD * spread
+    return term.known or any(sure for sure, p in zip(there, term.effect.linear, strict=True) if not p.beside)
+
+
+def _closes(model: Model, k: int, left: Array) -> bool:
+    """Whether a model's k-th term leaves less of the trials that judge at its own place.
+
+    What acts on several joints: as a mean over them of how many times less.
+    """
+    others = [i for i in model.chosen if i != k]
+    gain = np.log(judged_power(model.design, others, model.weight).mean / np.maximum(left, 1e-300))
+    own = model.design.terms[k].own
+    return bool((gain.sum() if own is None else gain[own]) > 0.0)
+
+
+def known_hypothesis(term: Term, baseline: Baseline, beta: Array, std: Array) -> Hypothesis:
+    """A term of known size in the equations of a baseline: its torque is taken off, the rest fitted again.
+
+    Args:
+        term: the term.
+        baseline: the equations.
+        beta: ``(n_linear,)`` its linear parameters.
+        std: ``(n_linear,)`` their standard deviations.
+    """
+    shape = term.effect.shape(term.context, term.location, term.theta)
+    columns = at_rows(Context(baseline), shape)
+    torque = columns.torque(beta, baseline.solver.equations.y.shape)
+    made = baseline.solver.fit(offset=torque)
+    return Hypothesis(
+        term.effect,
+        term.location,
+        term.theta,
+        columns,
+        replace(made, extra=beta, extra_std=std),
+        baseline,
+        term.context,
+    )
 
 
 def hypothesis_of(term: Term, baseline: Baseline, made_at: Context | None = None) -> Hypothesis | None:

@@ -18,7 +18,9 @@ from excite.diagnosis.answer.budget import (
     UnnamedShare,
 )
 from excite.diagnosis.answer.candidate import Estimate
+from excite.diagnosis.budget.fit.design import Design
 from excite.diagnosis.budget.fit.joint_fit import Model, fit
+from excite.diagnosis.budget.fit.terms import ShapeStep, TermMaker
 from excite.diagnosis.budget.library import loaded
 from excite.diagnosis.budget.record import Found
 from excite.diagnosis.budget.shares import Shares, deviation, shares_of, unnamed_of
@@ -27,6 +29,7 @@ from excite.diagnosis.effects.form import Context
 from excite.diagnosis.equations.noise_floor import repeat_floor
 from excite.diagnosis.equations.own_columns import CONSTANT, COULOMB, VISCOUS, own_rows
 from excite.diagnosis.equations.units import at_joint, force_unit
+from excite.diagnosis.selection.shapes import shape_changes
 from excite.finding import Finding
 from excite.progress import step
 from excite.robot.robot import Robot
@@ -247,9 +250,10 @@ def _named(found: Found, i: int, share: float, surely: float, clear: bool) -> Na
     values: dict[str, tuple[float, float | None]] = {
         p.name: (float(b), float(abs(s))) for p, b, s in zip(term.effect.linear, beta, spread, strict=False)
     }
+    spread = shape_deviations(model, k)
     values |= {
-        p.name: (t, t * _share_of_one(model, i) if p.name == term.effect.proportional else None)
-        for p, t in zip(term.effect.searched, term.theta, strict=False)
+        p.name: (t, None if i not in spread else t * spread[i])
+        for i, (p, t) in enumerate(zip(term.effect.searched, term.theta, strict=True))
     }
     rivals = found.rivals.get(k, ())
     whole = 1.0 + sum(rival.odds for rival in rivals) + float(np.exp(-max(nats, 0.0)))
@@ -267,10 +271,21 @@ def _named(found: Found, i: int, share: float, surely: float, clear: bool) -> Na
     )
 
 
-def _share_of_one(model: Model, i: int) -> float:
-    """Deviation between blocks left out of the size that a term of known size would have if it were fitted."""
-    free = fit(model.design, model.chosen, model.weight, freed=model.chosen[i])
-    return float(deviation(free.left_out[:, free.layout.begin[i]]))
+def shape_deviations(model: Model, k: int) -> dict[int, float]:
+    """Deviation between blocks left out of the logarithm of each shape parameter of the design's term ``k``.
+
+    By its linear change beside all that the model has.
+    """
+    term = model.design.terms[k]
+    maker = TermMaker(term.context, term.context.baseline.strict)
+    changes = list(shape_changes(maker, term, model.parameters(k))) if term.theta else []
+    if not changes:
+        return {}
+    steps = [ShapeStep.of(term, change) for _, change in changes]
+    terms = (*model.terms, *steps)
+    free = fit(Design(model.design.rows, terms), range(len(terms)), model.weight)
+    left_out = free.left_out[:, free.layout.begin[len(model.terms) :]]
+    return {i: float(d) for (i, _), d in zip(changes, deviation(left_out), strict=True)}
 
 
 # How large an effect would have to be for a record to show it beside everything that its model has.

@@ -94,7 +94,6 @@ class Effect(ABC):
         nameless: what it follows, where it is physics that no name of a diagnosis stands for; empty where it has one.
         seen_alone: whether it may show where the plainer form that it enriches does not, and is tried along with that.
         stands_in: whether its size and what it searches are one number, as only its closer form has it.
-        proportional: parameter that its torque grows with, where its size is known; empty where none does.
         by_load: whether it is a share of what the rigid bodies ask of its joint.
         is_body: whether its linear parameters are the ten of a body.
         by_motion: whether its columns follow the motion and the inertial parameters alone, whatever else is found.
@@ -123,7 +122,6 @@ class Effect(ABC):
     nameless: ClassVar[str] = ""
     seen_alone: ClassVar[bool] = False
     stands_in: ClassVar[bool] = False
-    proportional: ClassVar[str] = ""
     by_load: ClassVar[bool] = False
     is_body: ClassVar[bool] = False
     by_motion: ClassVar[bool] = False

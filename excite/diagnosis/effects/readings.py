@@ -338,7 +338,6 @@ class WholeDelay(TimeDelay):
     searched: ClassVar[tuple[Parameter, ...]] = (Parameter("delay", "s", 4e-4, 0.15),)
 
     stands_in = False
-    proportional = "delay"
 
     @property
     def closer(self) -> Effect | None:

@@ -75,15 +75,6 @@ class Atom:
         own = x[: self.own]
         return own if self.turned is None else self.turned @ own
 
-    def theta(self, x: Array) -> tuple[float, ...]:
-        """The term's shape with what the shape's columns add."""
-        theta = np.array(self.term.theta)
-        if len(x) > self.own:
-            theta = theta * np.exp(np.clip(x[self.own :], -2.0, 2.0))
-        if self.term.known and self.term.effect.proportional:
-            theta = theta * x[0]
-        return tuple(theta.tolist())
-
 
 @dataclass(frozen=True, eq=False)
 class Slab:

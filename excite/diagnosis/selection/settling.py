@@ -11,11 +11,10 @@ import numpy as np
 from excite.arrays import Array
 from excite.diagnosis.budget.fit.design import Design, Rows
 from excite.diagnosis.budget.fit.joint_fit import fit
-from excite.diagnosis.budget.fit.terms import Term, TermMaker
+from excite.diagnosis.budget.fit.terms import ShapeStep, Term, TermMaker
 from excite.diagnosis.budget.prediction import Prediction, predicted, signs_beside
 from excite.diagnosis.budget.record import rows_of
 from excite.diagnosis.effects.form import Context
-from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.dry_friction.friction_sign import WIDTHS, SignChange
 from excite.diagnosis.selection.gram import Gram, Noise
@@ -79,6 +78,10 @@ class Settled:
     makers: list[TermMaker]
     now: Prediction
 
+    def made_again(self) -> list[Term]:
+        """The terms at what the model predicts."""
+        return [maker.again(term) or term for term, maker in zip(self.terms, self.makers, strict=True)]
+
 
 def settle(basis: Basis, terms: Sequence[Term], *, once: bool) -> Settled:
     """Search the shapes of terms together, friction without memory tried beside each effect of friction.
@@ -104,10 +107,19 @@ def settle(basis: Basis, terms: Sequence[Term], *, once: bool) -> Settled:
             _with_signs(maker, signs).again(term) or term
             for maker, term in zip(found.makers, found.terms, strict=True)
         ]
-        other = _searched(plain, again, _SEARCHES)
+        other = _searched(plain, again, 1)
+        if _kinds(other) == _kinds(found):
+            # Bristles are back.
+            continue
+        other = _searched(other.basis, other.made_again(), _SEARCHES)
         if other.company.loss < found.company.loss + RICHER:
             found = other
     return found
+
+
+def _kinds(found: Settled) -> list[tuple[bool, bool, bool]]:
+    """Of each joint's friction, whether its bristles bend or damp, and whether its sign changes straight."""
+    return [(sign.bent, sign.damped, sign.straight) for sign in found.basis.full.signs]
 
 
 def gears_of(terms: Sequence[Term]) -> list[int]:
@@ -136,9 +148,12 @@ def _searched(basis: Basis, terms: Sequence[Term], most: int) -> Settled:
         terms = [_timed(basis.rows, terms, i) for i in range(len(terms))]
         terms, company = searched_together(basis.gram, terms, basis.slab)
         model = fit(Design(basis.rows, tuple(terms)), range(len(terms)), left_out=False)
-        turned = signs_beside(basis.full, model)
-        if turned is not basis.full:
-            basis = basis.with_baseline(turned)
+        still = not _has_moved(before, terms)
+        # Signs follow what moves them: first of all, and whenever the shapes hold still.
+        if still or k in (0, most - 1):
+            turned = signs_beside(basis.full, model)
+            if turned is not basis.full:
+                basis = basis.with_baseline(turned)
         there = model.x[:n]
         upcoming = there if last is None else _mixed(model.normal[:n, :n], there, there - x, *last)
         last, x = (there, there - x), upcoming
@@ -148,9 +163,10 @@ def _searched(basis: Basis, terms: Sequence[Term], most: int) -> Settled:
             TermMaker(now.without(*(gears if i in gears else [i])), basis.full.strict)
             for i in range(len(terms))
         ]
-        if k + 1 == most or (basis.full.signs == signs and not _has_moved(before, terms)):
-            return Settled(basis, terms, company, makers, now)
-        terms = [maker.again(term) or term for term, maker in zip(terms, makers, strict=True)]
+        settled = Settled(basis, terms, company, makers, now)
+        if k + 1 == most or (still and basis.full.signs == signs):
+            return settled
+        terms = settled.made_again()
     raise AssertionError("the last search returns")
 
 
@@ -165,8 +181,7 @@ def _timed(rows: Rows, terms: Sequence[Term], i: int) -> Term:
         return term
     maker = TermMaker(term.context, term.context.baseline.strict)
     ((_, change),) = shape_changes(maker, term, np.ones(1))
-    columns = {j: values[:, None] for j, values in change.items()}
-    step = replace(term, effect=EFFECTS[term.name], columns=columns, known=False, kept=(0,))
+    step = ShapeStep.of(term, change)
     model = fit(Design(rows, (*terms, step)), range(len(terms) + 1), left_out=False)
     return moved(maker, term, {0: float(model.parameters(len(terms))[0])}, 1.0) or term
 

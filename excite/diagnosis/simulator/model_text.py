@@ -6,9 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from excite.arrays import Array
 from excite.diagnosis.attribution import Attribution, Scored
 from excite.diagnosis.effects.effect import Effect
 from excite.diagnosis.effects.form import Context, Form, Note, Noted, Sizes, Told
@@ -87,8 +84,7 @@ def model_notes(model: mujoco.MjModel) -> list[tuple[str, str]]:
 
 def found_effects(attribution: Attribution) -> tuple[Found, ...]:
     """The accepted effects with their sizes as fitted together, beside a channel's gain in units of the true torque."""
-    sizes = fitted_sizes(attribution)
-    found = [_found(item, beta) for item, beta in zip(attribution.accepted, sizes, strict=True)]
+    found = [_found(item) for item in attribution.accepted]
     forms = [item.form((item.location,)) for item in found]
     reads = {item.location: form.reads for item, form in zip(found, forms, strict=True) if form.reads != 1.0}
     return tuple(
@@ -108,30 +104,9 @@ def _read_at(item: Found, factor: float) -> Found:
     return replace(item, values={n: v / factor if n in torques else v for n, v in item.values.items()})
 
 
-def fitted_sizes(attribution: Attribution) -> tuple[Array, ...]:
-    """Linear parameters of each accepted effect, ``(n_linear,)``, as fitted all together."""
-    last, place, made = attribution.final, 0, []
-    columns = last.solver.equations.shared
-    first = attribution.stages[0].context.baseline.basis.shape[1]
-    for item in attribution.accepted:
-        extra, direction = item.hypothesis.fitted, item.hypothesis.direction
-        count = 0 if extra is None else extra.shape[2]
-        here = slice(first + place, first + place + count)
-        beta = item.hypothesis.fit.extra
-        if extra is not None:
-            size = np.linalg.norm(extra, axis=(0, 1))
-            scale = np.linalg.norm(columns[:, :, here], axis=(0, 1)) / np.where(size > 0.0, size, 1.0)
-            beta = last.fit.shared[here] * scale
-            beta = beta if direction is None else beta * direction
-        place += count
-        made.append(beta)
-    return tuple(made)
-
-
-def _found(item: Scored, beta: Array) -> Found:
+def _found(item: Scored) -> Found:
     h = item.hypothesis
-    values = h.effect.sizes(Context(h.baseline), h.location, h.theta, replace(h.fit, extra=beta))
-    return Found(h.effect, item.location, values)
+    return Found(h.effect, item.location, h.effect.sizes(Context(h.baseline), h.location, h.theta, h.fit))
 
 
 def told_states(attribution: Attribution) -> tuple[tuple[str, Told], ...]:

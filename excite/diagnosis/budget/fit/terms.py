@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -98,6 +98,27 @@ class Term:
         beta = np.zeros(len(self.effect.linear))
         beta[list(self.kept)] = x * self.scale
         return beta
+
+
+@dataclass(frozen=True, eq=False)
+class ShapeStep(Term):
+    """The change of a term's torque with a shape parameter's logarithm, as a column whose size is fitted freely."""
+
+    @property
+    def precision(self) -> Array:
+        """None a priori, ``(1,)``."""
+        return np.zeros(1)
+
+    @classmethod
+    def of(cls, term: Term, change: Mapping[int, Array]) -> ShapeStep:
+        """The step of a term's shape parameter.
+
+        Args:
+            term: the term.
+            change: by joint, ``(n_rows,)``.
+        """
+        columns = {j: values[:, None] for j, values in change.items()}
+        return cls(term.effect, term.location, term.theta, term.context, columns, np.ones(1), own=term.own)
 
 
 @dataclass(frozen=True, eq=False)
