@@ -154,7 +154,7 @@ def fit_delayed_command(trials: Sequence[EvenTrial]) -> DelayedCommand:
     step = max(float(np.median(np.diff(trials[0].time))), _STEP_S)
     fine = step / _FINER * np.arange(1 - _FINER, _FINER)
 
-    def fitted(joint: int, delay: float) -> tuple[float, float, float, float]:
+    def fitted(joint: int, delay: float) -> list[float]:
         """Mean squared error, delay, scale and offset."""
         late = np.concatenate(
             [np.interp(t.time[::thin] - delay, t.time, t.command[:, joint]) for t in trials]
@@ -163,7 +163,8 @@ def fit_delayed_command(trials: Sequence[EvenTrial]) -> DelayedCommand:
         x, y = late - late.mean(), here - here.mean()
         power = float(x @ x)
         scale = float(x @ y) / power if power > 0.0 else 0.0
-        return float(((y - scale * x) ** 2).mean()), delay, scale, float(here.mean() - scale * late.mean())
+        error = float(((y - scale * x) ** 2).mean())
+        return [error, delay, scale, float(here.mean() - scale * late.mean())]
 
     found = []
     for j in range(trials[0].command.shape[1]):

@@ -5,12 +5,15 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from excite.diagnosis.answer.budget import Budget
 from excite.diagnosis.arm import diagnose as judged
 from excite.diagnosis.arm.read import Reading
 from excite.diagnosis.attribution import Scorer
+from excite.diagnosis.budget.fit.design import Design
+from excite.diagnosis.budget.fit.joint_fit import fit
 from excite.diagnosis.budget.record import Found
 from excite.diagnosis.diagnose import diagnose
 from excite.logs.files import load_log
@@ -38,17 +41,26 @@ def test_an_effect_of_some_size_is_named(reading: Reading):
     assert [(item.name, item.location) for item in attribution.accepted] == [("torque_bias", "panda_joint4")]
 
 
-def test_a_size_that_is_not_told_from_none_names_nothing(reading: Reading):
-    unsure = [
-        replace(item, values={name: (value, abs(value)) for name, (value, _) in item.values.items()})
-        for item in reading.budget.named
-    ]
-    attribution, judgement = replace(reading, budget=replace(reading.budget, named=tuple(unsure))).verdict()
+def blocks_apart(reading: Reading, factor: float) -> Reading:
+    """The same where blocks of the record ask for sizes that differ by a multiple of each other's."""
+    model = reading.found.model
+    rows, rng = model.design.rows, np.random.default_rng(0)
+    y = rows.y.copy()
+    for block in np.unique(rows.block[rows.block >= 0]):
+        y[:, rows.block == block] *= 1.0 + factor * rng.standard_normal()
+    design = Design(replace(rows, y=y), model.design.terms)
+    return replace(reading, found=replace(reading.found, model=fit(design, model.chosen)))
+
+
+def test_a_size_that_blocks_do_not_agree_on_names_nothing(reading: Reading):
+    attribution, judgement = blocks_apart(reading, 30.0).verdict()
     assert judgement.verdict != "effect"
     assert attribution.accepted == ()
 
 
-def test_what_leaves_the_trials_that_judge_no_better_explained_is_not_nearer(reading: Reading):
+def test_the_size_is_that_of_the_model_of_the_gap(reading: Reading):
     attribution, _ = reading.verdict()
-    assert reading._nearer(attribution.final)
-    assert not reading._nearer(reading.scorer.baseline)
+    (item,) = attribution.accepted
+    (named,) = (one for one in reading.budget.named if one.location == item.location)
+    assert item.hypothesis.fit.extra[0] == pytest.approx(named.values["bias"][0], rel=1e-6)
+    assert item.hypothesis.fit.extra_std[0] == pytest.approx(named.values["bias"][1], rel=1e-3)

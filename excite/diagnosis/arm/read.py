@@ -69,18 +69,18 @@ class Reading:
         first, *others = sorted(sure, key=lambda item: -item.surely)
         # Of what has a rival elsewhere than in the first place nobody knows the name.
         chosen = [first, *(item for item in others if alone(item))]
-        kept, model = self._that_explain(chosen)
-        return self._named(kept, model, whole=whole) if kept else self._open()
+        kept, stages = self._that_explain(chosen)
+        return self._named(kept, stages, whole=whole) if kept else self._open()
 
-    def _that_explain(self, chosen: Sequence[Named]) -> tuple[list[Named], Model]:
-        """Those that have a size beside each other and leave less of what judges, all together too; and their fit."""
+    def _that_explain(self, chosen: Sequence[Named]) -> tuple[list[Named], list[Stage]]:
+        """Those that have a size and leave less of what judges, each and all together, put into the equations."""
         kept, rows = list(chosen), self.found.design.rows
-        while True:
+        while kept:
             terms = self._beside_each_other(kept)
             model = fit(Design(rows, tuple(terms)), range(len(terms)))
             left, nothing = power_of(model).mean, power_of(fit(model.design, ())).mean
-            if not kept or ((left - nothing) / self.scorer.scale**2).sum() >= 0.0:
-                return [], model
+            if ((left - nothing) / self.scorer.scale**2).sum() >= 0.0:
+                break
             there = [
                 item
                 for k, item in enumerate(kept)
@@ -89,8 +89,15 @@ class Reading:
                 and _closes(model, k, left)
             ]
             if there == kept:
-                return kept, model
+                stages = self._stages(kept, model)
+                # A search that ended where its name stands for something else has found that.
+                there = [
+                    item for item, stage in zip(kept, stages, strict=False) if _stands_for_its_name(stage)
+                ]
+                if there == kept:
+                    return kept, stages
             kept = there
+        return [], []
 
     def _open(self) -> tuple[Attribution, Judgement]:
         """Nothing that is named is the gap."""
@@ -108,9 +115,10 @@ class Reading:
         made = replace(self._nothing, stages=(stage,), stranger=stranger)
         return made, Judgement("unknown" if structured else "none", (), (), (), structured)
 
-    def _named(self, kept: Sequence[Named], model: Model, *, whole: bool) -> tuple[Attribution, Judgement]:
+    def _named(
+        self, kept: Sequence[Named], stages: list[Stage], *, whole: bool
+    ) -> tuple[Attribution, Judgement]:
         """Effects, the largest share first; ``whole`` where they are the gap and not the part of it at their places."""
-        stages = self._stages(kept, model)
         last = stages[-1].context.baseline
         rivals, (first,) = self._rivals(kept[0]), stages[0].ranking
         beside = tuple(scored for scored, _ in rivals)
@@ -231,6 +239,12 @@ class Reading:
             # Play before friction is told by rows near standstill, which count here and hardly in the model of the gap.
             made = Search(Context(made.baseline), made.baseline.solver).refine(made)
         return self.scorer.scored(baseline.fit, made) if made.physical else None
+
+
+def _stands_for_its_name(stage: Stage) -> bool:
+    """Whether what a stage accepts is physical, and its search ended within what its name stands for."""
+    item = stage.accepted
+    return item is not None and item.hypothesis.physical and item.hypothesis.settled
 
 
 def _has_size(model: Model, k: int) -> bool:

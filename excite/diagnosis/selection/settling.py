@@ -78,10 +78,6 @@ class Settled:
     makers: list[TermMaker]
     now: Prediction
 
-    def made_again(self) -> list[Term]:
-        """The terms at what the model predicts."""
-        return [maker.again(term) or term for term, maker in zip(self.terms, self.makers, strict=True)]
-
 
 def settle(basis: Basis, terms: Sequence[Term], *, once: bool) -> Settled:
     """Search the shapes of terms together, friction without memory tried beside each effect of friction.
@@ -107,19 +103,10 @@ def settle(basis: Basis, terms: Sequence[Term], *, once: bool) -> Settled:
             _with_signs(maker, signs).again(term) or term
             for maker, term in zip(found.makers, found.terms, strict=True)
         ]
-        other = _searched(plain, again, 1)
-        if _kinds(other) == _kinds(found):
-            # Bristles are back.
-            continue
-        other = _searched(other.basis, other.made_again(), _SEARCHES)
+        other = _searched(plain, again, _SEARCHES)
         if other.company.loss < found.company.loss + RICHER:
             found = other
     return found
-
-
-def _kinds(found: Settled) -> list[tuple[bool, bool, bool]]:
-    """Of each joint's friction, whether its bristles bend or damp, and whether its sign changes straight."""
-    return [(sign.bent, sign.damped, sign.straight) for sign in found.basis.full.signs]
 
 
 def gears_of(terms: Sequence[Term]) -> list[int]:
@@ -142,18 +129,16 @@ def _searched(basis: Basis, terms: Sequence[Term], most: int) -> Settled:
     terms = list(terms)
     n = basis.rows.shared.shape[2]
     last: tuple[Array, Array] | None = None
+    best: Settled | None = None
     x = fit(Design(basis.rows, tuple(terms)), range(len(terms)), left_out=False).x[:n]
     for k in range(most):
         before, signs = terms, basis.full.signs
         terms = [_timed(basis.rows, terms, i) for i in range(len(terms))]
         terms, company = searched_together(basis.gram, terms, basis.slab)
         model = fit(Design(basis.rows, tuple(terms)), range(len(terms)), left_out=False)
-        still = not _has_moved(before, terms)
-        # Signs follow what moves them: first of all, and whenever the shapes hold still.
-        if still or k in (0, most - 1):
-            turned = signs_beside(basis.full, model)
-            if turned is not basis.full:
-                basis = basis.with_baseline(turned)
+        turned = signs_beside(basis.full, model)
+        if turned is not basis.full:
+            basis = basis.with_baseline(turned)
         there = model.x[:n]
         upcoming = there if last is None else _mixed(model.normal[:n, :n], there, there - x, *last)
         last, x = (there, there - x), upcoming
@@ -164,9 +149,12 @@ def _searched(basis: Basis, terms: Sequence[Term], most: int) -> Settled:
             for i in range(len(terms))
         ]
         settled = Settled(basis, terms, company, makers, now)
-        if k + 1 == most or (still and basis.full.signs == signs):
-            return settled
-        terms = settled.made_again()
+        if best is None or company.loss < best.company.loss:
+            best = settled
+        if k + 1 == most or (basis.full.signs == signs and not _has_moved(before, terms)):
+            # Bristles of two kinds at a joint may change places without end.
+            return settled if company.loss < best.company.loss + RICHER else best
+        terms = [maker.again(term) or term for term, maker in zip(terms, makers, strict=True)]
     raise AssertionError("the last search returns")
 
 
