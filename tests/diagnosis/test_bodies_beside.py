@@ -77,8 +77,12 @@ def test_a_body_without_the_constant_that_it_stood_beside_is_another(baseline: B
     np.testing.assert_allclose(centre["found"], BALL.lever, atol=0.01)
     assert np.linalg.norm(centre["bent"] - BALL.lever) > 0.03
     np.testing.assert_allclose(found.direction, alone.direction)
-    # What stands beside all others is left as it is.
-    assert likeliest_beside(model, [1, 0], maker) == [held, bent]
+    # Beside all others it is what it was.
+    again, other = likeliest_beside(model, [1, 0], maker)
+    np.testing.assert_allclose(
+        again.direction / again.direction[0], bent.direction / bent.direction[0], atol=1e-3
+    )
+    assert other is held
 
 
 def test_parameters_in_fixed_proportions_are_no_surer_than_free_ones(baseline: Baseline) -> None:

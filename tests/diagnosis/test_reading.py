@@ -63,4 +63,4 @@ def test_the_size_is_that_of_the_model_of_the_gap(reading: Reading):
     (item,) = attribution.accepted
     (named,) = (one for one in reading.budget.named if one.location == item.location)
     assert item.hypothesis.fit.extra[0] == pytest.approx(named.values["bias"][0], rel=1e-6)
-    assert item.hypothesis.fit.extra_std[0] == pytest.approx(named.values["bias"][1], rel=1e-3)
+    assert item.hypothesis.fit.extra_std[0] >= (1.0 - 1e-9) * named.values["bias"][1]

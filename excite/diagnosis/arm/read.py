@@ -74,10 +74,10 @@ class Reading:
 
     def _that_explain(self, chosen: Sequence[Named]) -> tuple[list[Named], list[Stage]]:
         """Those that have a size and leave less of what judges, each and all together, put into the equations."""
-        kept, rows = list(chosen), self.found.design.rows
+        kept = list(chosen)
         while kept:
-            terms = self._beside_each_other(kept)
-            model = fit(Design(rows, tuple(terms)), range(len(terms)))
+            model = self._fitted_together(kept)
+            terms = model.terms
             left, nothing = power_of(model).mean, power_of(fit(model.design, ())).mean
             if ((left - nothing) / self.scorer.scale**2).sum() >= 0.0:
                 break
@@ -206,18 +206,23 @@ class Reading:
     def _terms(self) -> dict[tuple[str, str], Term]:
         return {term.key: term for term in self.found.model.terms}
 
-    def _beside_each_other(self, named: Sequence[Named]) -> list[Term]:
-        """Terms of effects, each body of them the likeliest beside the others.
+    def _fitted_together(self, named: Sequence[Named]) -> Model:
+        """Effects, fitted: bodies with all their parameters free where those are of ones that can exist.
 
-        A surgical arm's load stood beside half a newton metre at the yaw axis that its weight all but cancelled. That
-        constant was no name, and the load without it closed 43 % of the gap where the one of these terms closes 79 %.
+        Else each is the likeliest that can beside the others. What else the model of the gap has may cancel a part of a
+        body: a surgical arm's load stood beside half a newton metre at the yaw axis that its weight all but cancelled.
         """
-        model = self.found.model
-        number = {model.design.terms[k].key: k for k in model.chosen}
+        found, rows = self.found.model, self.found.design.rows
+        number = {found.design.terms[k].key: k for k in found.chosen}
         numbers = [number[item.effect, item.location] for item in named]
         maker = TermMaker(self.found.prediction.context, self.found.baseline.strict)
-        made = {term.key: term for term in likeliest_beside(model, numbers, maker)}
-        return [made[item.effect, item.location] for item in named]
+        free = [found.design.terms[k] for k in numbers]
+        free = [t if t.direction is None else maker.make(t.effect, t.location, ()) or t for t in free]
+        model = fit(Design(rows, tuple(free)), range(len(free)))
+        if all(t.can_be(t.context, model.parameters(k)) for k, t in enumerate(free) if t.effect.is_body):
+            return model
+        terms = likeliest_beside(found, numbers, maker)
+        return fit(Design(rows, tuple(terms)), range(len(terms)))
 
     @property
     def _likely(self) -> tuple[Term, ...]:
@@ -276,9 +281,12 @@ def known_hypothesis(term: Term, baseline: Baseline, beta: Array, std: Array) ->
         std: ``(n_linear,)`` their standard deviations.
     """
     shape = term.effect.shape(term.context, term.location, term.theta)
-    columns = at_rows(Context(baseline), shape)
-    torque = columns.torque(beta, baseline.solver.equations.y.shape)
-    made = baseline.solver.fit(offset=torque)
+    columns, solver = at_rows(Context(baseline), shape), baseline.solver
+    made = solver.fit(offset=columns.torque(beta, solver.equations.y.shape))
+    if columns.extra is not None:
+        # Sizes that trials disagree on beside bodies and friction are no surer than that.
+        free = solver.fit(columns.extra, columns.offset, widths=term.effect.widths)
+        std = np.maximum(std, solver.std_between_trials(free, term.effect.widths))
     return Hypothesis(
         term.effect,
         term.location,

@@ -83,8 +83,6 @@ def likeliest_beside(model: Model, numbers: Sequence[int], maker: TermMaker) -> 
         numbers: of the terms.
         maker: of columns.
     """
-    if set(numbers) == set(model.chosen):
-        return list(model.terms)
     found = []
     for k in numbers:
         term = model.design.terms[k]

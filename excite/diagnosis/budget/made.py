@@ -250,10 +250,10 @@ def _named(found: Found, i: int, share: float, surely: float, clear: bool) -> Na
     values: dict[str, tuple[float, float | None]] = {
         p.name: (float(b), float(abs(s))) for p, b, s in zip(term.effect.linear, beta, spread, strict=False)
     }
-    spread = shape_deviations(model, k)
+    shaped = shape_deviations(model, k)
     values |= {
-        p.name: (t, None if i not in spread else t * spread[i])
-        for i, (p, t) in enumerate(zip(term.effect.searched, term.theta, strict=True))
+        p.name: (t, None if n not in shaped else t * shaped[n])
+        for n, (p, t) in enumerate(zip(term.effect.searched, term.theta, strict=True))
     }
     rivals = found.rivals.get(k, ())
     whole = 1.0 + sum(rival.odds for rival in rivals) + float(np.exp(-max(nats, 0.0)))

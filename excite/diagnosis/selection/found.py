@@ -320,7 +320,6 @@ def model_of_gap(
         settled = settle(basis, again, once=False)
         selected, rows = replace(selected, full=settled.basis.full), settled.basis.rows
         terms = in_plainest_forms(settled.basis.gram, settled.terms, settled.basis.slab)
-        terms = _with_bodies(terms, selected, rows)
     if sigma is not None:
         model = fit(Design(rows, tuple(terms)), range(len(terms)))
         terms = [terms[k] for k in sorted(unlike_noise(model, selected.full, sigma, len(groups), rng))]
