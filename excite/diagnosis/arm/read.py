@@ -84,7 +84,7 @@ class Reading:
             there = [
                 item
                 for k, item in enumerate(kept)
-                if terms[k].can_be(terms[k].context, model.parameters(k))
+                if (not terms[k].effect.is_body or terms[k].can_be(terms[k].context, model.parameters(k)))
                 and _has_size(model, k)
                 and _closes(model, k, left)
             ]
