@@ -2,9 +2,9 @@
 
 ``--all`` measures the long parts too (hours), ``--only NAME`` one part, ``--cheap`` those that took less than three
 minutes of a processor when they were last measured. ``--stale`` leaves out parts whose code is as it was then.
-``--write`` keeps what was measured in ``docs/measured.json``, part by part with its date, commit and machine, and writes
-``docs/measured.md`` from it. ``--page`` writes the page alone: parts whose code has changed since they were measured
-are marked as stale on it.
+``--write`` keeps what was measured in ``docs/measured.json``, part by part with its date, commit and machine, and
+writes ``docs/measured.md`` from it. ``--page`` writes the page alone: parts whose code has changed since they were
+measured are marked as stale on it.
 """
 
 from __future__ import annotations
