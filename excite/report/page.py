@@ -145,28 +145,29 @@ _TOLD = 0.5
 
 def show_overview(findings: Findings) -> Shown:
     """A row of key figures, each only where the folder holds it."""
-    tiles = "".join(key_figure(*one) for one in _key_figures(findings))
+    tiles = "".join(_key_figures(findings))
     return f'<div class="tiles" id="overview">{tiles}</div>' if tiles else ""
 
 
-def _key_figures(findings: Findings) -> Iterator[tuple[str, str] | tuple[str, str, bool]]:
-    """Of each the value, what it is, and whether it is as wanted, where that is clear."""
+def _key_figures(findings: Findings) -> Iterator[str]:
     plan, campaign, change = findings.plan or {}, findings.campaign or {}, findings.data.conditioning
     if plan:
         candidates, seconds = plan["candidates"], sum(one["duration_s"] for one in plan["selected"])
-        yield f"{candidates['accepted']} of {candidates['generated']}", "candidate motions accepted"
-        yield count(len(plan["selected"]), "motion"), f"chosen, {seconds:.0f} s in all"
+        yield key_figure(
+            f"{candidates['accepted']} of {candidates['generated']}", "candidate motions accepted"
+        )
+        yield key_figure(count(len(plan["selected"]), "motion"), f"chosen, {seconds:.0f} s in all")
     what, planned = "condition number of the base columns", plan.get("conditioning")
     if change is not None and change.full_after == change.full_before:
         label = f"{what}, of {change.before_label} and {change.after_label} alike"
-        yield format_number(change.full_after), label
+        yield key_figure(format_number(change.full_after), label)
     elif change is not None:
         # Motions are chosen for single segments: the whole may come out a little worse.
         values = f"{format_number(change.full_before)} → {format_number(change.full_after)}"
         better = f"{(change.after < change.before).sum()} of {len(change.after)} segments are better so"
-        yield values, f"{what}: {change.before_label} → {change.after_label}; {better}"
+        yield key_figure(values, f"{what}: {change.before_label} → {change.after_label}; {better}")
     elif planned is not None:
-        yield format_number(condition_value(planned["full"])), what
+        yield key_figure(format_number(condition_value(planned["full"])), what)
     last = campaign["iterations"][-1] if campaign.get("iterations") else {"rsd_percent": (), "not_met": ()}
     fits = ((findings.identification or {}).get("validation") or {}).values()
     errors = [(row["rmse"], row["reference_rmse"]) for row in fits]
@@ -182,7 +183,7 @@ def _key_figures(findings: Findings) -> Iterator[tuple[str, str] | tuple[str, st
         ],
     }.items():
         if passed:
-            yield f"{sum(passed)} of {len(passed)}", label, all(passed)
+            yield key_figure(f"{sum(passed)} of {len(passed)}", label, all(passed))
     masses = findings.data.masses
     if masses is not None:
         total, label = float(masses.identified.sum()), "total mass of the identified model"
@@ -192,7 +193,7 @@ def _key_figures(findings: Findings) -> Iterator[tuple[str, str] | tuple[str, st
             label += f"; true {true:.2f} kg ({off})".replace("-", "−")
         elif masses.determined is not None and masses.determined.min() < _TOLD:
             label += "; not all of it is told by the data, see Masses"
-        yield f"{total:.2f} kg", f"{label}; nominal {masses.nominal.sum():.2f} kg"
+        yield key_figure(f"{total:.2f} kg", f"{label}; nominal {masses.nominal.sum():.2f} kg")
 
 
 # How long each stage of the plan took.
