@@ -119,13 +119,13 @@ def draw_posture(
     data = robot.model.createData()
     pin.forwardKinematics(robot.model, data, q)
     origin = np.array([q[0], q[1], 0.0]) if robot.floating else np.zeros(3)
-    soles = {foot.name: _placed(data.oMi[foot.joint], np.array(foot.sole)) - origin for foot in robot.feet}
+    soles = {foot.name: _place_points(data.oMi[foot.joint], np.array(foot.sole)) - origin for foot in robot.feet}
     standing = [corners * _FLAT for name, corners in soles.items() if name in loaded]
     ground = np.vstack(standing) if standing else None
     mass = (pin.centerOfMass(robot.model, data, q) - origin) * _FLAT if robot.floating else None
     outlines = []
     for body in shape_bodies(robot):
-        points = _placed(data.oMi[body.joint], body.corners) - origin
+        points = _place_points(data.oMi[body.joint], body.corners) - origin
         seen = project(points)
         corners = hull_outline(seen)
         if len(corners) > 2:
@@ -140,7 +140,7 @@ def draw_posture(
     )
 
 
-def _placed(pose: pin.SE3, points: Array) -> Array:
+def _place_points(pose: pin.SE3, points: Array) -> Array:
     return np.asarray(points @ pose.rotation.T + pose.translation)
 
 
