@@ -119,7 +119,9 @@ def draw_posture(
     data = robot.model.createData()
     pin.forwardKinematics(robot.model, data, q)
     origin = np.array([q[0], q[1], 0.0]) if robot.floating else np.zeros(3)
-    soles = {foot.name: _place_points(data.oMi[foot.joint], np.array(foot.sole)) - origin for foot in robot.feet}
+    soles = {
+        foot.name: _place_points(data.oMi[foot.joint], np.array(foot.sole)) - origin for foot in robot.feet
+    }
     standing = [corners * _FLAT for name, corners in soles.items() if name in loaded]
     ground = np.vstack(standing) if standing else None
     mass = (pin.centerOfMass(robot.model, data, q) - origin) * _FLAT if robot.floating else None
