@@ -276,29 +276,16 @@ def list_effects(
     """List the effects that a diagnosis can name: law, what looks like it, what tells them apart."""
     summaries = excite.effect_summaries()
     document = {"schema": "excite.effects/1", "effects": [summary.to_json() for summary in summaries]}
-    if call.is_printed(document, "effects.json"):
-        return
-    from rich.console import Console
-    from rich.padding import Padding
-    from rich.text import Text
-
-    console = Console()
-    titles = {"fixed": "Arms", "floating": "Standing robots and people"}
-    for base, title in titles.items():
-        console.print(Text(title, style="bold"))
-        for summary in summaries:
-            if summary.base == base:
-                form = "" if summary.form == summary.name else f" ({summary.form.replace('_', ' ')})"
-                console.print(Text(summary.name + form, style="cyan"))
-                for text in (
-                    summary.law,
-                    f"looks like: {summary.looks_like}",
-                    f"told apart by: {summary.told_apart_by}" if summary.told_apart_by else "",
-                    f"in MuJoCo: {summary.mujoco}" if summary.mujoco else "",
-                ):
-                    if text:
-                        console.print(Padding(Text(text), (0, 0, 0, 4), expand=False))
-    print(f"then: {command_line('diagnose', 'LOG', '--out', 'diagnosis')}")
+    call.write_document(document, "effects.json")
+    lines: list[str] = []
+    for base, title in {"fixed": "Arms", "floating": "Standing robots and people"}.items():
+        lines.append(title)
+        for one in (summary for summary in summaries if summary.base == base):
+            lines.append(one.name + ("" if one.form == one.name else f" ({one.form.replace('_', ' ')})"))
+            said = {"": one.law, "looks like: ": one.looks_like, "told apart by: ": one.told_apart_by}
+            said["in MuJoCo: "] = one.mujoco
+            lines += [f"    {label}{text}" for label, text in said.items() if text]
+    call.emit_result("\n".join(lines), document, then=command_line("diagnose", "LOG", "--out", "diagnosis"))
 
 
 # Results for controllers, simulators and people.

@@ -145,75 +145,55 @@ _TOLD = 0.5
 
 def show_overview(findings: Findings) -> Shown:
     """A row of key figures, each only where the folder holds it."""
-    tiles = "".join(_overview_tiles(findings))
+    tiles = "".join(_key_figures(findings))
     return f'<div class="tiles" id="overview">{tiles}</div>' if tiles else ""
 
 
-def _overview_tiles(findings: Findings) -> Iterator[str]:
-    plan, check, campaign = findings.plan, findings.check, findings.campaign
-    if plan is not None:
-        accepted, generated = plan["candidates"]["accepted"], plan["candidates"]["generated"]
-        yield key_figure(f"{accepted} of {generated}", "candidate motions accepted")
-        seconds = sum(entry["duration_s"] for entry in plan["selected"])
+def _key_figures(findings: Findings) -> Iterator[str]:
+    plan, campaign, change = findings.plan or {}, findings.campaign or {}, findings.data.conditioning
+    if plan:
+        candidates, seconds = plan["candidates"], sum(one["duration_s"] for one in plan["selected"])
+        yield key_figure(
+            f"{candidates['accepted']} of {candidates['generated']}", "candidate motions accepted"
+        )
         yield key_figure(count(len(plan["selected"]), "motion"), f"chosen, {seconds:.0f} s in all")
-    if check is not None:
-        safe = [motion["safe"] for motion in check["motions"]]
-        yield _share_figure(sum(safe), len(safe), "motions pass the independent check")
-    yield from _conditioning_tiles(findings)
-    if campaign is not None and campaign["iterations"]:
-        last = campaign["iterations"][-1]
-        n = len({*last["rsd_percent"], *last["not_met"]})
-        met = n - len(last["not_met"])
-        yield _share_figure(met, n, "parameters meet their certainty target", campaign["targets_met"])
-    channels = ((findings.identification or {}).get("validation") or {}).values()
-    better = [
-        row["rmse"] < row["reference_rmse"]
-        for row in channels
-        if None not in (row["reference_rmse"], row["rmse"])
-    ]
-    if better:
-        label = "validation channels are predicted better than by the nominal model"
-        yield _share_figure(sum(better), len(better), label)
-    yield from _mass_tiles(findings)
-
-
-def _share_figure(n: int, of: int, label: str, good: bool | None = None) -> str:
-    return key_figure(f"{n} of {of}", label, good=n == of if good is None else good)
-
-
-def _conditioning_tiles(findings: Findings) -> Iterator[str]:
-    change, planned = findings.data.conditioning, (findings.plan or {}).get("conditioning")
-    what = "condition number of the base columns"
-    if change is None:
-        if planned is not None:
-            yield key_figure(format_number(condition_value(planned["full"])), what)
-        return
-    before, after = change.full_before, change.full_after
-    if after == before:
+    what, planned = "condition number of the base columns", plan.get("conditioning")
+    if change is not None and change.full_after == change.full_before:
         label = f"{what}, of {change.before_label} and {change.after_label} alike"
-        yield key_figure(format_number(after), label)
-        return
-    label = f"{what}: {change.before_label} → {change.after_label}"
-    if after > before:
+        yield key_figure(format_number(change.full_after), label)
+    elif change is not None:
         # Motions are chosen for single segments: the whole may come out a little worse.
-        better = int((change.after < change.before).sum())
-        label += f"; they are chosen by segment, and {better} of {len(change.after)} segments are better so"
-    yield key_figure(f"{format_number(before)} → {format_number(after)}", label)
-
-
-def _mass_tiles(findings: Findings) -> Iterator[str]:
+        values = f"{format_number(change.full_before)} → {format_number(change.full_after)}"
+        better = f"{(change.after < change.before).sum()} of {len(change.after)} segments are better so"
+        yield key_figure(values, f"{what}: {change.before_label} → {change.after_label}; {better}")
+    elif planned is not None:
+        yield key_figure(format_number(condition_value(planned["full"])), what)
+    last = campaign["iterations"][-1] if campaign.get("iterations") else {"rsd_percent": (), "not_met": ()}
+    fits = ((findings.identification or {}).get("validation") or {}).values()
+    errors = [(row["rmse"], row["reference_rmse"]) for row in fits]
+    for label, passed in {
+        "motions pass the independent check": [
+            m["safe"] for m in (findings.check or {"motions": ()})["motions"]
+        ],
+        "parameters meet their certainty target": [
+            name not in last["not_met"] for name in {*last["rsd_percent"], *last["not_met"]}
+        ],
+        "validation channels are predicted better than by the nominal model": [
+            after < before for after, before in errors if None not in (after, before)
+        ],
+    }.items():
+        if passed:
+            yield key_figure(f"{sum(passed)} of {len(passed)}", label, all(passed))
     masses = findings.data.masses
-    if masses is None:
-        return
-    total, nominal = float(masses.identified.sum()), f"nominal {masses.nominal.sum():.2f} kg"
-    true = 0.0 if masses.true is None else float(masses.true.sum())
-    label = f"total mass of the identified model; {nominal}"
-    if true:
-        off = f"{100.0 * (total - true) / true:+.2f} %".replace("+0.00", "0.00").replace("-0.00", "0.00")
-        label = f"total mass identified; true {true:.2f} kg, {nominal} ({off})".replace("-", "−")
-    elif masses.determined is not None and masses.determined.min() < _TOLD:
-        label += "; not all of it is told by the data, see Masses"
-    yield key_figure(f"{total:.2f} kg", label)
+    if masses is not None:
+        total, label = float(masses.identified.sum()), "total mass of the identified model"
+        if masses.true is not None and masses.true.sum():
+            true = float(masses.true.sum())
+            off = f"{100.0 * (total - true) / true:+.2f} %".replace("+0.00", "0.00").replace("-0.00", "0.00")
+            label += f"; true {true:.2f} kg ({off})".replace("-", "−")
+        elif masses.determined is not None and masses.determined.min() < _TOLD:
+            label += "; not all of it is told by the data, see Masses"
+        yield key_figure(f"{total:.2f} kg", f"{label}; nominal {masses.nominal.sum():.2f} kg")
 
 
 # How long each stage of the plan took.

@@ -26,24 +26,28 @@ class Measurement:
         commit: of the repository, abbreviated; with ``+`` where files were changed since.
         machine: processor, number of cores, Python.
         code: hash of the code that the part runs through; empty where nobody kept it.
+        processor_s: that the part took, children included [s]; None where nobody kept it.
     """
 
     date: str
     commit: str
     machine: str
     code: str
+    processor_s: float | None = None
 
     def sentence(self) -> str:
         """For the page."""
-        return f"Measured {self.date} at {self.commit} on {self.machine}."
+        took = "" if self.processor_s is None else f", in {self.processor_s:.0f} s of a processor"
+        return f"Measured {self.date} at {self.commit} on {self.machine}{took}."
 
 
-def measurement(part: str) -> Measurement:
-    """Of a part that is measured now."""
+def measurement(part: str, seconds: float) -> Measurement:
+    """Of a part that was measured just now, in so many seconds of a processor."""
     commit = _git("rev-parse", "--short=8", "HEAD") or "an unknown commit"
     changed = "+" if _git("status", "--porcelain", "--", "excite", "tests/benchmarks") else ""
     machine = f"{_processor()}, {os.cpu_count()} cores, Python {platform.python_version()}"
-    return Measurement(datetime.now(UTC).date().isoformat(), commit + changed, machine, code_hash(part))
+    date = datetime.now(UTC).date().isoformat()
+    return Measurement(date, commit + changed, machine, code_hash(part), round(seconds, 1))
 
 
 def code_hash(part: str) -> str:

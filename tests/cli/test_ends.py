@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from excite.campaign.assessment import check
+from excite.cli.main import main
 from excite.motion.collection import load_motions
 from excite.robot.loading import load_robot
 
@@ -271,11 +272,19 @@ def test_a_terminal_without_unicode_shows_all_that_it_can(tmp_path: Path) -> Non
         (("plan", "x\0y"), 4),
     ],
 )
-def test_with_json_a_failure_is_one_document(arguments: tuple[str, ...], code: int, tmp_path: Path) -> None:
-    given = ["excite", *arguments, "--json"]
-    call = f"import sys; sys.argv = {given!r}\nfrom excite.cli.main import program\nprogram()"
-    done = python(call, cwd=tmp_path)
-    assert done.returncode == code
-    assert json.loads(done.stdout)["error"]["code"] == code
-    assert done.stderr.startswith("excite: ") and done.stderr.count("\n") == 1
+def test_with_json_a_failure_is_one_document(
+    arguments: tuple[str, ...],
+    code: int,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["excite", *arguments, "--json"])
+    with pytest.raises(SystemExit) as end:
+        main()
+    said, error = capsys.readouterr()
+    assert end.value.code == code
+    assert json.loads(said)["error"]["code"] == code
+    assert error.startswith("excite: ") and error.count("\n") == 1
     assert not list(tmp_path.iterdir())

@@ -59,6 +59,12 @@ def test_csv(tmp_path):
     assert pressure_center(plate.force, plate.moment, 0.0)[0] == pytest.approx([0.1, 0.2, 0.0])
 
 
+def test_a_centre_of_pressure_is_where_the_force_has_the_moment_on_a_plane_of_any_height():
+    at, force = np.array([0.1, -0.2, 0.3]), np.array([40.0, -25.0, 600.0])
+    moment = np.cross(at, force)
+    assert pressure_center(force[None], moment[None], at[2])[0] == pytest.approx(at)
+
+
 ODD = (
     (
         "Time [ms];A X (mm);A Y (mm);A Z (mm);FP1_Fx [N];FP1_Fy [N];FP1_Fz [N];FP1_Mx [Nmm];FP1_My [Nmm];FP1_Mz [Nmm]",

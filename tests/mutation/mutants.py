@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from random import Random
@@ -50,9 +50,9 @@ class Mutant:
         return f"{old[at].strip()}  →  {new[at].strip() if at < len(new) else ''}"
 
 
-def sample(root: Path, package: str, size: int, seed: int) -> list[Mutant]:
-    """A random sample of a package's mutants that change what runs, in random order."""
-    mutants = list(every(root, package))
+def sample(root: Path, packages: Sequence[str], size: int, seed: int) -> list[Mutant]:
+    """A random sample of some packages' mutants that change what runs, in random order."""
+    mutants = [mutant for package in packages for mutant in every(root, package)]
     Random(seed).shuffle(mutants)
     chosen: list[Mutant] = []
     for mutant in mutants:

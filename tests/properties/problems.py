@@ -248,14 +248,14 @@ def _simulated(arm: Arm, values: list[np.ndarray]) -> tuple[np.ndarray, float]:
     """Torques ``(n, joints)`` that MuJoCo finds, and the least distance of balls that may not touch [m]."""
     model, rows = arm.model, range(0, len(values[2]), 3)
     data, torque, least = mujoco.MjData(model), np.empty((len(rows), model.nv)), np.inf
-    n_balls = len(arm.radii)
+    # Balls of links that are joined may touch.
+    first, second = np.triu_indices(len(arm.radii), 2)
+    radii = np.array(arm.radii)
+    touching = radii[first] + radii[second]
     for k, row in enumerate(rows):
         data.qpos[:], data.qvel[:], data.qacc[:] = values[0][row], values[1][row], values[2][row]
         mujoco.mj_inverse(model, data)
         torque[k] = data.qfrc_inverse
-        centres = data.geom_xpos
-        for i in range(n_balls):
-            for j in range(i + 2, n_balls):
-                apart = float(np.linalg.norm(centres[i] - centres[j])) - arm.radii[i] - arm.radii[j]
-                least = min(least, apart)
+        between = data.geom_xpos[first] - data.geom_xpos[second]
+        least = min(least, float((np.sqrt((between**2).sum(axis=1)) - touching).min()))
     return torque, least

@@ -131,7 +131,7 @@ def test_a_picture_stands_on_the_ground_with_its_mass_over_its_feet(g1):
     np.testing.assert_allclose(drawn.com, project((com - [*g1.rest[:2], 0.0])[None])[0])
     low, high = drawn.support.min(axis=0), drawn.support.max(axis=0)
     assert (low < drawn.com).all() and (drawn.com < high).all()
-    assert len(drawn.soles) == 2 and len(drawn.bones) >= g1.n_joints // 2 and len(drawn.hulls) > 15
+    assert len(drawn.soles) == 2 and len(drawn.hulls) > 15
     assert draw_posture(g1, g1.rest, frozenset()).support is None
 
 
@@ -183,7 +183,7 @@ def test_a_row_of_postures_is_drawn_in_full_on_the_page_and_as_a_picture(g1):
     assert root.get("aria-label") == 'what "it" shows'
     drawn = draw_posture(g1, motion.q[0], frozenset())
     outlines = list(root.iter("{http://www.w3.org/2000/svg}path"))
-    assert len(outlines) >= 3 * (len(drawn.hulls) + len(drawn.bones) + len(drawn.soles))
+    assert len(outlines) >= 3 * (len(drawn.hulls) + len(drawn.soles))
     words = [text.text for text in root.iter("{http://www.w3.org/2000/svg}text")]
     assert words[0] == "0.0 s" and words[-1].startswith("a < b & c") and len(words) == 4
     assert not re.findall(r"#[0-9a-f]{6}", svg)

@@ -11,14 +11,12 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.errors import RobotError
 from excite.motion.motion import Motion
 from excite.report.folder import Document
 from excite.report.html import format_number
-from excite.report.replay.scene import shape_triangles
+from excite.report.replay.scene import shape_bodies
 from excite.report.theme import (
     GROUND,
-    IDENTIFIED,
     INK,
     LINE_IN,
     MUTED,
@@ -31,7 +29,6 @@ from excite.report.theme import (
     shorten_name,
 )
 from excite.robot.robot import Robot
-from excite.robot.shapes.collision import TABLE, collision_shapes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -49,7 +46,6 @@ _FLAT = np.array([1.0, 1.0, 0.0])
 # between its neighbours by less than 0.7 % of what that is long, of a trunk less than a picture's dot.
 _SIDES = 2.0 * np.pi * np.arange(256) / 256
 _OUTWARDS = np.column_stack([np.cos(_SIDES), np.sin(_SIDES)])
-_SHORTEST_BONE = 0.01
 # A row of snapshots, and a picture of what is refused, are no higher [inch].
 _ROW_IN, _REFUSED_IN = 2.1, 2.8
 
@@ -74,7 +70,6 @@ class Picture(NamedTuple):
     Attributes:
         hulls: outlines of the links' shapes, far ones first, each ``(n, 2)``.
         marked: outlines of the links that were to be marked, each ``(n, 2)``; they are no hulls then.
-        bones: lines from joint to joint, each ``(2, 2)``.
         soles: outlines of the soles, each ``(n_corners, 2)``.
         support: outline of the support polygon, ``(n, 2)``; None where nothing stands on the ground.
         com: centre of mass projected on the ground, ``(2,)``; None for a fixed base.
@@ -82,7 +77,6 @@ class Picture(NamedTuple):
 
     hulls: list[Array]
     marked: list[Array]
-    bones: list[Array]
     soles: list[Array]
     support: Array | None
     com: Array | None
@@ -90,33 +84,25 @@ class Picture(NamedTuple):
     @property
     def ends(self) -> tuple[Array, Array]:
         """Lowest and highest coordinates, ``(2,)`` each."""
-        points = np.vstack([*self.hulls, *self.marked, *self.bones, *self.soles])
+        points = np.vstack([*self.hulls, *self.marked, *self.soles])
         return points.min(axis=0), points.max(axis=0)
 
     def paint(self, axes: Axes, offset: Array) -> None:
-        """Support in green, pale bodies, marked ones in orange, soles, blue bones, the centre of mass."""
-        from matplotlib.collections import LineCollection, PolyCollection
+        """Support in green, pale bodies, marked ones in orange, soles, the centre of mass."""
+        from matplotlib.collections import PolyCollection
 
         areas: tuple[tuple[list[Array], dict[str, Any]], ...] = (
             ([] if self.support is None else [self.support], {"fc": (TRUE.light, 0.45), "ec": "none"}),
-            (self.hulls, {"fc": PALE.light, "ec": PAPER.light, "lw": 0.5}),
+            (self.hulls, {"fc": PALE.light, "ec": MUTED.light, "lw": 0.5}),
             (self.marked, {"fc": (NOMINAL.light, 0.75), "ec": INK.light, "lw": 0.6}),
             (self.soles, {"fc": "none", "ec": INK.light, "lw": 0.8}),
         )
         for parts, look in areas:
-            axes.add_collection(
-                PolyCollection([part + offset for part in parts], zorder=2.0, clip_on=False, **look)
-            )
-        bones = [bone + offset for bone in self.bones]
-        axes.add_collection(
-            LineCollection(bones, colors=IDENTIFIED.light, lw=1.7, capstyle="round", zorder=2.0)
-        )
-        joints = np.unique(np.round([bone[0] for bone in bones], 4), axis=0)
-        axes.plot(*joints.T, "o", ms=2.2, mew=0.0, color=INK.light, zorder=2.0)
+            drawn = [part + offset for part in parts]
+            axes.add_collection(PolyCollection(drawn, zorder=2.0, clip_on=False, **look))
         if self.com is not None:
-            axes.plot(
-                *(self.com + offset), "o", ms=3.6, mec=PAPER.light, mew=0.6, color=NOMINAL.light, zorder=2.0
-            )
+            look = {"ms": 3.6, "mec": PAPER.light, "mew": 0.6, "color": NOMINAL.light, "zorder": 2.0}
+            axes.plot(*(self.com + offset), "o", **look)
 
 
 def draw_posture(
@@ -134,52 +120,30 @@ def draw_posture(
     pin.forwardKinematics(robot.model, data, q)
     origin = np.array([q[0], q[1], 0.0]) if robot.floating else np.zeros(3)
     soles = {
-        foot.name: np.array([data.oMi[foot.joint].act(corner) for corner in foot.sole]) - origin
-        for foot in robot.feet
+        foot.name: _place_points(data.oMi[foot.joint], np.array(foot.sole)) - origin for foot in robot.feet
     }
     standing = [corners * _FLAT for name, corners in soles.items() if name in loaded]
     ground = np.vstack(standing) if standing else None
     mass = (pin.centerOfMass(robot.model, data, q) - origin) * _FLAT if robot.floating else None
-    hulls = _hull_outlines(robot, data, origin)
+    outlines = []
+    for body in shape_bodies(robot):
+        points = _place_points(data.oMi[body.joint], body.corners) - origin
+        seen = project(points)
+        corners = hull_outline(seen)
+        if len(corners) > 2:
+            outlines.append((float(points.mean(axis=0) @ _TOWARDS), body.link, seen[corners]))
+    outlines.sort(key=lambda item: item[0])
     return Picture(
-        hulls=[outline for link, outline in hulls if link not in marked],
-        marked=[outline for link, outline in hulls if link in marked],
-        bones=[project(bone - origin) for bone in _bone_lines(robot, data)],
+        hulls=[outline for _, link, outline in outlines if link not in marked],
+        marked=[outline for _, link, outline in outlines if link in marked],
         soles=[project(corners) for corners in soles.values()],
         support=None if ground is None else project(ground[hull_outline(ground[:, :2])]),
         com=None if mass is None else project(mass[None])[0],
     )
 
 
-def _bone_lines(robot: Robot, data: pin.Data) -> list[Array]:
-    """Lines from each joint to its parent, and from each last one through what it carries."""
-    model = robot.model
-    tips = {foot.joint: foot.placement.translation for foot in robot.feet}
-    bones = []
-    for joint in range(2 if robot.floating else 1, model.njoints):
-        pose = data.oMi[joint]
-        bones.append(np.array([data.oMi[model.parents[joint]].translation, pose.translation]))
-        if joint in tips or not len(model.children[joint]):
-            tip = tips.get(joint, 1.6 * model.inertias[joint].lever)
-            bones.append(np.array([pose.translation, pose.act(tip)]))
-    return [bone for bone in bones if np.linalg.norm(bone[1] - bone[0]) > _SHORTEST_BONE]
-
-
-def _hull_outlines(robot: Robot, data: pin.Data, origin: Array) -> list[tuple[str, Array]]:
-    """Links and outlines of their shapes, far ones first."""
-    try:
-        shapes = [shape for shape in collision_shapes(robot) if shape.link != TABLE]
-    except RobotError:
-        return []  # bones alone still show the motion of a robot without geometry
-    outlines = []
-    for shape in shapes:
-        pose = data.oMi[shape.joint] * shape.placement
-        points = shape_triangles(shape)[0] @ pose.rotation.T + pose.translation
-        seen = project(points - origin)
-        corners = hull_outline(seen)
-        if len(corners) > 2:
-            outlines.append((float(points.mean(axis=0) @ _TOWARDS), shape.link, seen[corners]))
-    return [(link, outline) for _, link, outline in sorted(outlines, key=lambda item: item[0])]
+def _place_points(pose: pin.SE3, points: Array) -> Array:
+    return np.asarray(points @ pose.rotation.T + pose.translation)
 
 
 def _prepare_axes(axes: Axes, title: str, low: Array, high: Array) -> None:
@@ -214,8 +178,8 @@ def choose_motions(motions: Sequence[Motion], n: int) -> list[Motion]:
 def draw_snapshots(robot: Robot, motions: Sequence[Motion], n_postures: int = 7) -> Figure:
     """A row a motion, its most different postures from left to right, from forward kinematics.
 
-    Drawn are the links' shapes, bones from joint to joint, soles, and for a robot on feet the support polygon
-    (green) with the projection of the centre of mass (point).
+    Drawn are the links' shapes, soles, and for a robot on feet the support polygon (green) with the projection of the
+    centre of mass (point).
     """
     rows = []
     for motion in motions:

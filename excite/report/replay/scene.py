@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
+from functools import lru_cache
+from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
@@ -60,13 +63,20 @@ def visible_bodies(robot: Robot) -> tuple[Body, ...]:
     Returns:
         The bodies; of a robot without geometry, or whose meshes are not there, a rod from each joint to the next.
     """
+    with suppress(RobotError):
+        if meshes := tuple(_mesh_bodies(robot)):
+            return meshes
+    return shape_bodies(robot)
+
+
+@lru_cache(maxsize=1)
+def shape_bodies(robot: Robot) -> tuple[Body, ...]:
+    """What robots are judged to touch with: their collision shapes, without a table; else rods as above."""
     try:
-        shapes = (s for s in collision_shapes(robot) if s.link != TABLE)
-        return tuple(_mesh_bodies(robot)) or tuple(
-            _place_body(shape.link, shape.joint, shape.placement, *shape_triangles(shape)) for shape in shapes
-        )
+        shapes = [shape for shape in collision_shapes(robot) if shape.link != TABLE]
     except RobotError:
         return tuple(_bone_bodies(robot))
+    return tuple(_place_body(s.link, s.joint, s.placement, *shape_triangles(s)) for s in shapes)
 
 
 def merge_corners(corners: Array, triangles: Triangles, cells: int = CELLS) -> tuple[Array, Triangles]:
@@ -173,29 +183,26 @@ def solid_triangles(kind: str, size: tuple[float, ...]) -> tuple[Array, Triangle
     """
     if kind not in {"box", "sphere", "cylinder", "capsule"}:
         return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
-    # Heights and radii of rings about z, the lowest point first and the highest last, where the radius is nothing.
-    half = 0.5 * (1.0 if kind == "box" else size[1] if kind != "sphere" else 0.0)
-    radius = 0.5**0.5 if kind == "box" else size[0]
-    rise = (
-        np.linspace(0.0, 0.5 * np.pi, _RINGS + 1) if kind in {"sphere", "capsule"} else np.array([0.0, np.pi])
-    )
-    upper = np.column_stack([half + radius * np.sin(rise), radius * np.cos(rise)])
-    upper[-1] = (half + (radius if len(rise) > 2 else 0.0), 0.0)
-    # A ball's two halves share their equator.
-    rings = np.vstack([upper[::-1] * [-1.0, 1.0], upper[kind == "sphere" :]])
-    around = 4 if kind == "box" else _AROUND
-    turn = 2.0 * np.pi * np.arange(around) / around + (0.25 * np.pi if kind == "box" else 0.0)
-    circle = np.column_stack([np.cos(turn), np.sin(turn)])
-    levels = [np.column_stack([r * circle, np.full(around, height)]) for height, r in rings[1:-1]]
-    corners = np.vstack([*levels, *([[0.0, 0.0, height]] for height in rings[[0, -1], 0])])
-    here, after, last = np.arange(around), np.roll(np.arange(around), -1), (len(levels) - 1) * around
-    triangles = [np.column_stack([np.full(around, len(corners) - 2), after, here])]
-    for below in range(0, last, around):
-        above = below + around
-        triangles.append(np.column_stack([below + here, below + after, above + after]))
-        triangles.append(np.column_stack([below + here, above + after, above + here]))
-    triangles.append(np.column_stack([last + here, last + after, np.full(around, len(corners) - 1)]))
-    return corners * (np.array(size) if kind == "box" else 1.0), np.vstack(triangles)
+    from scipy.spatial import ConvexHull
+
+    # Where corners lie on the solid of radius one, or side one, and how the length lifts them; it may have no extent.
+    if kind == "box":
+        spread, scale, half = np.array(list(product((-0.5, 0.5), repeat=3))), size, 0.0
+        lift = np.zeros_like(spread)
+    else:
+        scale, half = (size[0],), 0.0 if kind == "sphere" else 0.5 * size[1]
+        rise = np.linspace(0.0, 0.5 * np.pi, 1 if kind == "cylinder" else _RINGS + 1)[:, None]
+        turn = np.linspace(0.0, 2.0 * np.pi, _AROUND, endpoint=False)
+        around = (np.cos(rise) * np.cos(turn), np.cos(rise) * np.sin(turn), np.sin(rise) + 0.0 * turn)
+        upper = np.stack(around, axis=-1).reshape(-1, 3)
+        spread = np.vstack([upper, upper * [1.0, 1.0, -1.0]])
+        lift = np.outer(np.repeat([1.0, -1.0], len(upper)), [0.0, 0.0, 1.0])
+    hull = ConvexHull(spread + (kind != "sphere") * lift)
+    a, b, c = hull.points[hull.simplices].transpose(1, 0, 2)
+    inwards = (np.cross(b - a, c - a) * hull.equations[:, :3]).sum(axis=1) < 0.0
+    triangles = np.where(inwards[:, None], hull.simplices[:, ::-1], hull.simplices)
+    used, again = np.unique(triangles, return_inverse=True)
+    return (spread * scale + half * lift)[used], again.reshape(-1, 3)
 
 
 # The robot that does not change in time.

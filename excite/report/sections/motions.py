@@ -81,7 +81,7 @@ def _motion_figures(findings: Findings) -> list[str]:
     motions = sorted(findings.motions, key=lambda motion: motion.name not in unsafe)
     if robot is None or not motions:
         return []
-    caption = "Each row is one motion in its most different postures, grey bodies with blue bones"
+    caption = "Each row is one motion in its most different postures"
     if robot.feet:
         caption += (
             "; the orange point, the centre of mass above the green support polygon, says how far it leans"
