@@ -17,14 +17,11 @@ from excite.conversion.columns.choice import (
     choose_families,
     command_agreement,
     is_followed,
-    tell_by_derivatives,
 )
 from excite.conversion.columns.clock import (
     clock_column,
     clock_pace,
-    goes_evenly,
     rate_by_velocities,
-    row_seconds,
 )
 from excite.conversion.columns.families import (
     POSE,
@@ -38,7 +35,7 @@ from excite.conversion.columns.families import (
     quaternion_order,
     without_base_columns,
 )
-from excite.conversion.columns.joints import BY_NAME, Doubt, Placed
+from excite.conversion.columns.joints import BY_NAME, Doubt
 from excite.conversion.columns.scales import convert_units
 from excite.conversion.columns.vocabulary import FORCES, OF_WORD, SHARES
 from excite.conversion.columns.words import Clue, is_of_joints
@@ -76,7 +73,6 @@ class Guessing:
         known: channels that are settled.
         groups: families of the columns that are left.
         chosen: the family of each channel.
-        nameless: channels that physics alone told.
         unplaced: columns of torques of which it is not known whose they are.
     """
 
@@ -91,7 +87,6 @@ class Guessing:
     known: set[str] = field(default_factory=set)
     groups: list[Family] = field(default_factory=list)
     chosen: dict[str, Family] = field(default_factory=dict)
-    nameless: list[str] = field(default_factory=list)
     unplaced: list[str] = field(default_factory=list)
 
     @cached_property
@@ -407,40 +402,6 @@ def _choose(state: Guessing) -> None:
     state.chosen = choose_families(state.groups, state.found, state.recording, state.joints)
 
 
-def _tell_by_physics(state: Guessing) -> None:
-    """Positions among columns whose names say nothing: those that follow commands, or whose derivatives are there."""
-    chosen, joints, clues = state.chosen, state.joints, state.left
-    named = {column for family in chosen.values() for column in family.columns}
-    named |= {c for c, said in clues.items() if said.commanded or said.quantity in ("volt", "time", "skip")}
-    stream = max(
-        state.recording.streams, key=lambda s: sum(c.name in clues.keys() - named for c in s.columns)
-    )
-    # Second clocks and counters of rows are smoother than any joint.
-    unknown = {
-        column.name: column.values
-        for column in stream.columns
-        if column.name in clues.keys() - named
-        and np.isfinite(column.values).mean() > 0.5
-        and not goes_evenly(column.values)
-    }
-    whole = np.isfinite(np.array([*unknown.values()])).all(axis=0)
-    times = state.found.times(stream)
-    dt = None if times is None else row_seconds(times[np.isfinite(times)])
-    if len(unknown) < len(joints) or whole.sum() < 20:
-        return
-    if "q_cmd" in chosen and len(unknown) == len(joints) and times is not None:
-        pairs = dict(zip(joints, unknown, strict=True))
-        positions = Family(
-            "q", "q", Placed(pairs, "the columns' order (they follow commands)"), tuple(unknown)
-        )
-        told = {"q": positions} if is_followed(chosen["q_cmd"], positions, state.values) else {}
-    else:
-        # Where no rate is known, columns are told apart at a usual one.
-        told = tell_by_derivatives({c: v[whole] for c, v in unknown.items()}, dt or 0.01, joints)
-    state.nameless = [target for target in told if target not in chosen]
-    state.chosen |= {target: told[target] for target in state.nameless}
-
-
 def _settle_torques(state: Guessing) -> None:
     """Torques of no joint, and what was asked of the joints where nothing measured is there."""
     found, chosen, joints = state.found, state.chosen, state.joints
@@ -514,7 +475,7 @@ def _note_choice(state: Guessing) -> None:
                 "surplus", columns=family.first, count=len(family.columns), joints=len(joints), pairs=pairs
             )
         text = ", ".join(f"{column} = {joint}" for joint, column in family.placed.columns.items())
-        if text and text not in said and not family.stated and target not in state.nameless:
+        if text and text not in said and not family.stated:
             said.add(text)
             found.note("joints by names", channel=target, pairs=text, because=family.placed.because)
     _ask_for_joints(state)
@@ -563,13 +524,7 @@ def _add_channels(state: Guessing) -> None:
         if columns and target not in ("q", "tau", "i") and set(columns) != joints:
             found.note("not of every joint", channel=target, column=family.columns[0])
             continue
-        said = (
-            "the format says so"
-            if family.stated
-            else "its values"
-            if target in state.nameless
-            else "its name"
-        )
+        said = "the format says so" if family.stated else "its name"
         because = f"{said}; joint by {family.placed.because}"
         found.mapped += [
             Mapped(f"{target}.{joint}", column, 1.0, because)
@@ -592,7 +547,7 @@ def _ask_for_motion(state: Guessing) -> None:
     if not known:
         there = first_names(list(state.values), _MOST_NAMED)
         there = "; ".join([there, *(note for note in state.recording.notes if note.startswith(MISFIT))])
-        found.ask("no positions", joints=machine.n, robot=machine.name, there=there)
+        found.ask("no positions", joints=machine.n, robot=machine.name, there=there, joint=state.joints[0])
     stated = (
         i for i in found.mapped if i.stated and i.channel in TARGETS.values() and i.joint in state.joints
     )
@@ -602,7 +557,7 @@ def _ask_for_motion(state: Guessing) -> None:
 
 
 def _ask_for_torques(state: Guessing) -> None:
-    """Which columns are torques, where nothing says it: of voltages, several of one joint, columns without names."""
+    """Which columns are torques, where nothing says it: of voltages, several of one joint."""
     found, clues = state.found, state.left
     for family in state.groups:
         supply = family.words & _SUPPLY and all(np.nanmin(state.values[c]) > 0.0 for c in family.columns)
@@ -624,13 +579,6 @@ def _ask_for_torques(state: Guessing) -> None:
             joint=may_be[0],
             column=state.unplaced[0],
         )
-    left = [c for c, v in state.values.items() if c not in state.used and np.nanstd(v) > 0.0]
-    left = [column for column in left if not state.mapping.ignores(column)]
-    if left and {"q", "v"} <= set(state.nameless):
-        families = [state.chosen[target] for target in state.nameless if target in state.chosen]
-        told = ", ".join(f"{f.columns[0]} … {f.columns[-1]} as {f.target}" for f in families)
-        joint, names = next(iter(state.chosen["q"].placed.columns)), first_names(left, _MOST_NAMED)
-        found.ask("nameless torques", told=told, names=names, joint=joint, column=left[0])
 
 
 def _ask_for_base(state: Guessing) -> None:
@@ -701,12 +649,6 @@ RULES = (
         "own base", "the base's part of arrays of joints: its pose", _leave_base, lambda s: s.machine.floating
     ),
     Rule("choice", "the family of each channel", _choose),
-    Rule(
-        "physics",
-        "positions, velocities and torques among columns whose names say nothing",
-        _tell_by_physics,
-        lambda s: "q" not in s.known | set(s.chosen),
-    ),
     Rule("torques", "which torques were measured, and of which joints", _settle_torques),
     Rule("commands", "commands that state no quantity: positions or torques", _settle_commands),
     Rule("doubtful choice", "surplus columns and joints that are not told: questions", _note_choice),

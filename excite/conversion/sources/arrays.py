@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -16,10 +15,10 @@ from excite.conversion.sources.source import Source
 from excite.errors import LogError
 from excite.formats.arrays import read_npy, read_npz
 from excite.formats.arrow import ARROW, read_arrow
-from excite.formats.file import MAX_FILE_BYTES, check_size, first_bytes, is_damage
+from excite.formats.file import MAX_FILE_BYTES, check_size, first_bytes
 from excite.formats.hdf5 import MOST_CONSTANTS, hdf5_arrays
 from excite.formats.matlab import read_mat
-from excite.formats.pickles import flatten_arrays, is_pickled_array, read_pickle, read_torch
+from excite.formats.tensors import read_torch
 
 Arrays = Mapping[str, Any]
 _NUMBERS = "write its arrays one by one, numbers only: numpy.savez(file, q=…, tau=…)"
@@ -90,39 +89,6 @@ PaceSource = _source(
     *("pace", "tensors of torch", "tensors saved by torch (.pt, .pth), as PACE writes them", ".pt .pth"),
     read_torch,
 )
-
-
-class PickleSource(Source):
-    """Dictionaries and lists of numbers and numpy arrays, by trial or by sample."""
-
-    name: ClassVar[str] = "pickle"
-    summary: ClassVar[str] = "pickles of numbers and numpy arrays alone (.pkl, .pickle)"
-    own_process: ClassVar[bool] = True
-
-    def recognises(self, path: Path) -> bool:
-        """See :class:`Source`."""
-        if path.suffix.lower() == ".npy":
-            return path.is_file() and is_pickled_array(path)
-        return path.is_file() and path.suffix.lower() in {".pkl", ".pickle", ".p"}
-
-    def read(self, path: Path) -> tuple[Recording, ...]:
-        """See :class:`Source`."""
-        try:
-            trials = read_pickle(path)
-        except Exception as error:
-            if not is_damage(error):
-                raise
-            text = " ".join(str(error).split()) or type(error).__name__
-            raise LogError(
-                f"is a pickle, of which numbers and numpy arrays alone are read, not all that it holds ({text[:160]})",
-                source=path,
-                remedy="write its arrays with numpy.savez, or its table with to_csv or to_parquet",
-            ) from error
-        found: list[Recording] = []
-        for label, trial in trials.items():
-            named = recordings_of(path.with_name(f"{path.stem}{label}"), flatten_arrays(trial))
-            found += [replace(recording, source=str(path)) for recording in named]
-        return tuple(found)
 
 
 def recordings_of(path: Path, arrays: Arrays) -> tuple[Recording, ...]:
