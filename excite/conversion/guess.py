@@ -21,6 +21,7 @@ from excite.conversion.columns.choice import (
 from excite.conversion.columns.clock import (
     clock_column,
     clock_pace,
+    goes_evenly,
     rate_by_velocities,
 )
 from excite.conversion.columns.families import (
@@ -35,7 +36,7 @@ from excite.conversion.columns.families import (
     quaternion_order,
     without_base_columns,
 )
-from excite.conversion.columns.joints import BY_NAME, Doubt
+from excite.conversion.columns.joints import BY_NAME, Doubt, Placed
 from excite.conversion.columns.scales import convert_units
 from excite.conversion.columns.vocabulary import FORCES, OF_WORD, SHARES
 from excite.conversion.columns.words import Clue, is_of_joints
@@ -73,6 +74,7 @@ class Guessing:
         known: channels that are settled.
         groups: families of the columns that are left.
         chosen: the family of each channel.
+        silent: columns beside commands whose names say nothing.
         unplaced: columns of torques of which it is not known whose they are.
     """
 
@@ -87,6 +89,7 @@ class Guessing:
     known: set[str] = field(default_factory=set)
     groups: list[Family] = field(default_factory=list)
     chosen: dict[str, Family] = field(default_factory=dict)
+    silent: list[str] = field(default_factory=list)
     unplaced: list[str] = field(default_factory=list)
 
     @cached_property
@@ -402,6 +405,24 @@ def _choose(state: Guessing) -> None:
     state.chosen = choose_families(state.groups, state.found, state.recording, state.joints)
 
 
+def _find_followers(state: Guessing) -> None:
+    """Positions among columns whose names say nothing: as many as joints, which follow the commands beside them."""
+    named = {column for family in state.chosen.values() for column in family.columns}
+    state.silent = [
+        name
+        for name, said in state.left.items()
+        if name in state.live - named and not said.commanded and said.quantity not in ("volt", "time", "skip")
+        if not goes_evenly(state.values[name])
+    ]
+    pairs = dict(zip(state.joints, state.silent, strict=False))
+    positions = Family(
+        "q", "q", Placed(pairs, "the columns' order (they follow commands)"), tuple(state.silent)
+    )
+    alone = len(state.silent) == len(state.joints) and bool(state.clocks or state.found.rate_hz)
+    if alone and is_followed(state.chosen["q_cmd"], positions, state.values):
+        state.chosen["q"], state.silent = positions, []
+
+
 def _settle_torques(state: Guessing) -> None:
     """Torques of no joint, and what was asked of the joints where nothing measured is there."""
     found, chosen, joints = state.found, state.chosen, state.joints
@@ -422,7 +443,7 @@ def _settle_torques(state: Guessing) -> None:
         found.ask("nothing measured", q=q.first, tau=tau.first, positions=positions, loads=torques)
     if "q_cmd" in chosen and "q" not in {*chosen, *found.channels}:
         q = chosen["q"] = replace(chosen.pop("q_cmd"), target="q")
-        if {"tau", "i"} & set(chosen):
+        if {"tau", "i"} & set(chosen) or len(state.silent) >= len(joints):
             found.ask("no measured positions", q=q.first, line=q.line(joints))
         else:
             # A motion that was planned and has no measured twin.
@@ -649,6 +670,12 @@ RULES = (
         "own base", "the base's part of arrays of joints: its pose", _leave_base, lambda s: s.machine.floating
     ),
     Rule("choice", "the family of each channel", _choose),
+    Rule(
+        "followers",
+        "positions that follow commands among columns whose names say nothing",
+        _find_followers,
+        lambda s: "q_cmd" in s.chosen and "q" not in s.known | set(s.chosen),
+    ),
     Rule("torques", "which torques were measured, and of which joints", _settle_torques),
     Rule("commands", "commands that state no quantity: positions or torques", _settle_commands),
     Rule("doubtful choice", "surplus columns and joints that are not told: questions", _note_choice),

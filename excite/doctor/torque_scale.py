@@ -71,7 +71,10 @@ def find_scale(samples: TorqueSamples, reading: Reading) -> Scale | None:
                 return Scale(1.0 / expected, np.exp(size), cause, apart=True, far=True)
         if outside and np.ptp(size) > THRESHOLD.scales_agree:
             factors = 1.0 / np.where(told, gains, np.exp(np.median(size)))
-            cause = "currents, whose torque constants are not known, or another unit"
+            least, largest = (f"{np.exp(x):.0f}" for x in (-size.max(), -size.min()))
+            before = f", torques before gears of about {span(least, largest, ' to ')} to 1"
+            gears = before if size.max() < 0.0 else ""
+            cause = f"currents, whose torque constants are not known{gears}, or another unit"
             return Scale(factors, np.exp(size), cause, apart=True, far=True)
     # A few joints that are off carry something that the model does not have.
     if 2 * told.sum() < len(told) or told.sum() < min(2, len(told)):

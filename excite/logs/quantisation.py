@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-
 from scipy.optimize import minimize_scalar
 
 from excite.arrays import Array
@@ -206,7 +205,9 @@ def _band(count: Array, rest: Array) -> float:
     is more than that where levels are few, and no bound for chance where it may be.
     """
     place = (count - count.mean()) / max(float(np.ptp(count)), 1.0)
-    across = minimize_scalar(lambda turn: float(np.ptp(rest - turn * place)), bounds=(-1.0, 1.0), method="bounded")
+    across = minimize_scalar(
+        lambda turn: float(np.ptp(rest - turn * place)), bounds=(-1.0, 1.0), method="bounded"
+    )
     # The search stops some 1e-5 short of the narrowest.
     return float(across.fun) - 1e-4
 

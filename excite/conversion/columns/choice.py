@@ -50,7 +50,9 @@ def choose_families(
         # What stands beside other joints' columns is a rival of what is chosen of the same joints.
         of_joints = _joints(family, live)
         rival = next((one for one in parts[target] if _joints(one, live) == of_joints), other)
-        alike = len(of_joints) == len(_joints(rival, live)) and family.side == rival.side
+        # No word says which was measured of columns that are called after a joint alone: act may be an action.
+        silent = not (family.says_quantity or rival.says_quantity)
+        alike = len(of_joints) == len(_joints(rival, live)) and (silent or family.side == rival.side)
         if (
             not alike
             or target not in ("q", "tau", "i")
