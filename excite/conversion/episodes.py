@@ -17,7 +17,7 @@ from excite.conversion.columns.families import TARGETS
 from excite.conversion.columns.words import read_clue
 from excite.conversion.recording import Column, Recording
 from excite.conversion.recordings import nested_folders, read_recordings, source_files
-from excite.conversion.sources.lerobot import recordings_of_episodes
+from excite.conversion.sources.arrays import recordings_of_episodes
 from excite.display import Row, count
 from excite.errors import InputError, LogError
 from excite.finding import EpisodeFindings, Examination, Finding, Severity, list_names, worst_first

@@ -12,12 +12,6 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.conversion.columns.base_signals import add_base, add_base_signals, feet_of
-from excite.conversion.columns.choice import (
-    FOLLOWED,
-    choose_families,
-    command_agreement,
-    is_followed,
-)
 from excite.conversion.columns.clock import (
     clock_column,
     clock_pace,
@@ -25,13 +19,17 @@ from excite.conversion.columns.clock import (
     rate_by_velocities,
 )
 from excite.conversion.columns.families import (
+    FOLLOWED,
     POSE,
     POSE_AXES,
     TARGETS,
     Family,
+    choose_families,
     clues_of,
+    command_agreement,
     find_families,
     is_anonymous,
+    is_followed,
     is_quaternion,
     quaternion_order,
     without_base_columns,

@@ -27,10 +27,10 @@ SOURCES: Registry[Source] = Registry(
     "source",
     installed("readers")
     | {
-        "lerobot": f"{_HERE}.lerobot:LeRobotSource",
+        "lerobot": f"{_HERE}.arrays:LeRobotSource",
         "bag": f"{_HERE}.bag:BagSource",
         "mcap": f"{_HERE}.bag:McapSource",
-        "log": f"{_HERE}.log_folder:LogFolderSource",
+        "log": f"{_HERE}.arrays:LogFolderSource",
         "pace": f"{_HERE}.arrays:PaceSource",
         "mat": f"{_HERE}.arrays:MatSource",
         "hdf5": f"{_HERE}.arrays:Hdf5Source",
