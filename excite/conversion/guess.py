@@ -566,7 +566,13 @@ def _ask_for_motion(state: Guessing) -> None:
     if not known:
         there = first_names(list(state.values), _MOST_NAMED)
         there = "; ".join([there, *(note for note in state.recording.notes if note.startswith(MISFIT))])
-        found.ask("no positions", joints=machine.n, robot=machine.name, there=there, joint=state.joints[0])
+        found.ask(
+            "no positions",
+            joints=machine.n,
+            robot=machine.name,
+            there=there,
+            joint=next(iter(state.joints), "JOINT"),
+        )
     stated = (
         i for i in found.mapped if i.stated and i.channel in TARGETS.values() and i.joint in state.joints
     )

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from excite.arrays import Array
 from excite.logs.signals.clock import cubic_misfit
@@ -204,6 +203,8 @@ def _band(count: Array, rest: Array) -> float:
     Rounding moves each by half a cell at most: a sensor's lie within one cell of some line. What least squares leaves
     is more than that where levels are few, and no bound for chance where it may be.
     """
+    from scipy.optimize import minimize_scalar  # lazy: scipy
+
     place = (count - count.mean()) / max(float(np.ptp(count)), 1.0)
     across = minimize_scalar(
         lambda turn: float(np.ptp(rest - turn * place)), bounds=(-1.0, 1.0), method="bounded"
