@@ -47,7 +47,7 @@ _PUBLIC = {
     "identify": "excite.identification.identify",
     "Identification": "excite.identification.result",
     "write_models": "excite.export.models.simulator_model",
-    "doctor": "excite.doctor.doctor",
+    "doctor": "excite.doctor.examine",
     "convert": "excite.conversion.convert",
     "capture": "excite.campaign.capture",
     "Finding": "excite.finding",

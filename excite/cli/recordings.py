@@ -192,7 +192,7 @@ def examine_log(
         else:
             _examine_episodes(log, call)
         return
-    from excite.doctor.doctor import doctor  # lazy: pinocchio
+    from excite.doctor.examine import doctor  # lazy: pinocchio
     from excite.logs.files import load_log  # lazy: pinocchio
     from excite.logs.robot import nominal_robot  # lazy: pinocchio
 

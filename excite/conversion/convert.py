@@ -22,7 +22,7 @@ from excite.conversion.shapes import in_runs
 from excite.conversion.torques import (
     ask_for_scale,
     joint_sided,
-    scale_notes,
+    propose_constants,
     settle_by_torques,
     weigh_question,
 )
@@ -193,7 +193,7 @@ def _with_findings(log: Log, chart: Chart | None, notes: Sequence[str], folder: 
         for f in found
     ]
     rows += [
-        Guess(what="torque scale", source="the nominal masses", because=note)
+        Guess(what="torque constants", source="the nominal masses", because=note)
         for note in notes
         if not note.startswith(_UNSEEN)
     ]
@@ -211,7 +211,7 @@ def _examine_log(log: Log, machine: Machine) -> tuple[Chart | None, list[str]]:
         chart = examine(robot, log)
         # Positions in another unit would look like torques in one.
         turned = any(f.kind in ("degrees", "revolutions") and f.repaired for f in chart.findings)
-        return chart, scale_notes(robot, chart.log if turned else log)
+        return chart, propose_constants(robot, chart.log if turned else log)
     except InputError as error:
         return None, [f"{_UNSEEN}: {error}"]
     except ValidationError:

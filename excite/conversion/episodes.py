@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 
 from excite.arrays import Array
+from excite.conversion.columns.families import TARGETS
 from excite.conversion.columns.words import read_clue
 from excite.conversion.recording import Column, Recording
 from excite.conversion.recordings import nested_folders, read_recordings, source_files
-from excite.conversion.sources.lerobot import recordings_of_episodes
+from excite.conversion.sources.arrays import recordings_of_episodes
 from excite.display import Row, count
 from excite.errors import InputError, LogError
 from excite.finding import EpisodeFindings, Examination, Finding, Severity, list_names, worst_first
@@ -233,9 +234,10 @@ def _measure(recording: Recording, stem: str) -> Episode:
 
 
 def _meaning(column: Column) -> tuple[str, str]:
-    """Channel and joint of a column, by its format or else by its name."""
-    if column.channel:
-        return column.channel, column.label
+    """Channel and joint of a column, by its format or else by its name, which a log folder's says whole."""
+    channel, _, joint = column.name.partition(".")
+    if column.channel or (joint and channel in TARGETS.values()):
+        return (column.channel, column.label) if column.channel else (channel, joint)
     clue = read_clue(column.name, ())
     joint = "_".join([clue.label] * bool(clue.label) + [str(number) for number in clue.numbers])
     return f"{clue.quantity}_cmd" if clue.commanded else clue.quantity, joint or column.name

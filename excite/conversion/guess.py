@@ -12,28 +12,24 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.conversion.columns.base_signals import add_base, add_base_signals, feet_of
-from excite.conversion.columns.choice import (
-    FOLLOWED,
-    choose_families,
-    command_agreement,
-    is_followed,
-    tell_by_derivatives,
-)
 from excite.conversion.columns.clock import (
     clock_column,
     clock_pace,
     goes_evenly,
     rate_by_velocities,
-    row_seconds,
 )
 from excite.conversion.columns.families import (
+    FOLLOWED,
     POSE,
     POSE_AXES,
     TARGETS,
     Family,
+    choose_families,
     clues_of,
+    command_agreement,
     find_families,
     is_anonymous,
+    is_followed,
     is_quaternion,
     quaternion_order,
     without_base_columns,
@@ -76,7 +72,7 @@ class Guessing:
         known: channels that are settled.
         groups: families of the columns that are left.
         chosen: the family of each channel.
-        nameless: channels that physics alone told.
+        silent: columns beside commands whose names say nothing.
         unplaced: columns of torques of which it is not known whose they are.
     """
 
@@ -91,7 +87,7 @@ class Guessing:
     known: set[str] = field(default_factory=set)
     groups: list[Family] = field(default_factory=list)
     chosen: dict[str, Family] = field(default_factory=dict)
-    nameless: list[str] = field(default_factory=list)
+    silent: list[str] = field(default_factory=list)
     unplaced: list[str] = field(default_factory=list)
 
     @cached_property
@@ -407,38 +403,22 @@ def _choose(state: Guessing) -> None:
     state.chosen = choose_families(state.groups, state.found, state.recording, state.joints)
 
 
-def _tell_by_physics(state: Guessing) -> None:
-    """Positions among columns whose names say nothing: those that follow commands, or whose derivatives are there."""
-    chosen, joints, clues = state.chosen, state.joints, state.left
-    named = {column for family in chosen.values() for column in family.columns}
-    named |= {c for c, said in clues.items() if said.commanded or said.quantity in ("volt", "time", "skip")}
-    stream = max(
-        state.recording.streams, key=lambda s: sum(c.name in clues.keys() - named for c in s.columns)
+def _find_followers(state: Guessing) -> None:
+    """Positions among columns whose names say nothing: as many as joints, which follow the commands beside them."""
+    named = {column for family in state.chosen.values() for column in family.columns}
+    state.silent = [
+        name
+        for name, said in state.left.items()
+        if name in state.live - named and not said.commanded and said.quantity not in ("volt", "time", "skip")
+        if not goes_evenly(state.values[name])
+    ]
+    pairs = dict(zip(state.joints, state.silent, strict=False))
+    positions = Family(
+        "q", "q", Placed(pairs, "the columns' order (they follow commands)"), tuple(state.silent)
     )
-    # Second clocks and counters of rows are smoother than any joint.
-    unknown = {
-        column.name: column.values
-        for column in stream.columns
-        if column.name in clues.keys() - named
-        and np.isfinite(column.values).mean() > 0.5
-        and not goes_evenly(column.values)
-    }
-    whole = np.isfinite(np.array([*unknown.values()])).all(axis=0)
-    times = state.found.times(stream)
-    dt = None if times is None else row_seconds(times[np.isfinite(times)])
-    if len(unknown) < len(joints) or whole.sum() < 20:
-        return
-    if "q_cmd" in chosen and len(unknown) == len(joints) and times is not None:
-        pairs = dict(zip(joints, unknown, strict=True))
-        positions = Family(
-            "q", "q", Placed(pairs, "the columns' order (they follow commands)"), tuple(unknown)
-        )
-        told = {"q": positions} if is_followed(chosen["q_cmd"], positions, state.values) else {}
-    else:
-        # Where no rate is known, columns are told apart at a usual one.
-        told = tell_by_derivatives({c: v[whole] for c, v in unknown.items()}, dt or 0.01, joints)
-    state.nameless = [target for target in told if target not in chosen]
-    state.chosen |= {target: told[target] for target in state.nameless}
+    alone = len(state.silent) == len(state.joints) and bool(state.clocks or state.found.rate_hz)
+    if alone and is_followed(state.chosen["q_cmd"], positions, state.values):
+        state.chosen["q"], state.silent = positions, []
 
 
 def _settle_torques(state: Guessing) -> None:
@@ -461,7 +441,7 @@ def _settle_torques(state: Guessing) -> None:
         found.ask("nothing measured", q=q.first, tau=tau.first, positions=positions, loads=torques)
     if "q_cmd" in chosen and "q" not in {*chosen, *found.channels}:
         q = chosen["q"] = replace(chosen.pop("q_cmd"), target="q")
-        if {"tau", "i"} & set(chosen):
+        if {"tau", "i"} & set(chosen) or len(state.silent) >= len(joints):
             found.ask("no measured positions", q=q.first, line=q.line(joints))
         else:
             # A motion that was planned and has no measured twin.
@@ -514,7 +494,7 @@ def _note_choice(state: Guessing) -> None:
                 "surplus", columns=family.first, count=len(family.columns), joints=len(joints), pairs=pairs
             )
         text = ", ".join(f"{column} = {joint}" for joint, column in family.placed.columns.items())
-        if text and text not in said and not family.stated and target not in state.nameless:
+        if text and text not in said and not family.stated:
             said.add(text)
             found.note("joints by names", channel=target, pairs=text, because=family.placed.because)
     _ask_for_joints(state)
@@ -563,13 +543,7 @@ def _add_channels(state: Guessing) -> None:
         if columns and target not in ("q", "tau", "i") and set(columns) != joints:
             found.note("not of every joint", channel=target, column=family.columns[0])
             continue
-        said = (
-            "the format says so"
-            if family.stated
-            else "its values"
-            if target in state.nameless
-            else "its name"
-        )
+        said = "the format says so" if family.stated else "its name"
         because = f"{said}; joint by {family.placed.because}"
         found.mapped += [
             Mapped(f"{target}.{joint}", column, 1.0, because)
@@ -592,7 +566,13 @@ def _ask_for_motion(state: Guessing) -> None:
     if not known:
         there = first_names(list(state.values), _MOST_NAMED)
         there = "; ".join([there, *(note for note in state.recording.notes if note.startswith(MISFIT))])
-        found.ask("no positions", joints=machine.n, robot=machine.name, there=there)
+        found.ask(
+            "no positions",
+            joints=machine.n,
+            robot=machine.name,
+            there=there,
+            joint=next(iter(state.joints), "JOINT"),
+        )
     stated = (
         i for i in found.mapped if i.stated and i.channel in TARGETS.values() and i.joint in state.joints
     )
@@ -602,7 +582,7 @@ def _ask_for_motion(state: Guessing) -> None:
 
 
 def _ask_for_torques(state: Guessing) -> None:
-    """Which columns are torques, where nothing says it: of voltages, several of one joint, columns without names."""
+    """Which columns are torques, where nothing says it: of voltages, several of one joint."""
     found, clues = state.found, state.left
     for family in state.groups:
         supply = family.words & _SUPPLY and all(np.nanmin(state.values[c]) > 0.0 for c in family.columns)
@@ -624,13 +604,6 @@ def _ask_for_torques(state: Guessing) -> None:
             joint=may_be[0],
             column=state.unplaced[0],
         )
-    left = [c for c, v in state.values.items() if c not in state.used and np.nanstd(v) > 0.0]
-    left = [column for column in left if not state.mapping.ignores(column)]
-    if left and {"q", "v"} <= set(state.nameless):
-        families = [state.chosen[target] for target in state.nameless if target in state.chosen]
-        told = ", ".join(f"{f.columns[0]} … {f.columns[-1]} as {f.target}" for f in families)
-        joint, names = next(iter(state.chosen["q"].placed.columns)), first_names(left, _MOST_NAMED)
-        found.ask("nameless torques", told=told, names=names, joint=joint, column=left[0])
 
 
 def _ask_for_base(state: Guessing) -> None:
@@ -702,10 +675,10 @@ RULES = (
     ),
     Rule("choice", "the family of each channel", _choose),
     Rule(
-        "physics",
-        "positions, velocities and torques among columns whose names say nothing",
-        _tell_by_physics,
-        lambda s: "q" not in s.known | set(s.chosen),
+        "followers",
+        "positions that follow commands among columns whose names say nothing",
+        _find_followers,
+        lambda s: "q_cmd" in s.chosen and "q" not in s.known | set(s.chosen),
     ),
     Rule("torques", "which torques were measured, and of which joints", _settle_torques),
     Rule("commands", "commands that state no quantity: positions or torques", _settle_commands),

@@ -13,6 +13,8 @@ from pydantic import ValidationError
 
 from excite.conversion.columns.base_signals import base_fields
 from excite.conversion.columns.families import columns_of
+from excite.conversion.columns.vocabulary import OF_WORD
+from excite.conversion.columns.words import name_tokens, read_clue
 from excite.conversion.explicit_mapping import SCHEMA, Map
 from excite.conversion.guesses import Guesses
 from excite.conversion.recording import Machine, Recording
@@ -20,6 +22,7 @@ from excite.conversion.trials import Cut
 from excite.display import Row, Tabled, count
 from excite.doctor.examine import Chart
 from excite.errors import LogError
+from excite.finding import first_names
 from excite.logs.header import check_header
 from excite.logs.log import Log, LogHeader
 
@@ -171,7 +174,13 @@ def _torque_word(present: set[str], found: Guesses) -> str:
         if "i" in channels
         else ("no loads", "none")
     )
-    found.note(key)
+    # Torques by a word of their names, which another one takes back: external ones, of a model, of an observer.
+    said = {name: read_clue(name, ()).quantity == "skip" for name in found.unused}
+    others = [name for name in said if said[name] and any(OF_WORD.get(w) == "tau" for w in name_tokens(name))]
+    if word == "none" and others:
+        found.note("no measured loads", columns=first_names(others, _SHOWN), column=others[0])
+    else:
+        found.note(key)
     return word
 
 

@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 from pydantic import ValidationError
 
-from excite.arrays import Array
 from excite.conversion.columns.clock import FASTEST_HZ, SLOWEST_HZ, Table
 from excite.conversion.explicit_mapping import Map
 from excite.conversion.guesses import Guesses, Question, UnclearError
@@ -20,11 +19,11 @@ from excite.conversion.trials import Cut
 from excite.doctor.channel_errors import explained
 from excite.doctor.channel_mapping import Reading
 from excite.doctor.inertial_prior import STRONG_ODDS, Judgement
-from excite.doctor.limit_shares import AS_STATED, share_of_limits
 from excite.doctor.mistakes.torques import carried_load
+from excite.doctor.thresholds import THRESHOLD
 from excite.doctor.torque_samples import TorqueSamples, torque_samples
-from excite.errors import InputError, LogError, RobotError
-from excite.formats.documents import parse_xml
+from excite.doctor.torque_scale import Scale, find_scale
+from excite.errors import InputError, LogError
 from excite.logs.columns import read_columns
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log, LogHeader
@@ -36,13 +35,8 @@ from excite.temporary_folder import TemporaryFolder
 # Two minutes at 1 kHz tell a scale, and are held beside the recording.
 _MOST_ROWS = 120_000
 # Share of a current's power that gravity and inertia have to explain before their size says anything of its scale.
-# Less of it does where what friction and back-EMF leave is the nominal torque but for this share of its power.
-_TELLING, _SOME, _CLOSELY = 0.5, 0.15, 0.9
-# Of ten real robots whose torques are N·m, the joints that follow their model closely do so by 0.57 to 1.9, and by up
-# to 3.5 on the small servos of one; amperes, shares of limits and torques before a gear are off by more on all joints.
-_NO_LOAD = 3.0
-# Joints whose factors lie within this of each other share one cause, such as a unit.
-_SHARED = 1.3
+# Less of it does where what friction and back-EMF leave is closely the nominal torque.
+_TELLING, _SOME = 0.5, 0.15
 _MOVED, _PUSHED = ("q", "v", "a", "q_cmd"), ("tau", "tau_cmd")
 Trial = Callable[[Map], Conversion]
 
@@ -111,45 +105,45 @@ def ask_for_scale(
         columns = {name: values[:_MOST_ROWS] for name, values in cut.columns.items()}
         trial = read_columns(columns, entry, alone, Path(entry.file))
         save_log(Log(header=alone, trials=(trial,), robot_text=machine.text), folder.path / "log")
-        log = load_log(folder.path / "log")
-        scales = torque_scales(nominal_robot(log), log)
-        cause = _unknown_scale(scales, nominal_robot(log), log)
+        scale = _unknown_scale(load_log(folder.path / "log"))
     except (InputError, ValidationError):
         return
-    if cause is not None:
+    if scale is not None:
         found.ask(
             "no newton metres",
             columns=f"{torques[0].source} …",
             joint=torques[0].joint,
-            cause=cause.why,
-            scale=cause.line,
+            cause=scale.cause,
+            scale=scale.line(header.torque_joints),
         )
         raise UnclearError(found.questions, recording.source)
 
 
-class Scale(NamedTuple):
-    """How a joint's torques compare with those of the nominal model.
+def _unknown_scale(log: Log) -> Scale | None:
+    """What torques look like that are no N·m, of either sign each; None where masses or a load may make them so."""
+    samples = _samples(nominal_robot(log), log)
+    if samples is None or log.header.torque == "current":
+        return None
+    stated = Reading.as_stated(log)
+    reading = replace(stated, torque_factor=np.where(samples.gains(stated)[0] < 0.0, -1.0, 1.0))
+    scale = find_scale(samples, reading)
+    return scale if scale is not None and scale.far and carried_load(samples, reading) is None else None
+
+
+class Gain(NamedTuple):
+    """How large a joint's torques, or currents or voltages, are beside those of the nominal model.
 
     Attributes:
         gain: logged torque, or other unit, per N·m of the nominal model; negative where the sign is turned.
         share: share of the logged power that gravity and inertia explain beside the joint's friction.
-        agreement: squared correlation with the nominal torque beside the joint's friction.
     """
 
     gain: float
     share: float
-    agreement: float
 
 
-class Cause(NamedTuple):
-    """What gains that are off look like, and the ``scale`` of a map that would undo them."""
-
-    why: str
-    line: str
-
-
-def torque_scales(robot: Robot, log: Log) -> dict[str, Scale]:
-    """Scales of the joints whose torques follow gravity and inertia closely; friction and back-EMF are beside them.
+def torque_gains(robot: Robot, log: Log) -> dict[str, Gain]:
+    """Gains of the joints whose torques follow gravity and inertia closely; friction and back-EMF are beside them.
 
     A voltage makes the torque ``kt/R V − kt²/R ω``: the second part looks like viscous friction, kt/R is the scale.
 
@@ -163,14 +157,11 @@ def torque_scales(robot: Robot, log: Log) -> dict[str, Scale]:
     samples, reading = _samples(robot, log), Reading.as_stated(log)
     if samples is None:
         return {}
-    rows = zip(*samples.gains(reading), samples.agreement(reading), strict=True)
-    found = {
-        joint: Scale(*map(float, row)) for joint, row in zip(log.header.torque_joints, rows, strict=True)
-    }
+    rows = zip(log.header.torque_joints, *samples.gains(reading), samples.agreement(reading), strict=True)
     return {
-        joint: scale
-        for joint, scale in found.items()
-        if scale.gain and (scale.share > _TELLING or (scale.share > _SOME and scale.agreement > _CLOSELY))
+        joint: Gain(float(gain), float(share))
+        for joint, gain, share, agreement in rows
+        if gain and (share > _TELLING or (share > _SOME and agreement > THRESHOLD.closely))
     }
 
 
@@ -184,114 +175,26 @@ def _samples(robot: Robot, log: Log) -> TorqueSamples | None:
         return None
 
 
-def scale_notes(robot: Robot, log: Log) -> list[str]:
-    """Torque per ampere of each joint whose current the nominal model explains, and torques of another scale.
+def propose_constants(robot: Robot, log: Log) -> list[str]:
+    """Torque per ampere of each joint whose current the nominal model explains, in a sentence; none of other logs.
 
-    A sentence each; nothing of it is applied, as the nominal model may be what is wrong.
+    Nothing of it is applied, as the nominal model may be what is wrong.
 
     Args:
         robot: the nominal model.
-        log: the log; nothing is said of one without torques and currents.
+        log: the log.
     """
-    if log.header.torque in ("none", None) or log.header.base not in ("fixed", "held"):
+    placed = log.header.base in ("fixed", "held")
+    if log.header.torque != "current" or log.header.torque_constants or not placed:
         return []
-    scales = torque_scales(robot, log)
-    if log.header.torque == "current" and not log.header.torque_constants:
-        if not scales:
-            return ["no current follows gravity and inertia closely enough to tell torques per ampere"]
-        said = ", ".join(f"{joint}: {1.0 / scale.gain:.3g}" for joint, scale in scales.items())
-        return [
-            f"by the nominal masses, N·m per A are {{{said}}}; "
-            "write them under log: {torque_constants: …} in map.yaml if data sheets agree"
-        ]
-    off = {j: scale.gain for j, scale in scales.items() if not 1.0 / AS_STATED < abs(scale.gain) < AS_STATED}
-    if not off:
-        return []
-    names = ", ".join(f"{joint} {gain:.3g}" for joint, gain in off.items())
-    first = f"torques are not those of the nominal masses ({names} times as large)"
-    if load := _load(robot, log):
-        return [
-            f"{first}, and no scale makes them so as well as a load does: {load}; put it into the model if it was there"
-        ]
-    cause = _cause(off, scales, robot, log)
-    return [f"{first}: {cause.why}; scale: {cause.line} in map.yaml would undo it"]
-
-
-def _unknown_scale(told: dict[str, Scale], robot: Robot, log: Log) -> Cause | None:
-    """What torques look like that are no N·m; None where they may be.
-
-    They are none where most joints follow the nominal model closely, each by a factor of its own or all by one, that no
-    mass or load makes; and where every joint's factor is the share of its limit that drives report.
-    """
-    joints = log.header.torque_joints
-    scales = {joint: scale for joint, scale in told.items() if scale.agreement > _CLOSELY}
-    if 2 * len(scales) < len(joints) or log.header.torque == "current":
-        return None
-    size = np.array([abs(scale.gain) for scale in scales.values()])
-    off = (size < 1.0 / _NO_LOAD).all() or (size > _NO_LOAD).all()
-    if not (off or share_of_limits(size, _limits(robot, list(scales)))) or _load(robot, log):
-        return None
-    cause = _cause({joint: scale.gain for joint, scale in told.items()}, scales, robot, log)
-    missing = "".join(f", tau.{joint}: FACTOR" for joint in joints if f"{joint}:" not in cause.line)
-    return cause if "tau:" in cause.line else cause._replace(line=f"{cause.line[:-1]}{missing}}}")
-
-
-def _load(robot: Robot, log: Log) -> str:
-    """What is carried, where that explains the torques better than any scale; empty for nothing."""
-    samples = _samples(robot, log)
-    load = None if samples is None else carried_load(samples, Reading.as_stated(log))
-    return "" if load is None else load.sentence()
-
-
-def _cause(off: dict[str, float], scales: dict[str, Scale], robot: Robot, log: Log) -> Cause:
-    """What gains that are off look like: the other side of the model's gears, shares of its limits, currents."""
-    joints = log.header.torque_joints
-    gears = {joint: gear for joint, gear in gear_ratios(log.robot_text or "").items() if joint in joints}
-    ratios = ", ".join(f"{joint} {gear:.4g}" for joint, gear in gears.items())
-    for power, why in (
-        (-1, "before the model's gears, those of motors"),
-        (1, "with the model's gears applied twice"),
-    ):
-        ratio = [abs(gain) / gears[joint] ** power if joint in gears else 0.0 for joint, gain in off.items()]
-        if all(1.0 / AS_STATED < one < AS_STATED for one in ratio):
-            return Cause(f"{why} ({ratios})", _scale_line({j: gear**power for j, gear in gears.items()}))
-    size = np.array([abs(scale.gain) for scale in scales.values()])
-    if share := share_of_limits(size, _limits(robot, list(scales))):
-        gains = dict(zip(joints, share.whole / _limits(robot, joints), strict=True))
-        return Cause(f"they look like {share.name} of the model's limits of torque", _scale_line(gains))
-    why = "another side of the gear, a torque constant applied twice or not at all, or a load"
-    if all(abs(gain) < 1.0 / _NO_LOAD for gain in off.values()):
-        why = "currents, whose torque constants are not known, or torques before a gear"
-    return Cause(why, _scale_line(off, alone=len(joints) > len(off)))
-
-
-def _limits(robot: Robot, joints: Sequence[str]) -> Array:
-    """Largest torques of joints [N·m or N]."""
-    return np.array([float(robot.limits.torque[robot.joint_index(joint)]) for joint in joints])
-
-
-def _scale_line(gains: Mapping[str, float], *, alone: bool = False) -> str:
-    """``{tau: …}`` that undoes gains: one factor where all joints share it, else one a joint."""
-    values = np.abs(list(gains.values()))
-    if not alone and values.max() < _SHARED * values.min():
-        return f"{{tau: {1.0 / float(np.median(values)):.3g}}}"
-    return "{" + ", ".join(f"tau.{joint}: {1.0 / abs(gain):.3g}" for joint, gain in gains.items()) + "}"
-
-
-def gear_ratios(urdf: str) -> dict[str, float]:
-    """Reductions other than one that a URDF's ``<transmission>`` elements state, by joint."""
-    if "<transmission" not in urdf:
-        return {}
-    found: dict[str, float] = {}
-    try:
-        for transmission in parse_xml(urdf.encode(), Path("robot.urdf"), RobotError).findall("transmission"):
-            joint, ratio = transmission.find("joint"), transmission.findtext(".//mechanicalReduction", "0")
-            number = ratio.strip().lstrip("+-").replace(".", "", 1).isdigit()
-            if joint is not None and number and (value := abs(float(ratio))) not in (0.0, 1.0):
-                found[joint.get("name", "")] = value
-    except InputError:
-        return {}
-    return found
+    gains = torque_gains(robot, log)
+    if not gains:
+        return ["no current follows gravity and inertia closely enough to tell torques per ampere"]
+    said = ", ".join(f"{joint}: {1.0 / one.gain:.3g}" for joint, one in gains.items())
+    return [
+        f"by the nominal masses, N·m per A are {{{said}}}; "
+        "write them under log: {torque_constants: …} in map.yaml if data sheets agree"
+    ]
 
 
 @dataclass(frozen=True)
@@ -362,7 +265,7 @@ def weigh_question(questions: Sequence[Question], tried: Trial, stated: Map) -> 
         return list(questions)
     try:
         found = tried(stated.model_copy(update={"columns": {**stated.columns, **question.torques}}))
-        scales = torque_scales(nominal_robot(found.log), found.log)
+        scales = torque_gains(nominal_robot(found.log), found.log)
     except InputError:
         scales = {}
     if not scales:

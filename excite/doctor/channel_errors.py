@@ -31,9 +31,10 @@ from excite.doctor.mistakes.joints import (
     find_unit,
     find_zeros,
 )
-from excite.doctor.mistakes.torques import TORQUE_SCALE, find_delay, find_missing_weight, find_torque_sign
+from excite.doctor.mistakes.torques import find_delay, find_missing_weight, find_torque_sign
 from excite.doctor.samples import THE_UNIT, Correction, Mistake, Samples
 from excite.doctor.thresholds import THRESHOLD, is_near_one
+from excite.doctor.torque_scale import TORQUE_SCALE
 from excite.doctor.wrench_samples import WrenchSamples
 from excite.logs.units import size_of
 

@@ -106,9 +106,6 @@ _COHERENT = 0.6
 _FEWEST_STEPS = 12
 # Peaks that are tried, from the longest period: a step has overtones.
 _TRIED = 8
-# Rounding moves a level by half a cell; the line that is fitted to all is off by up to 0.03 of one where a step's
-# fractions of a cell repeat themselves (140 steps of encoders of 12 to 18 bits in 3 to 7 digits).
-_ROUNDED = 0.6
 # Levels of text are exact to a few units of double precision; the finest grid looked for, as a share of the largest.
 _EXACT, _FINEST = 1e-15, 1e-10
 # A remainder this near to zero or to a cell, in cells, that its own error may have made tells nothing.
@@ -200,6 +197,22 @@ def _densest_stretch(number: Array) -> slice:
         cells *= 4
 
 
+def _band(count: Array, rest: Array) -> float:
+    """How far levels lie apart across the line along which they lie nearest together [cells].
+
+    Rounding moves each by half a cell at most: a sensor's lie within one cell of some line. What least squares leaves
+    is more than that where levels are few, and no bound for chance where it may be.
+    """
+    from scipy.optimize import minimize_scalar  # lazy: scipy
+
+    place = (count - count.mean()) / max(float(np.ptp(count)), 1.0)
+    across = minimize_scalar(
+        lambda turn: float(np.ptp(rest - turn * place)), bounds=(-1.0, 1.0), method="bounded"
+    )
+    # The search stops some 1e-5 short of the narrowest.
+    return float(across.fun) - 1e-4
+
+
 def _fit_period(number: Array, few: Array, period: float) -> float:
     """The period of all levels [cells], from one that holds for a few; 0 where one is off its multiple's rounding."""
     start = float(few[0])
@@ -214,7 +227,7 @@ def _fit_period(number: Array, few: Array, period: float) -> float:
             period, start = np.polyfit(count, inside, 1)
         if (np.diff(count) < 1.0).any():
             return 0.0
-        if np.abs(inside - start - period * count).max() > _ROUNDED:
+        if _band(count, inside - start - period * count) > 1.0:
             return 0.0
         if len(inside) == len(number):
             return float(period)

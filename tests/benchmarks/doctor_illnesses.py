@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from excite.diagnosis.diagnose import diagnose
-from excite.doctor.doctor import doctor
+from excite.doctor.examine import doctor
 from excite.errors import ExciteError
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log

@@ -119,6 +119,7 @@ def test_each_fault_is_named_where_it_is_and_nothing_else(layout, tmp_path):
     chart = examine_episodes(data)
     bad = verdicts(chart)
     assert set(bad) == set(FAULTS)
+    assert set(chart.episodes[0].measures["travel"]) == set(JOINTS)
     for k, (kind, joint) in FAULTS.items():
         assert bad[k].verdict == kind
         (found,) = bad[k].findings

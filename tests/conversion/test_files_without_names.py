@@ -50,11 +50,13 @@ def test_a_text_alone_is_refused(arm, tmp_path):
 
 
 def test_velocities_tell_the_rate_that_is_asked_for(data, arm, tmp_path):
-    """Of columns without a name, too, and where two joints move so alike that their velocities are twins."""
+    """Where two joints move so alike that their velocities are twins, too."""
     time, q, v = data["time"], data["q"].copy(), data["v"].copy()
     q[:, 2] = 0.95 * q[:, 0] + np.sin(0.3 * time)
     v[:, 2] = 0.95 * v[:, 0] + 0.3 * np.cos(0.3 * time)
-    np.savetxt(tmp_path / "run.csv", np.hstack([q, v, data["tau"]]), delimiter=",")
+    names = ",".join(f"{channel}{k}" for channel in ("q", "v", "tau") for k in (1, 2, 3))
+    rows = np.hstack([q, v, data["tau"]])
+    np.savetxt(tmp_path / "run.csv", rows, delimiter=",", header=names, comments="")
     with pytest.raises(
         UnclearError, match=r"rate_hz: 100}   # rows a second, as the velocities say"
     ) as asked:

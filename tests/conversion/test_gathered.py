@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from excite.conversion.sources.ros import Field, Gathered, Room
+from excite.conversion.sources.messages import Field, Gathered, Room
 
 FIELDS = tuple(Field(f"position.{joint}", "q", joint) for joint in "abc")
 

@@ -1,9 +1,7 @@
-"""Habits of recordings of strangers: names in capitals, forces of feet, pickles, pointers, rows of one quantity."""
+"""Habits of recordings of strangers: names in capitals, forces of feet, pointers, rows of one quantity."""
 
 from __future__ import annotations
 
-import pickle
-from collections import OrderedDict
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +10,6 @@ import pytest
 import excite
 from excite.conversion.explicit_mapping import Map
 from excite.conversion.guesses import UnclearError
-from excite.conversion.sources.registry import read_source
 from excite.errors import LogError
 from excite.export.models.verification import random_states, read_urdf_text
 from excite.logs.robot import nominal_robot
@@ -73,39 +70,6 @@ def test_a_pointer_of_git_lfs_is_called_so(name, arm, tmp_path):
     )
     with pytest.raises(LogError, match=r"pointer that Git LFS left.*git lfs pull"):
         excite.convert([tmp_path / name], arm, tmp_path / "log")
-
-
-@pytest.mark.parametrize("shape", ["arrays", "rows", "object array", "lists of rows"])
-def test_pickles_of_plain_data(shape, data, arm, tmp_path):
-    channels = {key: data[key] for key in ("time", "q", "v", "tau")}
-    rows = [{key: values[k] for key, values in channels.items()} for k in range(len(data["time"]))]
-    content = {"arrays": OrderedDict(channels), "rows": rows, "object array": channels,
-               "lists of rows": {key: [np.asarray(row[key]) for row in rows] for key in channels}}[shape]  # fmt: skip
-    file = tmp_path / ("a.npy" if shape == "object array" else "a.pkl")
-    if shape == "object array":
-        np.save(file, np.array(content, dtype=object), allow_pickle=True)
-    else:
-        file.write_bytes(pickle.dumps(content))
-    check(excite.convert([file], arm, tmp_path / "log", WHOLE), data, "q", "tau")
-
-
-def test_episodes_of_a_pickle_are_trials(data, arm, tmp_path):
-    part = [
-        {key: data[key][rows] for key in ("time", "q", "tau")} for rows in (slice(0, 300), slice(300, 550))
-    ]
-    (tmp_path / "a.pkl").write_bytes(pickle.dumps(part))
-    assert [len(r.streams[0].columns) for r in read_source(tmp_path / "a.pkl")] == [7, 7]
-
-
-def test_a_pickle_that_names_a_function_is_not_run(arm, tmp_path):
-    class Evil:
-        def __reduce__(self):
-            return (Path.write_text, (tmp_path / "done", "harm"))
-
-    (tmp_path / "a.pkl").write_bytes(pickle.dumps({"q": Evil()}))
-    with pytest.raises(LogError, match="numbers and numpy arrays alone"):
-        excite.convert([tmp_path / "a.pkl"], arm, tmp_path / "log")
-    assert not (tmp_path / "done").exists()
 
 
 def test_one_question_for_all_files_without_a_clock(data, arm, tmp_path):

@@ -91,6 +91,22 @@ def test_a_mistake_is_named_with_its_place(panda, log, fault):
     assert spoiling <= {kind} | COMPANY.get(fault, set())
 
 
+@pytest.mark.parametrize("unit", [1.0, 1e-3, 1e-9])
+def test_no_unit_of_the_clock_hides_that_joints_are_faster_than_they_may_be(panda, log, unit):
+    limits = panda.limits.velocity[[panda.joint_index(joint) for joint in JOINTS]]
+    speeds = [np.abs(np.gradient(t.q, t.time, axis=0) / limits).max() for t in log.trials]
+
+    def faster(trial):
+        return replace(trial, time=trial.time * max(speeds) / 6.0 / unit, tau=None)
+
+    charted = examine(panda, changed(log, faster, torque="none"))
+    found = {item.kind: item for item in charted.findings}
+    assert found["too_fast"].figures["share_of_limit"] == pytest.approx(6.0, rel=0.2)
+    assert ("time_unit" in found) == (unit < 1.0)
+    if unit < 1.0:
+        assert found["time_unit"].figures["seconds"] == unit
+
+
 def test_the_zeros_that_the_model_needs_are_stated(panda, log):
     turned = changed(log, lambda t: replace(t, q=t.q + np.pi * np.array([0, 0, 0, 0.5, 0, 0, 0])))
     (found,) = suspicions(panda, turned)

@@ -8,9 +8,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from excite.doctor.doctor import doctor
 from excite.doctor.doubt import Doubt
-from excite.doctor.examine import examine
+from excite.doctor.examine import doctor, examine
 from excite.export.models.simulator_model import write_models
 from excite.identification.identify import identify
 from excite.logs.files import load_log

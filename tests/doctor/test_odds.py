@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from excite.doctor.doctor import doctor
+from excite.doctor.examine import doctor
 from excite.doctor.inertial_prior import count_effective_samples
 from excite.logs.log import Trial
 from excite.robot.loading import load_robot

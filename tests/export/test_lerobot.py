@@ -9,7 +9,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from excite.conversion.sources.lerobot import LeRobotSource
+from excite.conversion.sources.arrays import LeRobotSource
 from excite.errors import MotionError
 from excite.export.export import export_motion
 from excite.motion.files import load_motion

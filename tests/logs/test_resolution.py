@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from excite.logs.quantisation import channel_noise, coarse_step, rounded_step
@@ -81,6 +81,7 @@ def test_few_rows_or_a_switch_are_no_quantised_channel() -> None:
     noise=st.sampled_from([0.0, 0.3, 1.0]),
     offset=st.floats(-2.0, 2.0),
 )
+@example(seed=6, bits=17, digits=6, noise=0.3, offset=1.05859375)
 def test_the_step_of_an_encoder_is_found_under_the_digits_of_a_file(
     seed: int, bits: int, digits: int, noise: float, offset: float
 ) -> None:

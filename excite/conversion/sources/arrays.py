@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar
@@ -10,16 +10,19 @@ from typing import Any, ClassVar
 import numpy as np
 
 from excite.conversion.columns.words import read_clue
-from excite.conversion.recording import Recording
+from excite.conversion.recording import Column, Recording, Stream
 from excite.conversion.shapes import longest_streams, split_batches, stream_of_arrays
 from excite.conversion.sources.source import Source
 from excite.errors import LogError
 from excite.formats.arrays import read_npy, read_npz
 from excite.formats.arrow import ARROW, read_arrow
-from excite.formats.file import MAX_FILE_BYTES, check_size, first_bytes, is_damage
+from excite.formats.file import MAX_FILE_BYTES, check_size, first_bytes
 from excite.formats.hdf5 import MOST_CONSTANTS, hdf5_arrays
+from excite.formats.lerobot import COUNTING, DataSet, is_data_set, read_data_set
 from excite.formats.matlab import read_mat
-from excite.formats.pickles import flatten_arrays, is_pickled_array, read_pickle, read_torch
+from excite.formats.registry import read_contents
+from excite.formats.tensors import read_torch
+from excite.logs.header import read_header
 
 Arrays = Mapping[str, Any]
 _NUMBERS = "write its arrays one by one, numbers only: numpy.savez(file, q=…, tau=…)"
@@ -92,39 +95,6 @@ PaceSource = _source(
 )
 
 
-class PickleSource(Source):
-    """Dictionaries and lists of numbers and numpy arrays, by trial or by sample."""
-
-    name: ClassVar[str] = "pickle"
-    summary: ClassVar[str] = "pickles of numbers and numpy arrays alone (.pkl, .pickle)"
-    own_process: ClassVar[bool] = True
-
-    def recognises(self, path: Path) -> bool:
-        """See :class:`Source`."""
-        if path.suffix.lower() == ".npy":
-            return path.is_file() and is_pickled_array(path)
-        return path.is_file() and path.suffix.lower() in {".pkl", ".pickle", ".p"}
-
-    def read(self, path: Path) -> tuple[Recording, ...]:
-        """See :class:`Source`."""
-        try:
-            trials = read_pickle(path)
-        except Exception as error:
-            if not is_damage(error):
-                raise
-            text = " ".join(str(error).split()) or type(error).__name__
-            raise LogError(
-                f"is a pickle, of which numbers and numpy arrays alone are read, not all that it holds ({text[:160]})",
-                source=path,
-                remedy="write its arrays with numpy.savez, or its table with to_csv or to_parquet",
-            ) from error
-        found: list[Recording] = []
-        for label, trial in trials.items():
-            named = recordings_of(path.with_name(f"{path.stem}{label}"), flatten_arrays(trial))
-            found += [replace(recording, source=str(path)) for recording in named]
-        return tuple(found)
-
-
 def recordings_of(path: Path, arrays: Arrays) -> tuple[Recording, ...]:
     """Recordings among arrays by their paths (``trial1/q``): one a trial where they are stacked, or lie in groups."""
     check_size(sum(np.size(values) for values in arrays.values()), 0, path, LogError)
@@ -181,3 +151,102 @@ def constants(arrays: dict[str, np.ndarray]) -> dict[str, object]:
         elif array.dtype.kind == "U" and array.size <= MOST_CONSTANTS:
             said[name] = np.squeeze(array).tolist()
     return said
+
+
+class LogFolderSource(Source):
+    """Trials of a log folder, each under its own name, with the contract's columns."""
+
+    name: ClassVar[str] = "log"
+    summary: ClassVar[str] = "a log folder of excite (log.yaml)"
+
+    def recognises(self, path: Path) -> bool:
+        """See :class:`Source`."""
+        return (path / "log.yaml").is_file() or path.name == "log.yaml"
+
+    def read(self, path: Path) -> tuple[Recording, ...]:
+        """See :class:`Source`."""
+        folder = path if path.is_dir() else path.parent
+        header = read_header(folder / "log.yaml")
+        files = [folder / entry.file for entry in header.trials]
+        said = {"roles": {Path(entry.file).stem: entry.role for entry in header.trials}, "log": header}
+        return tuple(
+            Recording(
+                str(file),
+                file.stem,
+                tuple(_in_si(stream) for stream in stream_of_arrays(file.stem, content.columns)),
+                said,
+            )
+            for file, content in zip(files, read_contents(files, LogError), strict=True)
+        )
+
+
+def _in_si(stream: Stream) -> Stream:
+    """The stream with the unit on its torques: whoever wrote the log said what they are."""
+    columns = tuple(
+        replace(column, unit="N·m") if column.name.startswith("tau.") else column for column in stream.columns
+    )
+    return replace(stream, columns=columns)
+
+
+# What each feature holds for a follower arm.
+_CHANNELS = {
+    "observation.state": "q",
+    "action": "q_cmd",
+    "observation.velocity": "v",
+    "observation.effort": "tau",
+}
+# Names of a feature's numbers may say what each is: arms that report more than positions have it in one state
+# (``joint_1.pos``, ``joint_1.vel``, ``joint_1.torque`` of OpenArm). Commands of velocities have no channel in a log.
+_ENDINGS = {
+    ".pos": {"q": "q", "q_cmd": "q_cmd"},
+    ".vel": {"q": "v", "v": "v"},
+    ".effort": {"q": "tau", "q_cmd": "tau_cmd", "tau": "tau"},
+    ".torque": {"q": "tau", "q_cmd": "tau_cmd", "tau": "tau"},
+    ".current": {"q": "i", "tau": "i"},
+}
+
+
+class LeRobotSource(Source):
+    """Episodes as recordings; states are positions, actions their commands."""
+
+    name: ClassVar[str] = "lerobot"
+    summary: ClassVar[str] = "LeRobot data sets (folder with meta/info.json)"
+    own_process: ClassVar[bool] = True
+
+    def recognises(self, path: Path) -> bool:
+        """See :class:`Source`."""
+        return is_data_set(path)
+
+    def read(self, path: Path) -> tuple[Recording, ...]:
+        """See :class:`Source`."""
+        return tuple(recordings_of_episodes(read_data_set(path, LogError)))
+
+
+def recordings_of_episodes(data: DataSet) -> Iterator[Recording]:
+    """The episodes of a data set, one after the other."""
+    fps = data.fps
+    note = f"{fps:g} rows a second: inertia and friction of slow motion show, delays and rotors do not"
+    said = {"fps": fps or None, "maybe_shares": True}
+    for episode, arrays in data.episodes():
+        name, time = f"episode_{episode:06d}", arrays.pop("time", None)
+        columns = tuple(_feature_columns(data, arrays))
+        streams = (Stream(name, columns, time),) if columns else ()
+        yield Recording(str(data.path), name, streams, said, (note,) if fps else ())
+
+
+def _feature_columns(data: DataSet, arrays: dict[str, Any]) -> list[Column]:
+    found = []
+    for name, values in arrays.items():
+        if name in COUNTING:
+            continue
+        labels = data.names(name)
+        values = values.reshape(len(values), -1)
+        channel = _CHANNELS.get(name, "")
+        for k in range(values.shape[1]):
+            label = labels[k] if k < len(labels) else str(k)
+            ending = next((word for word in _ENDINGS if label.endswith(word)), "")
+            what = _ENDINGS[ending].get(channel, "") if ending else channel
+            found.append(
+                Column(f"{name}.{label}", values[:, k].astype(float), what, label.removesuffix(ending))
+            )
+    return found

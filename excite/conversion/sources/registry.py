@@ -27,15 +27,14 @@ SOURCES: Registry[Source] = Registry(
     "source",
     installed("readers")
     | {
-        "lerobot": f"{_HERE}.lerobot:LeRobotSource",
+        "lerobot": f"{_HERE}.arrays:LeRobotSource",
         "bag": f"{_HERE}.bag:BagSource",
         "mcap": f"{_HERE}.bag:McapSource",
-        "log": f"{_HERE}.log_folder:LogFolderSource",
+        "log": f"{_HERE}.arrays:LogFolderSource",
         "pace": f"{_HERE}.arrays:PaceSource",
         "mat": f"{_HERE}.arrays:MatSource",
         "hdf5": f"{_HERE}.arrays:Hdf5Source",
         "parquet": f"{_HERE}.arrays:ParquetSource",
-        "pickle": f"{_HERE}.arrays:PickleSource",
         "npz": f"{_HERE}.arrays:NpzSource",
         "xml": f"{_HERE}.records:XmlSource",
         "json": f"{_HERE}.records:JsonSource",
@@ -46,7 +45,7 @@ SOURCES: Registry[Source] = Registry(
 # Endings that stand for recordings where a folder of files is given.
 RECORDED = frozenset(
     ".csv .tsv .txt .dat .log .xml .parquet .feather .arrow .npz .npy .h5 .hdf5 .mat .json .jsonl .bag .db3 .mcap .pt "
-    ".pth .pkl .pickle".split()
+    ".pth".split()
 )
 # As long as reading may take: starting, then a tenth of what disks do [s, bytes/s].
 _STARTING_S, _BYTES_PER_S = 30.0, 2e6

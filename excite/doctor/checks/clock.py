@@ -42,23 +42,29 @@ def median_rate(trials: Sequence[Trial]) -> float:
 
 
 def _set_seconds(case: Case) -> None:
-    """Take stamps of a clock at which the robot would hardly move in the unit in which it does."""
+    """Take stamps of a clock at which the robot would hardly move in the unit in which it does.
+
+    Of several units in which rows come at a rate of robots it is the one in which joints are the nearest to their
+    limits of velocity: a robot may be faster than its limits say.
+    """
     rate = median_rate(case.log.trials)
-    if THRESHOLD.slowest_hz < rate < THRESHOLD.fastest_hz:
+    units = {
+        unit: seconds
+        for unit, seconds in _SECONDS.items()
+        if THRESHOLD.slowest_hz < rate / seconds < THRESHOLD.fastest_hz
+    }
+    if THRESHOLD.slowest_hz < rate < THRESHOLD.fastest_hz or not units:
         return
     limits = case.robot.limits.velocity[case.columns]
     speeds = [np.abs(np.diff(t.q, axis=0) / np.diff(t.time)[:, None]).max(axis=0) for t in case.log.trials]
     share = float(np.max(np.max(speeds, axis=0) / np.where(np.isfinite(limits), limits, 3.0)))
-    for unit, seconds in _SECONDS.items():
-        if (
-            THRESHOLD.slowest_share < share / seconds < THRESHOLD.fastest_share
-            and THRESHOLD.slowest_hz < rate / seconds < THRESHOLD.fastest_hz
-        ):
-            text = f"time stamps run at {rate:.3g} Hz, at which the robot would hardly move: they are probably {unit}"
-            remedy = "they were read in that unit; write seconds, and rate_hz to match"
-            case.add("time_unit", text, {"seconds": seconds}, ("time",), remedy=remedy)
-            _scale_clock(case, seconds, rate / seconds, from_zero=True)
-            return
+    unit = min(units, key=lambda name: abs(np.log(max(share, 1e-300) / units[name])))
+    if share / units[unit] < THRESHOLD.slowest_share:
+        return
+    text = f"time stamps run at {rate:.3g} Hz, at which the robot would hardly move: they are probably {unit}"
+    remedy = "they were read in that unit; write seconds, and rate_hz to match"
+    case.add("time_unit", text, {"seconds": units[unit]}, ("time",), remedy=remedy)
+    _scale_clock(case, units[unit], rate / units[unit], from_zero=True)
 
 
 def _scale_clock(case: Case, tick: float, rate_hz: float, *, from_zero: bool = False) -> None:

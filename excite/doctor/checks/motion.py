@@ -274,18 +274,35 @@ def _in_radians(trial: Trial, which: NDArray[np.bool_]) -> Trial:
 
 
 def find_beyond_limits(case: Case) -> None:
-    """Positions and torques beyond what the model allows, once channels are what the log calls them."""
-    torques = [np.abs(trial.tau).max(axis=0) for trial in case.log.trials if trial.tau is not None]
-    if torques:
-        share = np.max(torques, axis=0) / case.robot.limits.torque[case.columns]
-        over = np.isfinite(share) & (share > THRESHOLD.torque_beyond)
+    """Positions, speeds and torques beyond what the model allows, once channels are what the log calls them."""
+    torques = [trial.tau for trial in case.log.trials if trial.tau is not None]
+    speeds = [v for trial in case.log.trials if (v := _smooth_velocity(trial, 10.0, 1)) is not None]
+    for kind, what, values, limits, most, cause in (
+        (
+            "torque_size",
+            "torques",
+            torques,
+            case.robot.limits.torque,
+            THRESHOLD.torque_beyond,
+            "another unit (N·mm, currents), or the gear counted twice",
+        ),
+        (
+            "too_fast",
+            "speeds",
+            speeds,
+            case.robot.limits.velocity,
+            THRESHOLD.fastest_share,
+            "another unit, a clock in another one, or limits of another robot",
+        ),
+    ):
+        if not values:
+            continue
+        share = np.max([np.abs(one).max(axis=0) for one in values], axis=0) / limits[case.columns]
+        over = np.isfinite(share) & (share > most)
         if over.any():
-            names, most = case.joints(over), float(share[over].max())
-            text = (
-                f"torques of {list_names(names)} reach {most:.3g} times their limit: another unit (N·mm, currents), "
-                "or the gear counted twice"
-            )
-            case.add("torque_size", text, {"share_of_limit": most}, names)
+            names, largest = case.joints(over), float(share[over].max())
+            text = f"{what} of {list_names(names)} reach {largest:.3g} times their limit: {cause}"
+            case.add(kind, text, {"share_of_limit": largest}, names)
     reach = _Reach.of(case)
     # What goes round and round is no joint with limits, whatever the model says.
     beyond = reach.is_outside & ~reach.is_counted & (reach.high - reach.low <= _TURN)

@@ -15,10 +15,11 @@ from excite.doctor.case import Case
 from excite.doctor.channel_errors import misreadings
 from excite.doctor.channel_mapping import Reading
 from excite.doctor.doubt import Doubt
-from excite.doctor.mistakes.torques import TORQUE_SCALE, ModelParts, parts_in
+from excite.doctor.mistakes.torques import ModelParts, parts_in
 from excite.doctor.model_comparison import drive_fit
 from excite.doctor.thresholds import THRESHOLD
 from excite.doctor.torque_samples import TorqueSamples
+from excite.doctor.torque_scale import TORQUE_SCALE
 from excite.errors import LogError
 from excite.finding import list_names
 from excite.logs.log import Log, Trial

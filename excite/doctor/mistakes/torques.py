@@ -13,109 +13,13 @@ from scipy.optimize import nnls
 from excite.arrays import Array
 from excite.display import percent, span
 from excite.doctor.channel_mapping import OWN_SHARE, Reading
-from excite.doctor.doubt import Doubt
 from excite.doctor.inertial_prior import half_log
-from excite.doctor.limit_shares import share_of_limits
 from excite.doctor.mistakes.joints import minimize_near
 from excite.doctor.model_comparison import drive_fit, remove_drives
-from excite.doctor.samples import THE_UNIT, Correction, Mistake, Samples
-from excite.doctor.thresholds import THRESHOLD, is_near_one
+from excite.doctor.samples import Correction, Samples
+from excite.doctor.thresholds import THRESHOLD
 from excite.doctor.torque_samples import TorqueSamples
 from excite.finding import list_names
-
-# Torques in another unit, or on the other side of the gear.
-
-
-def find_torque_scale(samples: TorqueSamples, reading: Reading) -> Iterable[Correction]:
-    """All torques, or one joint's, larger or smaller than the nominal masses need."""
-    gains, shares = samples.gains(reading)
-    joints = samples.channels
-    told = (shares > THRESHOLD.telling_share) & (gains > 0.0)
-    # To repair one of those in units of their own would leave the others, and to repair all would take the nominal
-    # masses for the truth.
-    common = _scale_of_each(samples, reading, gains, told)
-    alone = common is None and len(joints) > 1
-    if common is None:
-        common = _scale_of_all(joints, gains[told])
-    if common is not None:
-        factors, text, figures, surprise = common
-        yield Correction(
-            replace(reading, torque_factor=reading.torque_factor * factors),
-            text,
-            joints,
-            figures,
-            surprise=surprise,
-            ask=THE_UNIT,
-            as_logged=lambda read: replace(read, torque_factor=read.torque_factor / factors),
-            certain=False,
-        )
-    for j in np.flatnonzero(told) if alone else ():
-        # What an end of the range cuts off makes a torque smaller, by the share of rows in which it does where
-        # values are spread as in a bell (Bussgang 1952). That is no unit.
-        gain = float(gains[j])
-        if gain / samples.within[j] <= 1.0 / THRESHOLD.one_scale_off or gain >= THRESHOLD.one_scale_off:
-            text = f"the torque of {joints[j]} is {gain:.3g} times what the nominal masses need, unlike the others'"
-            scaled = reading.with_torque([int(j)], 1.0 / gain)
-            yield Correction(scaled, text, (joints[j],), {"factor": gain}, certain=False)
-
-
-TORQUE_SCALE = Mistake("torque_scale", find_torque_scale, leaves=frozenset({Doubt.SIZE}), may_surprise=True)
-
-
-class _Scale(NamedTuple):
-    """Factors that undo a unit of all torques, the sentence, its figures, and how unlikely they are by chance."""
-
-    factors: Array
-    text: str
-    figures: dict[str, float]
-    surprise: float
-
-
-def _scale_of_all(joints: tuple[str, ...], gains: Array) -> _Scale | None:
-    """One unit of all torques: their factors lie near each other, nearer than what they have in common."""
-    # A few joints that are off carry something that the model does not have.
-    if 2 * len(gains) < len(joints) or (len(gains) < 2 and len(joints) > 1) or not len(gains):
-        return None
-    factor = float(np.median(gains))
-    size, spread = float(np.log(factor)), float(np.abs(np.log(gains / factor)).max())
-    alike = spread < min(THRESHOLD.scales_agree, THRESHOLD.scale_stands_out * abs(size))
-    if not alike or is_near_one(factor, THRESHOLD.scale_off):
-        return None
-    cause = (
-        "currents, another unit, or torques before the gear"
-        if factor < 1.0
-        else "another unit, or a load that the model does not have"
-    )
-    text = (
-        f"torques are {factor:.3g} times what the nominal masses need, and so will be every identified "
-        f"parameter: {cause}"
-    )
-    return _Scale(np.full(len(joints), 1.0 / factor), text, {"factor": factor}, abs(size))
-
-
-def _scale_of_each(
-    samples: TorqueSamples, reading: Reading, gains: Array, told: NDArray[np.bool_]
-) -> _Scale | None:
-    """All torques in a unit that differs from joint to joint; None where they are in none such."""
-    close, joints = told & (samples.agreement(reading) > THRESHOLD.closely), samples.channels
-    if close.sum() < 2 or 2 * close.sum() < len(joints):
-        return None
-    limits = np.array([samples.robot.limits.torque[samples.robot.joint_index(joint)] for joint in joints])
-    size = np.log(gains[close])
-    if share := share_of_limits(gains[close], limits[close]):
-        factors, cause = limits / share.whole, f"they look like {share.name} of the joints' limits"
-    elif np.ptp(size) > THRESHOLD.scales_agree and max(size.min(), -size.max()) > np.log(
-        THRESHOLD.scales_far
-    ):
-        factors = 1.0 / np.where(told, gains, np.exp(np.median(size)))
-        cause = "currents, whose torque constants are not known, or another unit"
-    else:
-        return None
-    times = span(f"{np.exp(size.min()):.3g}", f"{np.exp(size.max()):.3g}", " to ")
-    text = f"torques are {times} times what the nominal masses need, by joint: {cause}"
-    figures = {f"factor.{joint}": float(1.0 / f) for joint, f in zip(joints, factors, strict=True)}
-    return _Scale(factors, text, figures, float(np.abs(size).max()))
-
 
 # A body that a link carries and the model does not have, beside a scale of the torques: which explains them better.
 

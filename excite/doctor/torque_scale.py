@@ -1,0 +1,160 @@
+"""Torques of another scale than newton metres: a unit, shares of limits, currents, or the other side of the gears."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from excite.arrays import Array
+from excite.display import span
+from excite.doctor.channel_mapping import Reading
+from excite.doctor.doubt import Doubt
+from excite.doctor.samples import THE_UNIT, Correction, Mistake
+from excite.doctor.thresholds import THRESHOLD, is_near_one
+from excite.doctor.torque_samples import TorqueSamples
+from excite.errors import InputError, RobotError
+from excite.formats.documents import parse_xml
+from excite.robot.robot import Robot
+
+
+class Scale(NamedTuple):
+    """What torques look like that are not those of the nominal model.
+
+    Attributes:
+        factors: ``(n_torques,)`` that undo it.
+        times: logged torques per N·m of the nominal model, of the joints that tell.
+        cause: in words.
+        apart: whether joints have factors of their own, as they follow their model closely.
+        far: whether no mass or load is likely to make them: a cause that every joint agrees with, or all far off.
+    """
+
+    factors: Array
+    times: Array
+    cause: str
+    apart: bool
+    far: bool
+
+    def line(self, joints: Iterable[str]) -> str:
+        """``{tau: …}`` of a map that undoes it: one factor where all joints share it, else one a joint."""
+        if not self.apart:
+            return f"{{tau: {self.factors[0]:.3g}}}"
+        pairs = zip(joints, self.factors, strict=True)
+        return "{" + ", ".join(f"tau.{joint}: {factor:.3g}" for joint, factor in pairs) + "}"
+
+
+def find_scale(samples: TorqueSamples, reading: Reading) -> Scale | None:
+    """The scale of all torques; None where they are newton metres as far as the nominal masses tell, or nothing tells.
+
+    Joints that follow their model closely tell a factor each. It is compared with what gears and limits of the model
+    would make; with none of these, joints that are all far off are in a unit of their own, and joints that lie nearer
+    to each other than what they have in common in one unit of all.
+
+    Args:
+        samples: torques beside the nominal model's.
+        reading: how the channels are read; torques of turned joints tell nothing.
+    """
+    gains, shares = samples.gains(reading)
+    told = (shares > THRESHOLD.telling_share) & (gains > 0.0)
+    close = told & (samples.agreement(reading) > THRESHOLD.closely)
+    most = close.sum() >= 2 and 2 * close.sum() >= len(close)
+    if most:
+        size = np.log(gains[close])
+        outside = max(size.min(), -size.max()) > np.log(THRESHOLD.scales_far)
+        for cause, expected in _causes(samples):
+            away, own = size - np.log(expected[close]), np.log(expected[close])
+            # As logged they agree no less with newton metres, or with one factor, of which there are other causes.
+            if np.abs(away).max() < np.log(THRESHOLD.scale_off) <= min(np.abs(size).max(), np.ptp(own)):
+                return Scale(1.0 / expected, np.exp(size), cause, apart=True, far=True)
+        if outside and np.ptp(size) > THRESHOLD.scales_agree:
+            factors = 1.0 / np.where(told, gains, np.exp(np.median(size)))
+            least, largest = (f"{np.exp(x):.0f}" for x in (-size.max(), -size.min()))
+            before = f", torques before gears of about {span(least, largest, ' to ')} to 1"
+            gears = before if size.max() < 0.0 else ""
+            cause = f"currents, whose torque constants are not known{gears}, or another unit"
+            return Scale(factors, np.exp(size), cause, apart=True, far=True)
+    # A few joints that are off carry something that the model does not have.
+    if 2 * told.sum() < len(told) or told.sum() < min(2, len(told)):
+        return None
+    factor = float(np.median(gains[told]))
+    spread = float(np.abs(np.log(gains[told] / factor)).max())
+    alike = spread < min(THRESHOLD.scales_agree, THRESHOLD.scale_stands_out * abs(np.log(factor)))
+    if not alike or is_near_one(factor, THRESHOLD.scale_off):
+        return None
+    cause = "currents, another unit, or torques before the gear"
+    cause = cause if factor < 1.0 else "another unit, or a load that the model does not have"
+    return Scale(
+        np.full(len(told), 1.0 / factor), np.array([factor]), cause, apart=False, far=most and outside
+    )
+
+
+def _causes(samples: TorqueSamples) -> Iterator[tuple[str, Array]]:
+    """What makes torques of another size by the model, and how many times as large it makes each, ``(n_torques,)``."""
+    gears = gear_ratios(samples.robot)
+    ratios = np.array([gears.get(joint, np.nan) for joint in samples.channels])
+    if np.isfinite(ratios).all():
+        said = ", ".join(f"{joint} {gear:.4g}" for joint, gear in zip(samples.channels, ratios, strict=True))
+        yield f"they look like torques before the model's gears, those of motors ({said})", 1.0 / ratios
+        yield f"they look like torques with the model's gears applied twice ({said})", ratios
+    places = [samples.robot.joint_index(joint) for joint in samples.channels]
+    limits = np.asarray(samples.robot.limits.torque, dtype=float)[places]
+    if np.isfinite(limits).all():
+        for name, whole in (("percent", 100.0), ("per mille", 1000.0), ("shares", 1.0)):
+            yield f"they look like {name} of the model's limits of torque", whole / limits
+
+
+def gear_ratios(robot: Robot) -> Mapping[str, float]:
+    """Reductions other than one that ``<transmission>`` elements of a robot's URDF state, by joint."""
+    found: dict[str, float] = {}
+    if "<transmission" not in robot.urdf:
+        return found
+    try:
+        for transmission in parse_xml(robot.urdf.encode(), Path("robot.urdf"), RobotError).findall(
+            "transmission"
+        ):
+            joint, ratio = transmission.find("joint"), transmission.findtext(".//mechanicalReduction", "0")
+            number = ratio.strip().lstrip("+-").replace(".", "", 1).isdigit()
+            if joint is not None and number and (value := abs(float(ratio))) not in (0.0, 1.0):
+                found[joint.get("name", "")] = value
+    except InputError:
+        return {}
+    return found
+
+
+def find_torque_scale(samples: TorqueSamples, reading: Reading) -> Iterable[Correction]:
+    """All torques, or one joint's, larger or smaller than the nominal masses need."""
+    scale, joints = find_scale(samples, reading), samples.channels
+    # To repair one of those in units of their own would leave the others, and to repair all would take the nominal
+    # masses for the truth.
+    if scale is not None:
+        size, factors = np.log(scale.times), scale.factors
+        times = span(f"{scale.times.min():.3g}", f"{scale.times.max():.3g}", " to ")
+        where = "by joint" if scale.apart else "and so will be every identified parameter"
+        each = {f"factor.{joint}": float(1.0 / f) for joint, f in zip(joints, factors, strict=True)}
+        yield Correction(
+            replace(reading, torque_factor=reading.torque_factor * factors),
+            f"torques are {times} times what the nominal masses need, {where}: {scale.cause}",
+            joints,
+            each if scale.apart else {"factor": float(scale.times[0])},
+            surprise=float(np.abs(size).max()),
+            ask=f"{THE_UNIT}; scale: {scale.line(joints)} in map.yaml makes them the nominal model's",
+            as_logged=lambda read: replace(read, torque_factor=read.torque_factor / factors),
+            certain=False,
+        )
+    gains, shares = samples.gains(reading)
+    told = (shares > THRESHOLD.telling_share) & (gains > 0.0)
+    alone = len(joints) > 1 and (scale is None or not scale.apart)
+    for j in np.flatnonzero(told) if alone else ():
+        # What an end of the range cuts off makes a torque smaller, by the share of rows in which it does where
+        # values are spread as in a bell (Bussgang 1952). That is no unit.
+        gain = float(gains[j])
+        if gain / samples.within[j] <= 1.0 / THRESHOLD.one_scale_off or gain >= THRESHOLD.one_scale_off:
+            text = f"the torque of {joints[j]} is {gain:.3g} times what the nominal masses need, unlike the others'"
+            scaled = reading.with_torque([int(j)], 1.0 / gain)
+            yield Correction(scaled, text, (joints[j],), {"factor": gain}, certain=False)
+
+
+TORQUE_SCALE = Mistake("torque_scale", find_torque_scale, leaves=frozenset({Doubt.SIZE}), may_surprise=True)
