@@ -109,7 +109,9 @@ def diagnose_walking(robot: Robot, log: Log) -> Diagnosis:
     servos = tuple(_servos(log)) if log.header.torque in {"motor_side", "link_side"} else ()
     if log.header.torque == "none":
         log = _with_asked_torques(log)
-    limbs = _Limbs.of(robot, log)
+    cutoff = min(_CUTOFF_HZ, 0.2 * log.header.rate_hz)
+    settings = ProblemSettings(cutoff_hz=cutoff, drive_terms=_SHARED)
+    limbs = _Limbs.of(build_problem(robot, log, settings, role=None), log)
     effects = tuple(sorted([*_servo_effects(robot, servos), *limbs.effects()], key=lambda one: -one.evidence))
     gap, rivals = limbs.gap, tuple(limbs.rivals()) if limbs.chosen else ()
     first = effects[0] if effects else None
@@ -317,7 +319,6 @@ class _Limbs:
     evidence. Noise is that of a model with every column, in effective samples.
 
     Attributes:
-        robot: the robot.
         problem: its rows.
         columns: ``(n_rows, n)`` baseline first, then one an effect, in units of the prior's deviations.
         scales: ``(n,)`` these deviations.
@@ -329,7 +330,6 @@ class _Limbs:
         judge: ``(n_rows,)`` whether a row judges.
     """
 
-    robot: Robot
     problem: IdentificationProblem
     columns: Array
     scales: Array
@@ -341,18 +341,14 @@ class _Limbs:
     judge: Array
 
     @classmethod
-    def of(cls, robot: Robot, log: Log) -> _Limbs:
-        """Build rows of a log; raises LogError."""
-        cutoff = min(_CUTOFF_HZ, 0.2 * log.header.rate_hz)
-        terms = _SHARED
-        settings = ProblemSettings(cutoff_hz=cutoff, drive_terms=terms)
-        problem = build_problem(robot, log, settings, role=None)
+    def of(cls, problem: IdentificationProblem, log: Log) -> _Limbs:
+        """What the rows of a log's trials tell; terms of the problem are :data:`_SHARED`."""
         n, drives = problem.n_inertial, problem.parameter_names[problem.n_inertial :]
         place = {name: n + k for k, name in enumerate(drives)}
-        load = {
-            joint: float(np.sqrt((problem.y[problem.channel == k] ** 2).mean()))
-            for k, joint in enumerate(problem.channel_names)
-        }
+        torque = np.concatenate([t.tau for t in log.trials if t.tau is not None])
+        speed = np.concatenate([np.gradient(t.q, t.time, axis=0) for t in log.trials])
+        load = dict(zip(log.header.joints, torque.std(axis=0), strict=True))
+        fast = dict(zip(log.header.joints, np.maximum(speed.std(axis=0), 1e-3), strict=True))
         kinds = _kinds(problem.robot)
         blocks, scales, names = [], [], []
         if "rigid_body" in log.header.modelled:
@@ -368,7 +364,7 @@ class _Limbs:
                     continue
                 column = problem.Y[:, alike].sum(axis=1, keepdims=True)
                 blocks.append(column)
-                scales.append(_scale(term, column, max(load.values())))
+                scales.append(max(_scale(term, load[j], fast[j]) for j in problem.channel_names))
                 names.append(("", ""))
         n_base = len(names)
         for term in _OF_ROWS:
@@ -378,7 +374,7 @@ class _Limbs:
                     continue
                 column = problem.Y[:, [place[f"{term}.{joint}"]]]
                 blocks.append(column)
-                scales.append(_scale(term, column, load[joint]))
+                scales.append(_scale(term, load[joint], fast[joint]))
                 names.append((term, joint))
         columns = np.hstack(blocks) * scales
         prior = problem.prior.copy()
@@ -390,7 +386,6 @@ class _Limbs:
             np.flatnonzero(~validation[problem.trial]) if not validation.all() else np.arange(len(target))
         )
         limbs = cls(
-            problem.robot,
             problem,
             columns,
             np.array(scales),
@@ -561,13 +556,18 @@ def _noise(problem: IdentificationProblem, left: Array) -> Array:
     return out
 
 
-def _scale(term: str, column: Array, load: float) -> float:
-    """Standard deviation expected of a term: of friction and constants what makes a share of a joint's torque."""
+def _scale(term: str, load: float, fast: float) -> float:
+    """Standard deviation expected of a term: of friction and constants what makes a share of a joint's torque.
+
+    Args:
+        term: its name.
+        load: deviation of the joint's torque [N·m or N].
+        fast: deviation of its velocity [rad/s or m/s].
+    """
     kind = _OF_ROWS.get(term)
     if kind is not None and not kind.unit.startswith("N"):
         return kind.spread
-    felt = float(np.sqrt((column[column != 0.0] ** 2).mean())) if column.any() else 1.0
-    return (kind.spread if kind else 1.0) * load / felt
+    return (kind.spread if kind else 1.0) * load / (fast if term == "viscous" else 1.0)
 
 
 def _limits(log: Log, servos: Sequence[_Servo]) -> Iterator[str]:
