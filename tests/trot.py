@@ -192,3 +192,20 @@ def trot(
         }
     )
     return Log(header=header, trials=tuple(trials), robot_text=None)
+
+
+def main() -> None:
+    """Draw faults, diagnose their logs, and print how many are named rightly."""
+    robot, right, wrong = excite.load_robot("go2"), 0, 0
+    seeds = range(100, 112)
+    for seed in seeds:
+        fault, name = draw_fault(seed)
+        found = excite.diagnose(trot((fault,), seconds=13.0, seed=seed - 100), robot)
+        named = (found.effect, found.location) == (name, fault.joint)
+        right, wrong = right + named, wrong + (found.verdict == "effect" and not named)
+        print(f"{seed} {name} {fault.joint}: {found.verdict} {found.effect} {found.location}")
+    print(f"{right} of {len(seeds)} right, {wrong} firm and wrong")
+
+
+if __name__ == "__main__":
+    main()

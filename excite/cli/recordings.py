@@ -53,7 +53,9 @@ def write_sheet(
 
     if purpose is not None or plan is None:
         if plan is not None or purpose != "policy":
-            raise InputError("needs a plan or --for policy, not both", field="plan", remedy="name one of them")
+            raise InputError(
+                "needs a plan or --for policy, not both", field="plan", remedy="name one of them"
+            )
         from excite.campaign.capture import capture_policy  # lazy: pinocchio
 
         named = str(Path(robot).resolve()) if Path(robot).exists() else robot

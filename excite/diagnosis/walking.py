@@ -20,7 +20,7 @@ from scipy.linalg import cho_factor, cho_solve
 from excite.arrays import Array
 from excite.diagnosis.answer.absorbed import Absorbed
 from excite.diagnosis.answer.answer import Diagnosis, NextExperiment, Verdict
-from excite.diagnosis.answer.candidate import Candidate, Estimate
+from excite.diagnosis.answer.candidate import Candidate, Estimate, RobotChanges
 from excite.diagnosis.answer.gap import ChannelGap, Gap, Where, share_closed
 from excite.diagnosis.servo.gains import stated_servo
 from excite.doctor.inertial_prior import count_effective_samples, likely_spread
@@ -134,7 +134,23 @@ def diagnose_walking(robot: Robot, log: Log) -> Diagnosis:
         next_experiment=_next(log),
         warnings=tuple(_limits(log, servos)),
         absorbed=tuple(_told_of_servos(servos)),
+        changes=tuple(_changes(effects[:k]) for k in range(len(effects) + 1)),
     )
+
+
+def _changes(effects: Sequence[Candidate]) -> RobotChanges:
+    """Friction into the robot's description, beside what it has; the rest has no place there."""
+    sizes = {(one.effect, one.location or ""): next(iter(one.parameters.values())).value for one in effects}
+    viscous, coulomb = (
+        {joint: value for (effect, joint), value in sizes.items() if effect == name}
+        for name in ("viscous_friction", "coulomb_friction")
+    )
+    rest = tuple(
+        f"{effect} at {joint}: {value:.4g}"
+        for (effect, joint), value in sizes.items()
+        if "friction" not in effect
+    )
+    return RobotChanges(viscous, coulomb, beyond=rest)
 
 
 # What servos make of commands.
@@ -172,7 +188,11 @@ def _servos(log: Log) -> Iterator[_Servo]:
     for j, joint in enumerate(log.header.joints):
         if joint in log.header.no_torque:
             continue
-        grams = [gram for trial in log.trials for gram in _law_grams(trial, j)]
+        ways = [
+            [gram for trial in log.trials for gram in _law_grams(trial, j, follows=follows)]
+            for follows in stated.follows
+        ]
+        grams = min(ways, key=lambda way: _law(sum(way))[1])
         whole = sum(grams)
         fitted, left, power = _law(whole)
         parts = np.array([_law(whole - one)[0] for one in grams])
@@ -194,8 +214,11 @@ def _step(log: Log) -> float:
     return float(np.median(np.diff(log.trials[0].time)))
 
 
-def _law_grams(trial: Trial, j: int) -> Iterator[Array]:
-    """By stretch, ``(n_delays, 5, 5)`` products of command, position, velocity, one and torque."""
+def _law_grams(trial: Trial, j: int, *, follows: bool) -> Iterator[Array]:
+    """By stretch and delay, ``(n_delays, 4, 4)`` products of the errors of position and velocity, one, and torque.
+
+    ``follows`` says whether the servo damps the velocity's error; else it damps the velocity itself.
+    """
     command, measured = trial.q_cmd, trial.tau
     if command is None or measured is None:
         return
@@ -205,8 +228,9 @@ def _law_grams(trial: Trial, j: int) -> Iterator[Array]:
     v = np.gradient(q, trial.time) if trial.v is None else trial.v[:, j]
     rows = np.arange(delays[-1], len(q))
     for part in np.array_split(rows, max(2, _BLOCKS // 2)):
-        beside = np.column_stack([-v[part], np.ones(len(part)), tau[part]])
-        columns = [np.column_stack([command[part - d, j] - q[part], beside]) for d in delays]
+        asked = np.column_stack([command[:, j], follows * np.gradient(command[:, j], trial.time)])
+        told, beside = np.column_stack([q, v])[part], np.column_stack([np.ones(len(part)), tau[part]])
+        columns = [np.column_stack([asked[part - d] - told, beside]) for d in delays]
         yield np.array([x.T @ x for x in columns])
 
 
@@ -572,7 +596,7 @@ def _scale(term: str, load: float, fast: float) -> float:
 
 def _limits(log: Log, servos: Sequence[_Servo]) -> Iterator[str]:
     """What the record does not tell."""
-    if not servos:
+    if not servos and any(t.q_cmd is None for t in log.trials):
         yield "no commands beside torques: whether gains are applied and commands are late is not told; log q_cmd.*"
     for servo in servos:
         if servo.explained <= _FOLLOWS:
