@@ -40,6 +40,8 @@ _BLOCKS = 10
 _LATEST_S = 0.1
 # Share of a torque's power that a servo's law explains where the joint has such a servo.
 _FOLLOWS = 0.8
+# An effect is clear where judging rows of its joint are left with more than a tenth more power without it.
+_CLEAR = 1.0 / 1.1
 # Deviations that a size has to be off by.
 _SURE = 4.0
 
@@ -113,7 +115,9 @@ def diagnose_walking(robot: Robot, log: Log) -> Diagnosis:
     settings = ProblemSettings(cutoff_hz=cutoff, drive_terms=_SHARED)
     limbs = _Limbs.of(build_problem(robot, log, settings, role=None), log)
     effects = tuple(sorted([*_servo_effects(robot, servos), *limbs.effects()], key=lambda one: -one.evidence))
-    gap, rivals = limbs.gap, tuple(limbs.rivals()) if limbs.chosen else ()
+    rivals = tuple(limbs.rivals()) if limbs.chosen else ()
+    at_servos = any(one.effect in _NAMES_OF_SERVOS for one in effects)
+    gap = _with_servos(limbs.gap, servos) if at_servos else limbs.gap
     first = effects[0] if effects else None
     verdict: Verdict = "none"
     if first is not None:
@@ -166,6 +170,8 @@ class _Servo:
         fitted: kp [N·m/rad], kd [N·m·s/rad], constant [N·m], delay [s].
         std: standard deviations of these.
         explained: share of the torque's power that the law explains.
+        gap: of the torque [N·m or N]: what the stated law leaves, without a delay, what this one leaves, and the
+            torque's own deviation.
         saturated: share of samples at the largest torque.
     """
 
@@ -174,6 +180,7 @@ class _Servo:
     fitted: Array
     std: Array
     explained: float
+    gap: tuple[float, float, float]
     saturated: float
 
 
@@ -198,6 +205,10 @@ def _servos(log: Log) -> Iterator[_Servo]:
         parts = np.array([_law(whole - one)[0] for one in grams])
         std = np.sqrt((len(parts) - 1) * parts.var(axis=0))
         tau = np.concatenate([np.abs(t.tau[:, j]) for t in log.trials if t.tau is not None])
+        count, told = float(whole[0][2, 2]), np.array([stated.kp[j], stated.kd[j], np.nan])
+        usual = np.where(np.isnan(told), fitted[:3], told)
+        meant = whole[0][3, 3] - 2.0 * usual @ whole[0][:3, 3] + usual @ whole[0][:3, :3] @ usual
+        gap = [float(np.sqrt(max(x, 0.0) / count)) for x in (meant, left, power)]
         fitted[3] *= (step := _step(log))
         std[3] = np.hypot(std[3], 0.3) * step
         yield _Servo(
@@ -206,6 +217,7 @@ def _servos(log: Log) -> Iterator[_Servo]:
             fitted,
             std,
             1.0 - left / max(power, 1e-300),
+            (gap[0], gap[1], gap[2]),
             float((tau > 0.995 * tau.max()).mean()),
         )
 
@@ -287,6 +299,20 @@ def _effect(kind: Kind, place: str, value: float, std: float, usual: float) -> C
     return Candidate(
         kind.effect, place, {kind.parameter: size}, float(min(evidence, 1e6)), 0.0, 0.0, (place,)
     )
+
+
+def _with_servos(gap: Gap, servos: Sequence[_Servo]) -> Gap:
+    """The gap with a channel ``JOINT.servo`` for each servo: its torque beside what the stated law asks for."""
+    follow = [servo for servo in servos if servo.explained > _FOLLOWS]
+    parts = np.array([np.array(servo.gap[:2]) / max(servo.gap[2], 1e-12) for servo in follow]) ** 2
+    old, n = np.array([gap.before, gap.after, gap.noise_floor]) ** 2, len(gap.per_channel)
+    added = np.array([parts[:, 0].sum(), parts[:, 1].sum(), parts[:, 1].sum()])
+    before, after, floor = (float(x) for x in np.sqrt((n * old + added) / (n + len(follow))))
+    channels = {
+        f"{servo.joint}.servo": ChannelGap(servo.gap[0], servo.gap[1], servo.gap[1]) for servo in follow
+    }
+    whole = {**gap.per_channel, **channels}
+    return Gap(before, after, floor, share_closed(before, after, floor), whole)
 
 
 def _told_of_servos(servos: Sequence[_Servo]) -> Iterator[Absorbed]:
@@ -481,7 +507,7 @@ class _Limbs:
             chosen[best] = gains[best]
 
     def _matters(self, k: int, size: float, chosen: Mapping[int, float]) -> bool:
-        """Whether a size is one, and its joint's judging rows are better for it."""
+        """Whether a size is one, and its joint's judging rows are clearly better for it."""
         term, joint = self.names[k]
         kind = _OF_ROWS[term]
         least = kind.least / kind.spread * self.scales[k]
@@ -490,7 +516,7 @@ class _Limbs:
         with_it, without = (
             float((self.left([*self.baseline, *some])[rows] ** 2).sum()) for some in ([*rest, k], rest)
         )
-        return abs(size) > least and with_it < without
+        return abs(size) > least and with_it < _CLEAR * without
 
     def sizes(self, chosen: Sequence[int]) -> tuple[Array, Array]:
         """Sizes in their units, with deviations: the larger of the equations' and of stretches left out."""
