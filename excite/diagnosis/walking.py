@@ -72,21 +72,21 @@ class Kind:
 
 # By drive term (:data:`~excite.rows.drive_terms.DRIVE_TERMS`). Least sizes are what drives of one robot differ by from
 # another's of its make: gains by some per cent, zeros by a degree.
-_OF_ROWS = {
+ROW_KINDS = {
     "lost": Kind("torque_gain", "lost_share", "1", 0.3, 0.06),
     "encoder": Kind("encoder_offset", "offset", "rad", 0.05, 0.015),
     "coulomb": Kind("coulomb_friction", "level", "N·m", 0.2, 0.05),
     "viscous": Kind("viscous_friction", "coefficient", "N·m·s/rad", 0.2, 0.05),
     "offset": Kind("torque_bias", "bias", "N·m", 0.2, 0.05),
     "late": Kind("actuator_lag", "time_constant", "s", 0.02, 0.003),
+    # Rotors are the model's: no drive's own is named.
+    "armature": Kind("armature", "inertia", "kg·m²", 0.02, np.inf),
 }
 _OF_SERVOS = {
     "kp": Kind("servo_gain", "gain", "1", 0.0, 0.05),
     "delay": Kind("command_delay", "delay", "s", 0.0, 0.004),
 }
 _NAMES_OF_SERVOS = {kind.effect for kind in _OF_SERVOS.values()}
-# What joints of one kind share is the model's: friction and rotors, contacts that are not where it has them.
-_SHARED = ("viscous", "coulomb", "armature", "encoder", "offset", "lost", "late")
 
 
 def walks(log: Log) -> bool:
@@ -114,7 +114,7 @@ def diagnose_walking(robot: Robot, log: Log) -> Diagnosis:
     if log.header.torque == "none":
         log = _with_asked_torques(log)
     cutoff = min(_CUTOFF_HZ, 0.2 * log.header.rate_hz)
-    settings = ProblemSettings(cutoff_hz=cutoff, drive_terms=_SHARED)
+    settings = ProblemSettings(cutoff_hz=cutoff, drive_terms=tuple(ROW_KINDS))
     limbs = _Limbs.of(build_problem(robot, log, settings, role=None), log)
     effects = tuple(sorted([*_servo_effects(robot, servos), *limbs.effects()], key=lambda one: -one.evidence))
     rivals = tuple(limbs.rivals()) if limbs.chosen else ()
@@ -400,7 +400,7 @@ class _Limbs:
 
     @classmethod
     def of(cls, problem: IdentificationProblem, log: Log) -> _Limbs:
-        """What the rows of a log's trials tell; terms of the problem are :data:`_SHARED`."""
+        """What the rows of a log's trials tell; terms of the problem are :data:`ROW_KINDS`."""
         n, drives = problem.n_inertial, problem.parameter_names[problem.n_inertial :]
         place = {name: n + k for k, name in enumerate(drives)}
         torque = np.concatenate([t.tau for t in log.trials if t.tau is not None])
@@ -415,7 +415,8 @@ class _Limbs:
             blocks.append(problem.Y[:, used])
             scales += list(spread[used])
             names += [("", "")] * len(used)
-        for term in _SHARED:
+        # What joints of one kind share is the model's: friction, rotors, contacts that are not where it has them.
+        for term in ROW_KINDS:
             for kind in dict.fromkeys(kinds.values()):
                 alike = [place[f"{term}.{j}"] for j in problem.channel_names if kinds[j] == kind]
                 if not alike:
@@ -425,10 +426,10 @@ class _Limbs:
                 scales.append(max(_scale(term, load[j], fast[j]) for j in problem.channel_names))
                 names.append(("", ""))
         n_base = len(names)
-        for term in _OF_ROWS:
+        for term, kind_of in ROW_KINDS.items():
             for joint in problem.channel_names:
                 alone = sum(kinds[j] == kinds[joint] for j in problem.channel_names) < 2
-                if term in _SHARED and alone:
+                if alone or not np.isfinite(kind_of.least):
                     continue
                 column = problem.Y[:, [place[f"{term}.{joint}"]]]
                 blocks.append(column)
@@ -517,7 +518,7 @@ class _Limbs:
     def _matters(self, k: int, size: float, chosen: Mapping[int, float]) -> bool:
         """Whether a size is one, and its joint's judging rows are clearly better for it."""
         term, joint = self.names[k]
-        kind = _OF_ROWS[term]
+        kind = ROW_KINDS[term]
         least = kind.least / kind.spread * self.scales[k]
         rest = [other for other in chosen if other != k]
         rows = self.judge & self.problem.rows_of(joint)
@@ -549,7 +550,7 @@ class _Limbs:
     def candidate(self, k: int, size: float, std: float, evidence: float) -> Candidate:
         """An effect; torque that is lost reads as a gain of what is logged over what is delivered."""
         term, joint = self.names[k]
-        kind = _OF_ROWS[term]
+        kind = ROW_KINDS[term]
         parameters = {kind.parameter: Estimate(size, std, kind.unit)}
         if term == "lost":
             arrives = max(1.0 - size, 1e-3)
@@ -622,10 +623,10 @@ def _scale(term: str, load: float, fast: float) -> float:
         load: deviation of the joint's torque [N·m or N].
         fast: deviation of its velocity [rad/s or m/s].
     """
-    kind = _OF_ROWS.get(term)
-    if kind is not None and not kind.unit.startswith("N"):
+    kind = ROW_KINDS[term]
+    if not kind.unit.startswith("N"):
         return kind.spread
-    return (kind.spread if kind else 1.0) * load / (fast if term == "viscous" else 1.0)
+    return kind.spread * load / (fast if term == "viscous" else 1.0)
 
 
 def _limits(log: Log, servos: Sequence[_Servo]) -> Iterator[str]:
