@@ -54,37 +54,40 @@ class Kind:
     """An effect of one drive.
 
     Attributes:
+        term: of the equations.
         effect: its name.
         parameter: of its size.
         unit: of the size.
         spread: standard deviation expected beforehand; of friction as a share of the joint's torque.
         least: sizes below matter to no simulator, likewise.
-        confusable: names that it is taken for.
     """
 
+    term: str
     effect: str
     parameter: str
     unit: str
     spread: float
     least: float
-    confusable: tuple[str, ...] = ()
 
 
 # By drive term (:data:`~excite.rows.drive_terms.DRIVE_TERMS`). Least sizes are what drives of one robot differ by from
 # another's of its make: gains by some per cent, zeros by a degree.
 ROW_KINDS = {
-    "lost": Kind("torque_gain", "lost_share", "1", 0.3, 0.06),
-    "encoder": Kind("encoder_offset", "offset", "rad", 0.05, 0.015),
-    "coulomb": Kind("coulomb_friction", "level", "N·m", 0.2, 0.05),
-    "viscous": Kind("viscous_friction", "coefficient", "N·m·s/rad", 0.2, 0.05),
-    "offset": Kind("torque_bias", "bias", "N·m", 0.2, 0.05),
-    "late": Kind("actuator_lag", "time_constant", "s", 0.02, 0.003),
-    # Rotors are the model's: no drive's own is named.
-    "armature": Kind("armature", "inertia", "kg·m²", 0.02, np.inf),
+    kind.term: kind
+    for kind in (
+        Kind("lost", "torque_gain", "lost_share", "1", 0.3, 0.06),
+        Kind("encoder", "encoder_offset", "offset", "rad", 0.05, 0.015),
+        Kind("coulomb", "coulomb_friction", "level", "N·m", 0.2, 0.05),
+        Kind("viscous", "viscous_friction", "coefficient", "N·m·s/rad", 0.2, 0.05),
+        Kind("offset", "torque_bias", "bias", "N·m", 0.2, 0.05),
+        Kind("late", "actuator_lag", "time_constant", "s", 0.02, 0.003),
+        # Rotors are the model's: no drive's own is named.
+        Kind("armature", "armature", "inertia", "kg·m²", 0.02, np.inf),
+    )
 }
 _OF_SERVOS = {
-    "kp": Kind("servo_gain", "gain", "1", 0.0, 0.05),
-    "delay": Kind("command_delay", "delay", "s", 0.0, 0.004),
+    "kp": Kind("kp", "servo_gain", "gain", "1", 0.0, 0.05),
+    "delay": Kind("delay", "command_delay", "delay", "s", 0.0, 0.004),
 }
 _NAMES_OF_SERVOS = {kind.effect for kind in _OF_SERVOS.values()}
 
@@ -488,7 +491,8 @@ class _Limbs:
     @cached_property
     def chosen(self) -> dict[int, float]:
         """Columns of effects and the evidence of each, those that judging rows take less from and small ones gone."""
-        chosen, barred = self._forward(set())
+        barred: set[int] = set()
+        chosen = self._forward(barred)
         while chosen:
             sizes, _ = self.sizes([*self.baseline, *chosen])
             idle = {
@@ -499,10 +503,10 @@ class _Limbs:
             if not idle:
                 break
             barred |= idle
-            chosen, _ = self._forward(barred)
+            chosen = self._forward(barred)
         return chosen
 
-    def _forward(self, barred: set[int]) -> tuple[dict[int, float], set[int]]:
+    def _forward(self, barred: set[int]) -> dict[int, float]:
         """Columns by evidence, each less the price of the choice."""
         chosen: dict[int, float] = {}
         price = np.log(len(self.names) - self.n_base)
@@ -512,7 +516,7 @@ class _Limbs:
             gains = {k: self.fitted([*self.baseline, *chosen, k])[1] - old for k in open_}
             best = max(gains, key=lambda k: gains[k], default=-1)
             if best < 0 or gains[best] <= 0.0:
-                return chosen, set(barred)
+                return chosen
             chosen[best] = gains[best]
 
     def _matters(self, k: int, size: float, chosen: Mapping[int, float]) -> bool:
