@@ -144,6 +144,84 @@ def capture(
     return Sheet(path, sheet)
 
 
+# What tells of a policy's drives in two minutes: standing, walking as it walks, and again to judge by [s].
+_OF_POLICY = (
+    ("stand", "static", 10.0, None, "stand still on all feet: zeros of encoders and torques"),
+    ("walk", "motion", 60.0, "identification", "let the policy walk: turn, back up, change speed"),
+    ("walk_again", "motion", 30.0, "validation", "the same once more: what judges the answer"),
+)
+
+
+def capture_policy(robot: RobotLike, out: str | Path | None = None, *, named: str | None = None) -> Sheet:
+    """Write the sheet for a policy that misbehaves: its own motion, recorded with what its drives can be told by.
+
+    Args:
+        robot: a robot that stands on feet, or what :func:`~excite.robot.load.load_robot` takes.
+        out: the file, Markdown or, if it ends with ``.html``, a page; ``policy.md`` if None.
+        named: what commands on the sheet call the robot; its name if None.
+
+    Raises:
+        InputError: the robot does not stand on feet.
+    """
+    robot = as_robot(robot)
+    if not robot.floating or not robot.feet:
+        raise InputError(
+            "does not stand on feet",
+            source=robot.source,
+            field="base",
+            remedy="record an arm's policy as any motion: q, q_cmd and tau; then excite diagnose",
+        )
+    runs = [
+        Run.model_validate({"name": name, "kind": kind, "duration_s": seconds, "role": role})
+        for name, kind, seconds, role, _ in _OF_POLICY
+    ]
+    sheet = Capture(
+        robot=robot.name,
+        rate_hz=robot.description.sensors.rate_hz,
+        joints=robot.joint_names,
+        runs=tuple(runs),
+    )
+    whose = shlex.quote(named or robot.name)
+    flags = " ".join(f"`contact.{foot.name}`" for foot in robot.feet)
+    lines = [
+        f"# Recording a policy of {robot.name}",
+        "",
+        "Two minutes of the policy's own walk. Name each recording as its run is called.",
+        "",
+        "## Before",
+        "",
+        "- Note kp and kd that the policy sends, its rate, its default pose and action scale, and the firmware.",
+        "",
+        "## Order",
+        "",
+        "| run | what | role | s | done |",
+        "| --- | --- | --- | --- | --- |",
+        *(f"| {name} | {what} | {role or ''} | {s:.0f} | ☐ |" for name, _, s, role, what in _OF_POLICY),
+        "",
+        "## Record",
+        "",
+        f"- At {sheet.rate_hz:g} Hz, the driver's own rate and not the policy's: positions, velocities and torque "
+        "estimates of all joints, the commands as sent (`q_cmd`), the IMU (gyroscope and accelerometer),",
+        f"  contact flags {flags}. Unitree: `rt/lowstate` and `rt/lowcmd`.",
+        "",
+        "## After",
+        "",
+        f"- `excite convert walk.* walk_again.* --robot {whose} --out log`, `controller: {{kp: …, kd: …}}` into "
+        "`log/log.yaml`, then `excite diagnose log`.",
+        "",
+        "## For `excite convert --capture`",
+        "",
+        "```yaml",
+        sheet.text().rstrip(),
+        "```",
+        "",
+    ]
+    path = Path(out) if out is not None else Path("policy.md")
+    text = "\n".join(lines)
+    write_text(path, sheet_page(text) if path.suffix == ".html" else text)
+    return Sheet(path, sheet)
+
+
 def _list_runs(robot: Robot, motions: list[tuple[Motion, str, Role]]) -> list[Run]:
     runs = [
         Run(name="warm_up", kind="warm_up", duration_s=_WARM_UP_S, motion=motions[0][1] if motions else None)

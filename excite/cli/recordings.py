@@ -42,13 +42,28 @@ if TYPE_CHECKING:
 @command("capture")
 def write_sheet(
     robot: str,
-    plan: Path,
+    plan: Path | None = None,
+    purpose: str | None = None,
     out: Path | None = None,
     *,
     call: Call,
 ) -> None:
     """Write the sheet for the minutes at the robot: order of motions, repeats, what to record and to check."""
     from excite.export.export import robot_beside  # lazy: pinocchio
+
+    if purpose is not None or plan is None:
+        if plan is not None or purpose != "policy":
+            raise InputError(
+                "needs a plan or --for policy, not both", field="plan", remedy="name one of them"
+            )
+        from excite.campaign.capture import capture_policy  # lazy: pinocchio
+
+        named = str(Path(robot).resolve()) if Path(robot).exists() else robot
+        asked = capture_policy(excite.load_robot(robot), out, named=named)
+        content = {"file": str(asked.path), **asked.capture.model_dump(mode="json", by_alias=True)}
+        then = command_line("convert", "RECORDING", "--robot", robot, "--out", "log")
+        call.emit_result(f"wrote {asked.path}: two minutes of the policy's walk", content, then=then)
+        return
 
     # A plan for a model of one's own kept its robot, which then has a name and no file of this one.
     whose = robot if Path(robot).exists() else robot_beside(plan / "plan.json", robot)

@@ -21,6 +21,7 @@ from excite.diagnosis.floating.effects.registry import FLOATING_EFFECTS
 from excite.diagnosis.servo.diagnose import diagnose_commands
 from excite.diagnosis.servo.gains import torque_constants
 from excite.diagnosis.servo.servo import read_signals
+from excite.diagnosis.walking import diagnose_walking, walks
 from excite.doctor.doubt import Doubt
 from excite.doctor.examine import Chart, examine
 from excite.errors import InputError, LogError
@@ -111,6 +112,8 @@ def _diagnosed(robot: Robot, chart: Chart, rng: np.random.Generator, folder: Pat
     modelled = baseline_of(chart)
     if modelled != loaded.header.modelled:
         loaded = replace(loaded, header=loaded.header.model_copy(update={"modelled": modelled}))
+    if walks(loaded):
+        return diagnose_walking(robot, loaded)
     if not loaded.header.free_base:
         if loaded.header.torque == "none":
             return diagnose_commands(robot, loaded, rng, folder)

@@ -31,6 +31,7 @@ class JointSamples:
         width: velocity over which Coulomb friction changes sign [rad/s]; joints that slide take a tenth of it in
             m/s, as if they were driven over a drum of 10 cm.
         motors: matrix ``C`` from joint to motor velocities, ``(n_joints, n_joints)``; None for the identity.
+        torque: logged torques ``(m, n_joints)`` [N·m or N], and their rates; None where a term needs neither.
     """
 
     robot: Robot
@@ -40,6 +41,7 @@ class JointSamples:
     joints: list[int]
     width: float
     motors: Array | None = None
+    torque: tuple[Array, Array] | None = None
 
     @property
     def widths(self) -> Array:
@@ -187,6 +189,11 @@ def load_friction_columns(samples: JointSamples) -> Array:
     return samples.own(smooth_sign(samples.v[:, samples.joints], samples.widths) * load)
 
 
+def logged_columns(samples: JointSamples, order: int) -> Array:
+    """What the log says of each torque, or of its rate, at its own joint, ``(m, n_joints, n_joints)``."""
+    return samples.own(np.zeros_like(samples.velocity) if samples.torque is None else samples.torque[order])
+
+
 def _vectors_across(axis: Array) -> Array:
     """Two unit vectors across an axis, ``(2, 3)``; zeros for a joint that does not turn."""
     if not axis.any():
@@ -228,6 +235,9 @@ DRIVE_TERMS: dict[str, DriveTerm] = {
         DriveTerm("bending", "1", (), bending_columns, axes=(".x", ".y"), spread=3e-3),
         # What a torque is wrong by in proportion: real arms come with constants off by a tenth to two thirds.
         DriveTerm("gain", "1", (), lambda s: s.own(nominal_torques(s)), spread=0.3),
+        # Share of the logged torque that does not arrive, and by how much what arrives is late.
+        DriveTerm("lost", "1", (), lambda s: logged_columns(s, 0), spread=0.3),
+        DriveTerm("late", "s", (), lambda s: logged_columns(s, 1), spread=0.02),
         # Harmonic drives of cobots lose 0.05 to 0.1 N·m per N·m of load.
         DriveTerm("load_friction", "1", (), load_friction_columns, spread=0.05),
     )

@@ -13,7 +13,7 @@ from excite.errors import LogError
 from excite.logs.log import LogHeader, Trial
 from excite.logs.signals.coupling import coupling_matrix, joint_torques
 from excite.logs.signals.resample import long_standstill
-from excite.regressor.contact_forces import contact_elimination, motor_regressor
+from excite.regressor.contact_forces import contact_elimination, motor_regressor, motor_torques
 from excite.robot.joint_values import per_joint
 from excite.robot.prismatic import is_prismatic
 from excite.robot.robot import Robot
@@ -32,6 +32,10 @@ STANDS_FOR_S = 0.25
 # third of an arm's torques; fits leave 2 to 8 % of them (LWR, TX40, UR10e). With whole weight eight postures made a
 # UR10's prediction of motions half as bad again, with this one they do not.
 AT_REST = 0.1
+
+
+# Step of finite differences of positions [rad or m].
+_TURN = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,6 +112,7 @@ class JointRows:
         k = trial_kinematics(self.robot, self.header, trial, self.settings, self.filters)
         k = k.at_rest() if k.standing else k
         torque = forces_on_grid(trial.time, self.torque(trial), k.time)
+        rate = np.gradient(torque, k.time, axis=0)
         joints = self._joints()
 
         closed = closed_on_grid(self.robot, trial, k.time) if self.robot.floating else None
@@ -115,19 +120,54 @@ class JointRows:
         def source(part: slice) -> Array:
             body = motor_regressor(self.robot, k.q[part], k.v[part], k.a[part])
             samples = JointSamples(
-                self.robot, k.q[part], k.v[part], k.a[part], joints, self.settings.coulomb_width, self.motors
+                self.robot,
+                k.q[part],
+                k.v[part],
+                k.a[part],
+                joints,
+                self.settings.coulomb_width,
+                self.motors,
+                (torque[part], rate[part]),
             )
-            drives = [DRIVE_TERMS[term].columns(samples) for term in self.terms]
-            own = np.concatenate([*drives, torque[part, :, None]], axis=2)
-            if closed is None or not self.robot.feet:
-                return np.concatenate([body[:, joints], own], axis=2)
-            out = self._elimination(k.q[part], closed[part])
-            return np.concatenate([out @ body, out[:, :, joints] @ own], axis=2)
+            out = None
+            if closed is not None and self.robot.feet:
+                out = self._elimination(k.q[part], closed[part])
+                body = out @ body
+            drives = []
+            for term in self.terms:
+                if out is not None and term == "encoder":
+                    drives.append(self._of_offsets(samples, closed[part]))
+                else:
+                    columns = DRIVE_TERMS[term].columns(samples)
+                    drives.append(columns if out is None else out[:, :, joints] @ columns)
+            measured = torque[part, :, None]
+            if out is None:
+                return np.concatenate([body[:, joints], *drives, measured], axis=2)
+            return np.concatenate([body, *drives, out[:, :, joints] @ measured], axis=2)
 
         rows = filtered_rows(source, k, self.filters, self._usable(trial, k, joints))
         if closed is not None and self.robot.feet:
             rows = replace(rows, freedom=self._freedom(rows, k, closed))
         return self._weighed(away_from_changes(rows, k, closed), k)
+
+    def _of_offsets(self, samples: JointSamples, closed: NDArray[np.bool_]) -> Array:
+        """Change of rows per unit of encoder offset, ``(m, n_channels, n_joints)``: contacts move with their legs.
+
+        What takes contact forces out of the rows changes with the posture as well as the bodies' torques do, and it
+        acts on forces as large as the robot's weight.
+        """
+
+        def left(q: Array) -> Array:
+            forces = motor_torques(self.robot, q, samples.v, samples.a)
+            forces[:, samples.joints] -= samples.torque[0]
+            return np.einsum("mcv,mv->mc", self._elimination(q, closed), forces)
+
+        at_hand, columns = left(samples.q), []
+        for joint in samples.joints:
+            q = samples.q.copy()
+            q[:, joint + samples.q.shape[1] - samples.v.shape[1]] += _TURN
+            columns.append((left(q) - at_hand) / _TURN)
+        return np.stack(columns, axis=2)
 
     def _freedom(self, rows: TrialRows, k: TrialKinematics, closed: NDArray[np.bool_]) -> Array:
         """Share of each row that contacts leave it: the diagonal of what projects their forces out."""

@@ -1,0 +1,60 @@
+"""A robot that trots under a policy's soft servos: which drive is not as the simulator has it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import excite
+from excite.campaign.capture import capture_policy
+from excite.errors import InputError, LogError
+from excite.robot.robot import Robot
+from tests.trot import Fault, trot
+
+
+@pytest.fixture(scope="module")
+def go2() -> Robot:
+    return excite.load_robot("go2")
+
+
+def test_a_weak_drive_a_late_one_and_a_worn_one_are_named_at_their_joints(go2: Robot) -> None:
+    faults = (
+        Fault("FL_calf_joint", strength=0.8),
+        Fault("RR_hip_joint", late_s=0.015),
+        Fault("RL_thigh_joint", dry=0.6),
+    )
+    found = excite.diagnose(trot(faults, seconds=13.0, seed=3), go2)
+    sizes = {(one.effect, one.location): one.parameters for one in found.effects}
+    assert found.verdict == "effect"
+    assert set(sizes) == {
+        ("torque_gain", "FL_calf_joint"),
+        ("command_delay", "RR_hip_joint"),
+        ("coulomb_friction", "RL_thigh_joint"),
+    }
+    assert sizes["torque_gain", "FL_calf_joint"]["delivered"].value == pytest.approx(0.8, abs=0.02)
+    assert sizes["command_delay", "RR_hip_joint"]["delay"].value == pytest.approx(0.015, abs=0.002)
+    assert sizes["coulomb_friction", "RL_thigh_joint"]["level"].value == pytest.approx(0.6, abs=0.1)
+    gains = [one.value for one in found.absorbed if one.parameter == "kp"]
+    assert gains == pytest.approx([40.0] * 12, rel=0.02)
+
+
+def test_nothing_is_named_where_nothing_was_changed(go2: Robot) -> None:
+    log = trot(seconds=13.0, seed=91)
+    found = excite.diagnose(log, go2)
+    assert (found.verdict, found.effects) == ("none", ())
+    # Without torques the stated servo tells them; without its gains nothing does.
+    bare = log.header.model_copy(update={"torque": "none", "controller": {"mode": "position"}})
+    silent = replace(log, header=bare, trials=tuple(replace(t, tau=None) for t in log.trials))
+    with pytest.raises(LogError, match="gains"):
+        excite.diagnose(silent, go2)
+
+
+def test_a_sheet_says_what_a_policy_is_recorded_with(go2: Robot, tmp_path: Path) -> None:
+    sheet = capture_policy(go2, tmp_path / "policy.md")
+    text = sheet.path.read_text(encoding="utf-8")
+    assert all(word in text for word in ("q_cmd", "contact.RL", "rt/lowcmd", "500 Hz", "excite.capture/1"))
+    assert [run.role for run in sheet.capture.motions] == ["identification", "validation"]
+    with pytest.raises(InputError, match="feet"):
+        capture_policy("ur10", tmp_path / "arm.md")
