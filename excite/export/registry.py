@@ -37,6 +37,5 @@ MODEL_FORMATS: Registry[ModelFormat] = Registry(
         "isaaclab": "excite.export.models.labs:IsaacLabFormat",
         "mjlab": "excite.export.models.labs:MjlabFormat",
         "usda": "excite.export.models.usd:UsdaFormat",
-        "sdf": "excite.export.models.sdf:SdfFormat",
     },
 )
