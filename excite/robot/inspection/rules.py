@@ -76,7 +76,7 @@ def _better_inertia(link: DescribedLink, solid: Solid | None) -> tuple[str, Arra
         return nearest
     even = np.zeros(6)
     if solid is not None and link.weight:
-        covariance = link.axes.T @ solid.spread[1] @ link.axes * link.weight
+        covariance = link.axes.T @ solid.spread @ link.axes * link.weight
         even = (np.trace(covariance) * np.eye(3) - covariance)[np.triu_indices(3)]
     found = [(words, reading) for words, reading in _readings(six, even) if is_possible(reading)]
     if not found or not even.any():
@@ -296,7 +296,7 @@ def inertia_scale(robot: DescribedRobot) -> Iterator[Finding]:
         if own is None or not is_possible(link.stated):
             continue
         outside = own.distance(link.com) > 0.0
-        squared, even = _squared_spread(link), float(np.trace(own.spread[1]))
+        squared, even = _squared_spread(link), float(np.trace(own.spread))
         beyond = _least(robot, link, 1.0 if robot.thorough and not outside else _SLIPPED, _spread_beyond)
         # Of a centre that is wrong itself, less than a slip of unit tells nothing.
         if outside and beyond <= _SLIPPED:
@@ -491,7 +491,7 @@ def total_mass(robot: DescribedRobot) -> Iterator[Finding]:
         beyond = [
             (link.weight, link.pose.act(link.com))
             for link in robot.links.values()
-            if link.weight and link.pose is not None and joint.child in robot.ancestors(link.name)
+            if link.weight and link.pose is not None and joint.name in robot.tree.above(link.name)
         ]
         mass = sum(weight for weight, _ in beyond)
         # Moment of the weights about the joint, level at worst.

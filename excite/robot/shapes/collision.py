@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import warnings
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
@@ -161,14 +160,16 @@ def shape_pairs(
 
 def mesh_points(links: list[Element], kind: str, partial: frozenset[str] = frozenset()) -> dict[Path, Array]:
     """Corners of the meshes of links; those of links in ``partial`` as far as they can be read."""
-    files: dict[bool, list[Path]] = {False: [], True: []}
-    for link in links:
-        meshes = link.iterfind(f"{kind}/geometry/mesh")
-        files[link.get("name", "") in partial] += [Path(mesh.get("filename", "")) for mesh in meshes]
-    points = read_meshes(files[False])
-    for file in set(files[True]) - set(points):
-        with suppress(RobotError):
-            points |= read_meshes([file])
+    files = [
+        (Path(mesh.get("filename", "")), link.get("name", "") in partial)
+        for link in links
+        for mesh in link.iterfind(f"{kind}/geometry/mesh")
+    ]
+    faults: dict[Path, RobotError] = {}
+    points = read_meshes((file for file, _ in files), faults)
+    for file, passed_over in files:
+        if file in faults and not passed_over:
+            raise faults[file]
     return dict(turn_upright(links, kind, points))
 
 
