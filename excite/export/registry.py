@@ -25,7 +25,6 @@ EXPORTERS: Registry[Exporter] = Registry(
         "franka": "excite.export.makers:FrankaExporter",
         "unitree": "excite.export.makers:UnitreeExporter",
         "openhrp": "excite.export.makers:OpenHrpExporter",
-        "opensim": "excite.export.makers:OpenSimExporter",
     },
 )
 

@@ -60,13 +60,6 @@ from excite.results import (
 from excite.rows.settings import ProblemSettings
 from excite.threads import one_blas_thread
 
-# People move below 20 Hz; a filter far below what they do leaves nothing of it [Hz].
-_CUTOFFS_HZ = (0.05, 1e4)
-# So much of a trial has to be left to identify from.
-_LARGEST_SHARE = 0.9
-# From nothing, after an amputation, to a segment as heavy as the heaviest person [kg].
-_SEGMENT_KG = (0.0, 400.0)
-
 
 @dataclass(frozen=True)
 class MeasureSettings:
@@ -95,12 +88,15 @@ class MeasureSettings:
         if self.up is not None and self.up not in AXES:
             raise UnknownNameError("axis that points up", str(self.up)[:60], list(AXES))
         if self.cutoff_hz != 0.0:
-            check_number(self.cutoff_hz, "cutoff_hz", *_CUTOFFS_HZ, "Hz, or 0 for none")
-        check_number(self.hold_out, "hold_out", 0.0, _LARGEST_SHARE)
+            # People move below 20 Hz; a filter far below what they do leaves nothing of it [Hz].
+            check_number(self.cutoff_hz, "cutoff_hz", 0.05, 1e4, "Hz, or 0 for none")
+        # So much of a trial has to be left to identify from.
+        check_number(self.hold_out, "hold_out", 0.0, 0.9)
         for segment, mass in self.segment_mass.items():
             if segment not in NAMES:
                 raise UnknownNameError("segment", segment[:60], list(NAMES))
-            check_number(mass, f"segment_mass.{segment}", *_SEGMENT_KG, "kg")
+            # From nothing, after an amputation, to a segment as heavy as the heaviest person [kg].
+            check_number(mass, f"segment_mass.{segment}", 0.0, 400.0, "kg")
 
 
 @dataclass(frozen=True)
@@ -359,8 +355,6 @@ def write_person(person: MeasuredPerson, folder: Path) -> None:
 
 # From recordings of a person to a log folder that identification reads as it does a robot's.
 
-_GRAVITY = (0.0, 0.0, -9.81)
-
 
 @dataclass(frozen=True, eq=False)
 class MeasuredTrial:
@@ -432,7 +426,7 @@ def human_log(body: Body, trials: Sequence[MeasuredTrial], hold_out: float, cuto
             "schema": "excite.log/1",
             "robot": URDF_FILE,
             "base": "floating",
-            "gravity": _GRAVITY,
+            "gravity": (0.0, 0.0, -9.81),
             "rate_hz": round(rate, 6),
             "lowpass_hz": cutoff_hz,
             "posture": "computed",

@@ -33,8 +33,6 @@ from excite.rows.settings import ProblemSettings
 
 NEAR, FAR = 0.15, 0.25
 """A foot that stands on a plate has the centre of pressure below it; both are good to a few centimetres [m]."""
-LOADED_N = 50.0
-"""Vertical force above which a centre of pressure means something [N]."""
 GRAVITY = 9.81
 
 
@@ -46,7 +44,8 @@ def pressure_center(force: Array, moment: Array, height: float) -> Array:
         moment: about the world's origin ``(n, 3)`` [N·m].
         height: of the plane [m].
     """
-    vertical = np.where(force[:, 2] > LOADED_N, force[:, 2], np.nan)
+    # Vertical force above which a centre of pressure means something [N].
+    vertical = np.where(force[:, 2] > 50.0, force[:, 2], np.nan)
     x = (-moment[:, 1] + height * force[:, 0]) / vertical
     y = (moment[:, 0] + height * force[:, 1]) / vertical
     return np.column_stack([x, y, np.full(len(force), height)])
@@ -70,12 +69,8 @@ _LEVER_UNITS = {
     1e3: "N·m where the file's unit makes them N·mm",
     1e-3: "N·mm where the file's unit makes them N·m",
 }
-# Share of the frames in which plates carry the weight, within a third as in walking, that a unit has to bring.
-_BROUGHT, _ABOUT = 0.25, 0.3
 # The centre of pressure of somebody who stands still moves by some millimetres: by less it moves under nobody [m].
 _LEAST_SWAY = 5e-4
-# A free moment of a foot is a few N·m.
-_FREE_MOMENT_NM = 200.0
 _SHARED = 0.15
 
 
@@ -182,9 +177,10 @@ class _Plates:
         choices = [units if one else units[:1] for one in has_load]
         few = len(choices) <= 4
         factors = np.array(list(product(*choices)) if few else [(one,) * len(choices) for one in choices[0]])
-        share = (np.abs(factors @ vertical.T - weight) < _ABOUT * weight).mean(axis=1)
+        # Share of the frames in which plates carry the weight, within a third as in walking, that a unit has to bring.
+        share = (np.abs(factors @ vertical.T - weight) < 0.3 * weight).mean(axis=1)
         best = int(np.argmax(share))
-        if share[best] - share[0] < _BROUGHT:
+        if share[best] - share[0] < 0.25:
             return
         for i, factor in enumerate(factors[best].tolist()):
             plate = self.plates[i]
@@ -252,7 +248,8 @@ class _Plates:
         if plate.corners is None:
             point = np.nan_to_num(pressure_center(plate.force, plate.moment, self.ground_height))
             free = plate.moment - np.cross(point, plate.force)
-            factor = 1e-3 if np.abs(free[:, 2]).max() > _FREE_MOMENT_NM else 1.0
+            # A free moment of a foot is a few N·m.
+            factor = 1e-3 if np.abs(free[:, 2]).max() > 200.0 else 1.0
             scaled = replace(plate, moment=np.cross(1e-3 * point, plate.force) + factor * free)
             if miss > 5.0 and self.typical_miss(scaled) <= FAR:
                 text = (
@@ -510,10 +507,6 @@ def _correlation_text(value: float | None) -> str:
 
 # When the plates carry the whole person, and what mass they say.
 
-_MISSING = 0.35
-_SHORTEST_S = 0.1
-_MASS_TOLERANCE = 0.05
-
 
 @dataclass(frozen=True, eq=False)
 class Support:
@@ -565,8 +558,9 @@ def find_support(
             field="force plates",
             remedy="check the plates' gains and the person's mass in kilograms: no unit of force makes them agree",
         )
-    short = expected - vertical > _MISSING * weight
-    carried = _without_short_runs(~short, round(_SHORTEST_S * rate_hz))
+    # More than a foot that swings takes away, for longer than a tenth of a second.
+    short = expected - vertical > 0.35 * weight
+    carried = _without_short_runs(~short, round(0.1 * rate_hz))
     span = _longest_run(carried)
     if span is None:
         raise LogError(
@@ -586,7 +580,7 @@ def find_support(
     gained = motion.first[span.stop - 1, 2] - motion.first[span.start, 2]
     mass = float(vertical[span].mean() / (GRAVITY + gained / max(duration, 1e-9)))
     share = mass / body.subject.mass - 1.0
-    if abs(share) > _MASS_TOLERANCE:
+    if abs(share) > 0.05:
         text = (
             f"{source.name}: the plates say {mass:.1f} kg, the person weighs {body.subject.mass:.1f} kg "
             f"({100 * share:+.1f} %): check gains, zeros, and what is worn"

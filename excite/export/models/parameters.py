@@ -63,7 +63,6 @@ def drive_attributes(
 
 # Share of a pseudo-inertia's largest eigenvalue that rounding may leave below zero.
 _ROUNDING = 1e-9
-_ROOM = 0.9
 
 
 class InconsistentModelError(InputError):
@@ -218,7 +217,7 @@ def _physical_share(pseudo: Array, carried: Array) -> float:
     if values[0] <= _ROUNDING * values[-1]:
         return 0.0
     half = vectors / np.sqrt(values)
-    return min(1.0, _ROOM / float(np.linalg.eigvalsh(half.T @ carried @ half)[-1]))
+    return min(1.0, 0.9 / float(np.linalg.eigvalsh(half.T @ carried @ half)[-1]))
 
 
 # What identification changed, parameter by parameter, with uncertainties.

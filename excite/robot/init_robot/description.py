@@ -418,10 +418,6 @@ def _leg_reaches(robot: Robot, legs: Mapping[int, Array]) -> list[tuple[int, int
     return found
 
 
-# Natural frequency of the servo on the joint's own inertia, and on the robot's that a leg carries [Hz]; its damping.
-_FREQUENCY, _DAMPING = 8.0, 0.7
-
-
 def controller_block(
     robot: Robot,
     inertia: Array,
@@ -450,10 +446,12 @@ def controller_block(
         loaded[index] = 0.0 if legs[leg].any() else mass / len(legs) * reach**2
     # What weight bends a joint by [rad]: with it the bundled G1 has the 8000 N·m/rad with which it stands in
     # simulation as the real one does, and the Go2 the 2000 with which its trunk follows.
-    stiff = np.maximum(inertia * (2.0 * math.pi * _FREQUENCY) ** 2, loads / 0.0125)
+    # Natural frequency of the servo on the joint's own inertia, and on the robot's that a leg carries [Hz]; its
+    # damping.
+    stiff = np.maximum(inertia * (2.0 * math.pi * 8.0) ** 2, loads / 0.0125)
     # Damped for its load alone: of ten leg swings of an H1_2 seven stand with ankles damped for this stiffness, and
     # six with three tenths of that.
-    damping = 2.0 * _DAMPING * np.sqrt(stiff * np.maximum(inertia, loaded))
+    damping = 2.0 * 0.7 * np.sqrt(stiff * np.maximum(inertia, loaded))
     gains = {
         kind: {n: max(two_digits(float(v)), 0.01) for n, v in zip(robot.joint_names, values, strict=True)}
         for kind, values in (("kp", np.maximum(stiff, UPRIGHT * topples)), ("kd", damping))

@@ -222,8 +222,6 @@ def read_srdf(path: Path) -> tuple[tuple[str, str], ...]:
 # Xacro files expanded to URDF, with mesh files found.
 
 _NAMESPACE = "ros.org/wiki/xacro"
-# A model of 2 000 links from a macro each takes 5 s and 0.13 GB on a busy core.
-_SECONDS, _MEMORY_GB = 30.0, 4.0
 # Named arguments and macros.
 _NAMED = 8
 _UNKNOWN_ARGUMENT = re.compile(r"Undefined substitution argument (\w+)")
@@ -271,8 +269,9 @@ def _expanded_root(
         package_path,
         source=path,
         error=RobotError,
-        seconds=_SECONDS,
-        memory_gb=_MEMORY_GB,
+        # A model of 2 000 links from a macro each takes 5 s and 0.13 GB on a busy core.
+        seconds=30.0,
+        memory_gb=4.0,
         endless=(
             "is not expanded after {seconds:g} s: an expression or macro in it does not end",
             "find the ${…} that takes so long, or expand it with xacro and give the URDF",
@@ -368,8 +367,6 @@ def _wrapped_error(error: BaseException | None) -> RobotError | None:
 # Folders of ROS packages: those called so, and those whose ``package.xml`` says the name.
 
 _MANIFEST = "package.xml"
-# How far below a folder of packages they are looked for: a workspace holds src, clones, and packages in each of these.
-_DEEP = 3
 
 
 def package_folder(name: str, package_path: Iterable[Path], above: Iterable[Path] = ()) -> Path | None:
@@ -396,7 +393,9 @@ def package_folder(name: str, package_path: Iterable[Path], above: Iterable[Path
         for folders in (given, outer)
     )
     clone = [folder for folder in outer if (folder / ".git").exists()][:1]
-    inside = (place for folder in (*given, *clone) for place in _find_packages(folder, _DEEP))
+    # How far below a folder of packages they are looked for: a workspace holds src, clones, and packages in each of
+    # these.
+    inside = (place for folder in (*given, *clone) for place in _find_packages(folder, 3))
     # Folders, and whether they must say the name or may say none.
     order = ((chain(near, far, outer), True), (near, False), (inside, True), (far, False))
     found = (

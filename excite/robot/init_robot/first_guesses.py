@@ -140,8 +140,6 @@ MASSLESS = "nothing with mass moves with it"
 TOO_WEAK = (
     "the torque limit that the model states cannot hold what it carries: state the drive's, if it gives more"
 )
-# Hands have three fingers or more, which weigh a twentieth of what the heaviest joint of a robot moves.
-_FINGERS, _HAND = 3, 0.05
 
 
 @dataclass(frozen=True)
@@ -254,8 +252,9 @@ def _of_hands(joints: dict[str, ElementTree.Element], masses: dict[str, float]) 
         first = joints_beyond - set().union(*rests)
         if (
             part
-            and sum(not rest for rest in rests) >= _FINGERS
-            and sum(masses[one] for one in first) < _HAND * whole
+            # Hands have three fingers or more, which weigh a twentieth of what the heaviest joint of a robot moves.
+            and sum(not rest for rest in rests) >= 3
+            and sum(masses[one] for one in first) < 0.05 * whole
         ):
             found |= joints_beyond
     return found

@@ -393,7 +393,6 @@ class Postures:
 
 # Bends of hip, knee and ankle from which standing postures are sought, and how far hips turn out [rad].
 _BENDS = (0.5, -0.5, 0.7, -0.7, 0.35, -0.35, 0.9, -0.9, 0.2, -0.2)
-_WIDE = (0.0, 0.12)
 # Cosine of 37 degrees: axes this near to each other, or to the ground, count as along them.
 _ALONG = 0.8
 
@@ -417,7 +416,7 @@ class Stances:
     def bent(self, legs: list[int]) -> list[Array]:
         """In the order in which they are tried."""
         starts = [self.wanted] if np.any(self.wanted) else []
-        starts += [self._bent(legs, bend, wide) for wide in _WIDE for bend in _BENDS]
+        starts += [self._bent(legs, bend, wide) for wide in (0.0, 0.12) for bend in _BENDS]
         return [*starts, self.wanted]
 
     def wide(self, legs: list[int]) -> list[Array]:

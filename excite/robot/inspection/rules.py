@@ -196,13 +196,9 @@ def numbers_in_words(values: Array) -> str:
 _DENSEST, _COPPER = 22_600.0, 8_960.0
 # Light foam, of which the lightest of these links is not, with 15 kg/m³; and water.
 _FOAM, _WATER = 10.0, 1e3
-# No link of a robot takes a thousand cubic metres [litres].
-_ROOM = 1e6
 # A centre of mass may lie this share of its shape's size beside it, since collision solids are drawn roughly: of these
 # links one in a hundred does, by up to 0.13, and one whose sign was lost by 0.3.
 _SLACK, _FAR = 0.05, 0.15
-# Share of an even body's inertia below which one stands for a point; the least of these links has 0.04.
-_POINT = 1e-2
 # How far beyond its shape's farthest corner an inertia is a slip of unit; identified ones are up to 6 times beyond.
 _SLIPPED = 30.0
 
@@ -239,7 +235,8 @@ def density(robot: DescribedRobot) -> Iterator[Finding]:
         remedy = "correct the mass, or the size of its shape"
         if slip != 1.0:
             remedy = f"all masses × {1.0 / slip:g}" + slip_in_words(slip)
-        elif litres > _ROOM:
+        # No link of a robot takes a thousand cubic metres [litres].
+        elif litres > 1e6:
             remedy = 'its shape is in millimetres: write scale="0.001 0.001 0.001"'
         elif sound:
             usual = float(np.median(sound))
@@ -304,7 +301,8 @@ def inertia_scale(robot: DescribedRobot) -> Iterator[Finding]:
         said = f"its inertia spreads its mass over a radius of {_millimetres(squared)}"
         if beyond > 1.0:
             said += f", beyond its shape, which ends {_millimetres(squared / beyond)} from its centre of mass"
-        elif squared < _POINT * even:
+        # Share of an even body's inertia below which one stands for a point; the least of these links has 0.04.
+        elif squared < 1e-2 * even:
             said += f", where an even body of its shape has {_millimetres(even)}"
         else:
             continue
@@ -354,7 +352,6 @@ def missing_meshes(robot: DescribedRobot) -> Iterator[Finding]:
 # What links and joints say of each other: copies, left and right, limits, and drives that hold what they
 # carry.
 
-_GRAVITY = 9.81
 _ALIKE = ", the same about every axis"
 # Twins of published models differ by a few per cent in mass; beyond that, and half their size, they are gross.
 _TWIN, _TWIN_INERTIA, _GROSS = 1.02, 1.5, 0.5
@@ -497,7 +494,7 @@ def total_mass(robot: DescribedRobot) -> Iterator[Finding]:
         # Moment of the weights about the joint, level at worst.
         arms = [weight * (centre - start.pose.translation) for weight, centre in beyond]
         lever = np.cross(start.pose.rotation @ joint.axis, sum(arms, start=np.zeros(3)))
-        share = _GRAVITY * float(np.linalg.norm(lever)) / effort
+        share = 9.81 * float(np.linalg.norm(lever)) / effort
         if share > worst:
             worst, place, load = share, joint.name, mass
     if worst > _HOLDS:

@@ -237,8 +237,6 @@ def _build_shapes(robot: Robot) -> tuple[Shape, ...]:
 
 # From the file's axes to those of a frame whose z is up (Collada 1.4.1, element up_axis).
 _UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-# Fewer votes than these could be chance: without them meshes are read as RViz and pinocchio read them.
-_VOTES, _MAJORITY = 3, 0.75
 
 
 def turn_upright(
@@ -257,7 +255,8 @@ def turn_upright(
     turned = {path: turn_file_upright(path, corners) for path, corners in points.items() if _y_up(path)}
     votes = [_axis_vote(link, kind, points, turned) for link in links] if turned else []
     as_is, otherwise = votes.count(-1), votes.count(1)
-    if otherwise < _VOTES or otherwise < _MAJORITY * (as_is + otherwise):
+    # Fewer votes than these could be chance: without them meshes are read as RViz and pinocchio read them.
+    if otherwise < 3 or otherwise < 0.75 * (as_is + otherwise):
         return points
     return {**points, **turned}
 

@@ -19,9 +19,7 @@ MAX_MESH_BYTES = 256 * 1024 * 1024
 # That trunk takes 6 s. Of 300 damaged Collada files four kept the loader busy without end, so that the search for the
 # one among many shall not take a minute.
 BATCH_SECONDS = 20.0
-MESH_SECONDS = 12.0
 SECONDS_A_MEGABYTE = 0.7
-LOADING_MEMORY_GB = 8.0
 
 _BINARY_STL = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _DAMAGED = "it is damaged: export it again"
@@ -90,8 +88,8 @@ def _load_meshes(paths: list[Path], *, alone: bool) -> list[Array]:
         tuple(paths),
         source=paths[0],
         error=RobotError,
-        seconds=(MESH_SECONDS if alone else BATCH_SECONDS) + SECONDS_A_MEGABYTE * megabytes,
-        memory_gb=LOADING_MEMORY_GB,
+        seconds=(12.0 if alone else BATCH_SECONDS) + SECONDS_A_MEGABYTE * megabytes,
+        memory_gb=8.0,
     )
     return points
 
