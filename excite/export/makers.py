@@ -74,9 +74,14 @@ class UrScriptExporter(Exporter):
         # URScript has no exponents; 1e-12 rad at 500 Hz are 1e-6 rad/s² of acceleration.
         rows = [f"[{', '.join(f'{x + 0.0:.12f}' for x in row)}]" for row in motion.joint_positions().tolist()]
         speed, acceleration = self.number("approach_speed"), self.number("approach_acceleration")
-        lines = [f"def {function_name(motion.name)}():"]
+        # URScript allows letters of ASCII, digits and underscores.
+        word = re.sub(r"[^A-Za-z0-9_]", "_", motion.name)
+        lines = [f"def {word if word[:1].isalpha() else f'motion_{word}'}():"]
         if self.word("confirm") == "yes":
-            lines.append(f'  popup("{_first_remark(motion)}", "excite", False, False, True)')
+            # The warning of a motion that is not safe, else whose it is; as long as fits a window of the teach pendant.
+            first = motion_remarks(motion)[0].replace('"', "'").replace("\\", "/")[:200]
+            question = f"{first}. Is the way to its start free?"
+            lines.append(f'  popup("{question}", "excite", False, False, True)')
         lines.append(f"  movej({rows[0]}, a={acceleration:g}, v={speed:g})")
         lines += [f"  servoj({row}, {servo}" for row in rows]
         lines += [
@@ -89,19 +94,6 @@ class UrScriptExporter(Exporter):
             "end",
         ]
         return "\n".join([*lines, ""])
-
-
-def function_name(name: str) -> str:
-    """A motion's name as URScript allows it: letters of ASCII, digits and underscores."""
-    word = re.sub(r"[^A-Za-z0-9_]", "_", name)
-    return word if word[:1].isalpha() else f"motion_{word}"
-
-
-def _first_remark(motion: Motion) -> str:
-    """The first remark, which is the warning of a motion that is not safe, and the question."""
-    first = motion_remarks(motion)[0].replace('"', "'").replace("\\", "/")
-    # What fits a window of the teach pendant.
-    return f"{first[:200]}. Is the way to its start free?"
 
 
 # What Franka's control interface lets joints do.

@@ -17,7 +17,6 @@ from excite.formats.number import check_number
 from excite.human.body import ANTHROPOMETRY, DIMENSIONS, Anthropometry, Body, body_of
 from excite.human.markers.marker_set import (
     Calibration,
-    MarkerSet,
     calibrate_body,
     find_marker_set,
     read_marker_set,
@@ -298,7 +297,8 @@ def measure_recordings(
 ) -> MeasuredPerson:
     """:func:`measure_person` of recordings that have been read."""
     settings = settings or MeasureSettings()
-    markers = _marker_set(settings, [*standing, *moving])
+    labels = {label for recording in (*standing, *moving) for label in recording.markers}
+    markers = find_marker_set(labels) if settings.markers is None else read_marker_set(settings.markers)
     up = settings.up
     prepared = []
     for recording in (*standing, *moving):
@@ -330,12 +330,6 @@ def measure_recordings(
     progress("trials", len(upright_trials), len(upright_trials))
     log = human_log(body, measured, settings.hold_out, cutoff)
     return MeasuredPerson(body, calibration, log, tuple(reports), tuple(findings))
-
-
-def _marker_set(settings: MeasureSettings, recordings: Sequence[Recording]) -> MarkerSet:
-    if settings.markers is not None:
-        return read_marker_set(settings.markers)
-    return find_marker_set({label for recording in recordings for label in recording.markers})
 
 
 def write_person(person: MeasuredPerson, folder: Path) -> None:
@@ -407,7 +401,10 @@ def human_log(body: Body, trials: Sequence[MeasuredTrial], hold_out: float, cuto
     for number, trial in enumerate(trials):
         for reading in trial.readings:
             if all(names[number, reading.name] != sensor.name for sensor in sensors):
-                sensors.append(_sensor_header(names[number, reading.name], reading))
+                x, y, z = (float(value) for value in reading.center)
+                place: dict[str, Any] = {"parent": "world", "xyz": (x, y, z), "foot": reading.foot}
+                own = names[number, reading.name]
+                sensors.append(SensorHeader(name=own, kind="force_plate", **place))
     for number, trial in enumerate(trials):
         edge = settling_samples(rate, cutoff_hz) // 2 if cutoff_hz is not None else 0
         whole = _trial_channels(trial, number, names, [sensor.name for sensor in sensors], edge)
@@ -454,11 +451,6 @@ def _sensor_names(trials: Sequence[MeasuredTrial]) -> dict[tuple[int, str], str]
             places.setdefault(name, reading.center)
             names[number, reading.name] = name
     return names
-
-
-def _sensor_header(name: str, reading: PlateReading) -> SensorHeader:
-    x, y, z = (float(value) for value in reading.center)
-    return SensorHeader(name=name, kind="force_plate", parent="world", xyz=(x, y, z), foot=reading.foot)
 
 
 def _trial_channels(

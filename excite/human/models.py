@@ -58,11 +58,6 @@ PLACES = {"robot_file": ROBOT_FILE, "log_file": "."}
 """Where the robot and the log of a person's results lie: in the same folder."""
 
 
-def virtual_links() -> tuple[str, ...]:
-    """Massless links between the axes of the spherical joints."""
-    return tuple(f"{s.name}_axis_{i}" for s in SEGMENTS for i in range(1, len(s.axes)) if len(s.axes) > 1)
-
-
 def urdf_text(body: Body) -> str:
     """The URDF: one link a segment, angles named as in :data:`~excite.human.segments.JOINT_NAMES`."""
     robot = _build_element("robot", name="human")
@@ -134,8 +129,10 @@ def robot_yaml(body: Body, rate_hz: float, plates: tuple[str, ...] = ()) -> str:
     subject, d = body.subject, body.dimensions
     content = read_yaml(Path(__file__).with_name("robot_template.yaml"))
     content["title"] = f"Person of {subject.height:g} m, {subject.mass:g} kg, {subject.sex}, 34 DoF"
+    # Massless links between the axes of the spherical joints.
+    axes = [f"{s.name}_axis_{i}" for s in SEGMENTS for i in range(1, len(s.axes))]
     content["model"] |= {
-        "acknowledged": {link: "massless, an axis of a spherical joint" for link in virtual_links()},
+        "acknowledged": {link: "massless, an axis of a spherical joint" for link in axes},
         "source": f"segments by table {body.table}, joints from stature or markers",
     }
     # A rectangle of the foot's length, 8 cm wide.

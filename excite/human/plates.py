@@ -9,7 +9,6 @@ from itertools import permutations, product
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from excite.arrays import Array
@@ -438,7 +437,9 @@ def ground_reactions(
         point = np.append(k.q[:, :2].mean(axis=0), min(place[2] for place in places.values()))
         measured = np.zeros((len(k.time), 6))
         for name, values in trial.wrenches.items():
-            measured += _move_moment(forces_on_grid(trial.time, values, k.time), places[name] - point)
+            wrench = forces_on_grid(trial.time, values, k.time)
+            measured += wrench
+            measured[:, 3:] += np.cross(places[name] - point, wrench[:, :3])
         at_base = base_link_regressor(inside.model, k.q, k.v, k.a) @ models
         curves = [measured, *(_in_world(at_base[:, :, i], k.q, point) for i in range(2))]
         edge = settling_samples(k.rate_hz, filters.cutoff_hz)
@@ -449,10 +450,6 @@ def ground_reactions(
         filtered = [lowpass(curve, k.rate_hz, filters.cutoff_hz, filters.order)[use] for curve in curves]
         found.append(GroundReaction(trial.name, str(trial.role), k.time[use], point, *filtered))
     return tuple(found)
-
-
-def _move_moment(wrench: Array, lever: Array) -> Array:
-    return np.hstack([wrench[:, :3], wrench[:, 3:] + np.cross(lever, wrench[:, :3])])
 
 
 def _in_world(wrench: Array, q: Array, point: Array) -> Array:
@@ -552,17 +549,21 @@ def find_support(
     expected = body.subject.mass * (GRAVITY + motion.second[:, 2])
     typical = float(np.median(vertical[expected > 0.5 * weight])) if (expected > 0.5 * weight).any() else 0.0
     if not 0.05 * weight < typical < 20.0 * weight:
+        peaks = ", ".join(f"{one.name} at most {one.force[:, 2].max():.4g}" for one in readings)
         raise LogError(
-            f"vertical forces are {typical:.4g} N where the person weighs {weight:.0f} N ({_largest(readings)})",
+            f"vertical forces are {typical:.4g} N where the person weighs {weight:.0f} N ({peaks})",
             source=source,
             field="force plates",
             remedy="check the plates' gains and the person's mass in kilograms: no unit of force makes them agree",
         )
     # More than a foot that swings takes away, for longer than a tenth of a second.
     short = expected - vertical > 0.35 * weight
-    carried = _without_short_runs(~short, round(0.1 * rate_hz))
-    span = _longest_run(carried)
-    if span is None:
+    carried = ~short
+    for start, stop in runs_of(short):
+        if stop - start < round(0.1 * rate_hz):
+            carried[start:stop] = True
+    span = slice(*max(runs_of(carried), key=lambda run: run[1] - run[0], default=(0, 0)))
+    if span.stop == 0:
         raise LogError(
             "the plates carry the person at no time",
             source=source,
@@ -587,21 +588,3 @@ def find_support(
         )
         findings.append(Finding("mass", text, {"plates_kg": mass, "given_kg": body.subject.mass}))
     return Support(span, mass, tuple(findings))
-
-
-def _largest(readings: Sequence[PlateReading]) -> str:
-    return ", ".join(f"{one.name} at most {one.force[:, 2].max():.4g}" for one in readings)
-
-
-def _without_short_runs(flags: NDArray[np.bool_], shortest: int) -> NDArray[np.bool_]:
-    """Runs of False shorter than ``shortest`` become True."""
-    flags = flags.copy()
-    for start, stop in runs_of(~flags):
-        if stop - start < shortest:
-            flags[start:stop] = True
-    return flags
-
-
-def _longest_run(flags: NDArray[np.bool_]) -> slice | None:
-    runs = runs_of(flags)
-    return slice(*max(runs, key=lambda run: run[1] - run[0])) if runs else None

@@ -68,7 +68,8 @@ def trial_poses(calibration: Calibration, recording: Recording, cutoff_hz: float
         LogError: pelvis or torso are never seen, or the trial is too short to filter.
     """
     model = calibration.model
-    points = _marker_matrix(recording, model.labels)
+    nothing = np.full((len(recording.time), 3), np.nan)
+    points = np.stack([recording.markers.get(label, nothing) for label in model.labels], axis=1)
     if not np.isfinite(points).all(axis=2).any():
         raise LogError("shows no marker of the body", source=recording.source)
     rough = _coarse_solution(model, points)
@@ -86,11 +87,6 @@ def trial_poses(calibration: Calibration, recording: Recording, cutoff_hz: float
     prior, weight, lost = _prior_pose(model, points, rough.pose, recording.time)
     solution = solve_poses(model, points, rough.pose, steps=10, prior=prior, prior_weight=weight)
     return TrialPoses(recording.time, solution.pose, solution.residual, model.labels, (*findings, *lost))
-
-
-def _marker_matrix(recording: Recording, labels: tuple[str, ...]) -> Array:
-    nothing = np.full((len(recording.time), 3), np.nan)
-    return np.stack([recording.markers.get(label, nothing) for label in labels], axis=1)
 
 
 def _coarse_solution(model: MarkerModel, points: Array) -> Solution:

@@ -181,7 +181,9 @@ def best_fit(columns: Array, target: Array, box: Array, body_mass: float) -> Any
     lower, upper = box[0] - _MARGIN, box[1] + _MARGIN
 
     def residual(x: Array) -> Array:
-        return columns @ _belt_parameters(x[0], x[1:]) - target
+        mass, place = x[0], x[1:]
+        inertia = mass * ((place @ place + BELT_RADIUS**2) * np.eye(3) - np.outer(place, place))
+        return columns @ np.concatenate([[mass], mass * place, inertia[ROWS, COLUMNS]]) - target
 
     fits = [
         least_squares(
@@ -210,13 +212,6 @@ def weight_candidate(link: str, fit: Any, box: Array, noise: float) -> Candidate
     std = float(np.sqrt(np.linalg.pinv(curvature)[0, 0]))
     x, y, z = (float(value) for value in fit.x[1:])
     return Candidate(link, float(fit.x[0]), std, (x, y, z), 2.0 * float(fit.cost), evidence)
-
-
-def _belt_parameters(mass: float, place: Array) -> Array:
-    """Ten parameters of a belt about the joint frame's origin, pinocchio's order."""
-    inertia = mass * ((place @ place + BELT_RADIUS**2) * np.eye(3) - np.outer(place, place))
-    six = inertia[ROWS, COLUMNS]
-    return np.concatenate([[mass], mass * place, six])
 
 
 # Where a weight is worn, and how heavy it is, from trials without and with it.

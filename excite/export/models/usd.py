@@ -276,7 +276,12 @@ class UsdaFormat(ModelFormat):
     def render(self, subject: Subject) -> Rendered:
         """See :class:`ModelFormat`."""
         robot, name = subject.robot, prim_name(subject.stem)
-        shapes, notes = _collision_shapes_of(robot)
+        shapes: tuple[Shape, ...] = ()
+        notes: tuple[str, ...] = ()
+        try:
+            shapes = collision_shapes(robot)
+        except RobotError as error:
+            notes = (f"it has no shapes: {error.what}",)
         top = Prim("Xform", name, ["PhysicsArticulationRootAPI", "PhysxArticulationAPI"])
         top.lines.append("bool physxArticulation:enabledSelfCollisions = 0")
         taken, paths = list[str](), dict[int, str]()
@@ -346,14 +351,6 @@ def _base_inertia(model: pin.Model) -> PrincipalInertia:
     moments, axes = np.linalg.eigh(own.inertia)
     axes[:, 0] *= np.linalg.det(axes)
     return PrincipalInertia(float(own.mass), np.array(own.lever), moments, axes)
-
-
-def _collision_shapes_of(robot: Robot) -> tuple[tuple[Shape, ...], tuple[str, ...]]:
-    """Collision shapes, and what is to be said where there are none."""
-    try:
-        return collision_shapes(robot), ()
-    except RobotError as error:
-        return (), (f"it has no shapes: {error.what}",)
 
 
 def _single_moments(moments: Array) -> Array:

@@ -162,7 +162,11 @@ def held_joints(
     Joints that mimic a held one follow it and do not stand here; those of a hand hold the one that they follow. Joints
     in ``tied`` close loops or are coupled and need no mass beyond them; those of loops, ``closing``, no limits either.
     """
-    masses = _masses_beyond(root, joints)
+    # Mass of all links beyond each joint [kg].
+    tree, masses = LinkTree(joints), dict.fromkeys(joints, 0.0)
+    for link in root.findall("link"):
+        for name in tree.above(link.get("name", "")):
+            masses[name] += link_mass(link)
     of_hands, rolling = _of_hands(joints, masses), _planar_base(root, joints)
     driven = _with_drives(root) & set(joints)
     hard: dict[str, Held] = {}
@@ -264,15 +268,6 @@ def nearest_to_zero(guess: JointGuess) -> float:
     """The position nearest to zero within a joint's limits [rad or m]."""
     low, high = guess.position or (0.0, 0.0)
     return min(max(0.0, low), high)
-
-
-def _masses_beyond(root: ElementTree.Element, joints: dict[str, ElementTree.Element]) -> dict[str, float]:
-    """Mass of all links beyond each joint [kg]."""
-    tree, masses = LinkTree(joints), dict.fromkeys(joints, 0.0)
-    for link in root.findall("link"):
-        for name in tree.above(link.get("name", "")):
-            masses[name] += link_mass(link)
-    return masses
 
 
 def held_still(held: dict[str, Held]) -> list[Assumed]:

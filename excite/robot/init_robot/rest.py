@@ -250,7 +250,9 @@ class Postures:
             strain = self.strain(eased)
             if least is not None and strain >= least[0]:
                 continue
-            if self.touching(eased) or (ground is not None and self._is_below(eased, ground)):
+            low, parents = self.figure.lowest(eased), self.figure.model.parents
+            least_height = min((low[joint] for joint in low if joint and parents[joint]), default=np.inf)
+            if self.touching(eased) or (ground is not None and least_height < ground + self.margin):
                 continue
             least = strain, eased
             if strain <= 1.0:
@@ -299,10 +301,6 @@ class Postures:
     def touching(self, q: Array, slack: float = 0.0) -> list[tuple[str, str]]:
         """Pairs of links closer than the margin and some slack [m], those left out that are ignored."""
         return [pair for pair, distance in self._distances(q).items() if distance < self.margin + slack]
-
-    def _is_below(self, q: Array, ground: float) -> bool:
-        low, parents = self.figure.lowest(q), self.figure.model.parents
-        return any(z < ground + self.margin for joint, z in low.items() if joint and parents[joint] != 0)
 
     def _find_standing(self) -> Standing | None:
         """A posture with all feet on one plane, the centre of mass where they hold it, and nothing touching.

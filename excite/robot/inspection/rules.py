@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import cast
 
 import numpy as np
-import pinocchio as pin
 
 from excite.arrays import Array
 from excite.display import count
@@ -294,7 +293,12 @@ def inertia_scale(robot: DescribedRobot) -> Iterator[Finding]:
             continue
         outside = own.distance(link.com) > 0.0
         squared, even = _squared_spread(link), float(np.trace(own.spread))
-        beyond = _least(robot, link, 1.0 if robot.thorough and not outside else _SLIPPED, _spread_beyond)
+        beyond = _least(
+            robot,
+            link,
+            1.0 if robot.thorough and not outside else _SLIPPED,
+            lambda link, solid: _squared_spread(link) / ((solid.points - link.com) ** 2).sum(axis=1).max(),
+        )
         # Of a centre that is wrong itself, less than a slip of unit tells nothing.
         if outside and beyond <= _SLIPPED:
             continue
@@ -322,10 +326,6 @@ def _least(
         if least <= most:
             break
     return least
-
-
-def _spread_beyond(link: DescribedLink, solid: Solid) -> float:
-    return _squared_spread(link) / float(((solid.points - link.com) ** 2).sum(axis=1).max())
 
 
 def _squared_spread(link: DescribedLink) -> float:
@@ -396,22 +396,17 @@ def asymmetry(robot: DescribedRobot) -> Iterator[Finding]:
     if not pairs:
         return
     # The plane across which most twins mirror each other with all joints at zero.
-    mirrored = np.array([[_mirrors(here, there, axis) for axis in range(3)] for *_, here, there in pairs])
+    places = np.array([[here.translation, there.translation] for *_, here, there in pairs])
+    signs = 1.0 - 2.0 * np.eye(3)
+    off = np.linalg.norm(signs * places[:, :1] - places[:, 1:], axis=2)
+    mirrored = (np.abs(places[:, 1]) > 1e-3) & (off < 2e-3)
     plane = int(mirrored.sum(axis=0).argmax())
     if 2 * mirrored[:, plane].sum() <= len(pairs):
         return
-    mirror = np.eye(3)
-    mirror[plane, plane] = -1.0
     for (left, right, here, there), holds in zip(pairs, mirrored[:, plane], strict=True):
         if holds:
-            wanted = there.actInv(mirror @ here.act(left.com))
+            wanted = there.actInv(signs[plane] * here.act(left.com))
             yield from _difference(robot, left, right, np.asarray(wanted))
-
-
-def _mirrors(here: pin.SE3, there: pin.SE3, axis: int) -> bool:
-    sign = np.where(np.arange(3) == axis, -1.0, 1.0)
-    off = np.linalg.norm(sign * here.translation - there.translation)
-    return bool(abs(there.translation[axis]) > 1e-3 and off < 2e-3)
 
 
 def _difference(

@@ -35,7 +35,8 @@ def scan_mjcf(path: Path) -> None:
         RobotError: names file, element and what to do.
     """
     # Each file with those that bring it in, which end in it.
-    waiting, folders, assets = [(path,)], {""}, list[tuple[str, str]]()
+    waiting: list[tuple[Path, ...]] = [(path,)]
+    folders, assets = {""}, list[tuple[str, str]]()
     for number, files in enumerate(waiting):
         if number == MAX_FILES:
             what = f"is made of more than {MAX_FILES} files"
@@ -54,7 +55,8 @@ def scan_mjcf(path: Path) -> None:
                 assets += [(value, tag) for key, value in element.items() if key.startswith("file")]
     for named, tag in assets:
         for folder in folders:
-            _check_asset(path.parent / folder / named, tag, may_be_folder=not named or bool(folder))
+            may_be_folder = not named or (tag == "plugin" and bool(folder))
+            _check_asset(path.parent / folder / named, may_be_folder=may_be_folder)
 
 
 def _check_whole(root: Element, path: Path) -> None:
@@ -98,7 +100,7 @@ def _brought_in(element: Element, files: tuple[Path, ...]) -> Path:
     return other
 
 
-def _check_asset(file: Path, tag: str, *, may_be_folder: bool) -> None:
+def _check_asset(file: Path, *, may_be_folder: bool) -> None:
     """Refuse a mesh or picture that is no file or too large; one that is not there is the compiler's."""
     try:
         file.stat()

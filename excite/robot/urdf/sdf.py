@@ -164,13 +164,9 @@ class _Conversion:
             }
             added = add_element(place, solid.tag, **sizes)
             if solid.tag == "mesh":
-                added.set("filename", self._mesh_name(_text(solid, "uri")))
-
-    def _mesh_name(self, uri: str) -> str:
-        if uri.startswith("model://"):
-            return "package://" + uri.removeprefix("model://")
-        file = self._path.resolve().parent / uri.removeprefix("file://")
-        return str(file) if "://" not in uri and file.is_file() else uri
+                uri = _text(solid, "uri").replace("model://", "package://", 1)
+                file = self._path.resolve().parent / uri.removeprefix("file://")
+                added.set("filename", str(file) if "://" not in uri and file.is_file() else uri)
 
     def _write_joint(self, robot: Element, name: str, joint: Element) -> None:
         kind = joint.get("type", "")
