@@ -222,6 +222,8 @@ def read_srdf(path: Path) -> tuple[tuple[str, str], ...]:
 # Xacro files expanded to URDF, with mesh files found.
 
 _NAMESPACE = "ros.org/wiki/xacro"
+# A model of 2 000 links from a macro each takes 5 s and 0.13 GB on a busy core.
+_SECONDS = 30.0
 # Named arguments and macros.
 _NAMED = 8
 _UNKNOWN_ARGUMENT = re.compile(r"Undefined substitution argument (\w+)")
@@ -269,8 +271,7 @@ def _expanded_root(
         package_path,
         source=path,
         error=RobotError,
-        # A model of 2 000 links from a macro each takes 5 s and 0.13 GB on a busy core.
-        seconds=30.0,
+        seconds=_SECONDS,
         memory_gb=4.0,
         endless=(
             "is not expanded after {seconds:g} s: an expression or macro in it does not end",
