@@ -195,7 +195,7 @@ class DescribedRobot:
         axis = joint.find("axis")
         found = None if axis is None else self._numbers(axis, "xyz", 3, f"joint {name!r}/axis", None)
         direction = np.eye(3)[0] if found is None or not found.any() else found / np.linalg.norm(found)
-        known = {key: value for key, value in stated.items() if value is not None}
+        known: dict[str, float] = {key: value for key, value in stated.items() if value is not None}
         return DescribedJoint(name, str(joint.get("type")), link_at(joint, "child"), direction, known)
 
     def _link(self, name: str, link: Element) -> DescribedLink:
@@ -336,8 +336,8 @@ class DescribedRobot:
                 self._say("bad_mesh", text, owners[damaged], "limits", error.remedy)
             links = [self._elements[one] for one in dict.fromkeys(owners.values())]
             self._meshes |= dict.fromkeys(faults, np.zeros((0, 3))) | dict(turn_upright(links, kind, points))
-        points = self._meshes[file]
-        return points if len(points) else None
+        corners = self._meshes[file]
+        return corners if len(corners) else None
 
     def _is_shown(self, link: str, kind: str) -> bool:
         """Whether a link's geometry of a kind is the first that it has, and is all there."""
