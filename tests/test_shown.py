@@ -67,7 +67,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Tabled]:
         ),
         "conversion": conversion,
         "chart": conversion.chart,
-        "model": excite.write_simulator_model(folder, "sdf", folder / "out"),
+        "model": excite.write_simulator_model(folder, "urdf", folder / "out"),
     }
 
 

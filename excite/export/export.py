@@ -186,8 +186,6 @@ def _check_loss(robot: Robot, motion: Motion, written: Motion, rate_hz: float) -
 
 # Nearer to rest than single precision keeps a turn apart [rad or m], a motion needs no way there.
 _NEAR = 2.0 * math.pi * SINGLE
-# Speeds at which a way is tried, as shares of half of each limit: slower ones where the torques do not suffice.
-_SPEEDS = (1.0, 0.5, 0.25)
 
 
 def with_approach(robot: Robot, motion: Motion) -> Motion:
@@ -247,7 +245,8 @@ def _approach_way(robot: Robot, motion: Motion, row: int) -> Motion | None:
         )
     start, end = (rest, there) if row == 0 else (there, rest)
     postures = find_route(robot, start, end, np.random.default_rng(0)) or [start, end]
-    ways = [_way_along(robot, motion, postures, row, speed) for speed in _SPEEDS]
+    # Speeds at which a way is tried, as shares of half of each limit: slower ones where the torques do not suffice.
+    ways = [_way_along(robot, motion, postures, row, speed) for speed in (1.0, 0.5, 0.25)]
     unsaid = replace(motion.metadata, previous="", following="", stated_hash="", robot_hash="")
     safe = (
         way
@@ -281,9 +280,6 @@ def _way_along(robot: Robot, motion: Motion, postures: list[Array], row: int, sp
 
 # The uniform grid of samples that a controller runs.
 
-# Of one file: 0.8 GB in memory and twice that as text.
-_MOST_NUMBERS = 100_000_000
-
 
 def on_grid(motion: Motion, robot: Robot, rate_hz: float) -> Motion:
     """The motion from time zero, at exactly ``k / rate_hz`` [s].
@@ -304,7 +300,8 @@ def on_grid(motion: Motion, robot: Robot, rate_hz: float) -> Motion:
     """
     row = motion.q.shape[1] + motion.v.shape[1] + motion.a.shape[1]
     # Below the lowest rate nobody can tell what a controller would do, and one sample is no motion.
-    least, most = max(SLOWEST_SAMPLES_HZ, 1.0 / motion.duration), _MOST_NUMBERS / (row * motion.duration)
+    # Of one file: 0.8 GB in memory and twice that as text.
+    least, most = max(SLOWEST_SAMPLES_HZ, 1.0 / motion.duration), 100_000_000 / (row * motion.duration)
     check_number(rate_hz, "rate_hz", least, most, "Hz", source=motion.name)
     periods = motion.duration * rate_hz
     whole = math.floor(periods + 1e-6)

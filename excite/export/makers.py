@@ -1,4 +1,4 @@
-"""Formats of makers' own: programs and streams for arms, sequences for humanoids and quadrupeds, motions of people."""
+"""Formats of makers' own: programs and streams for arms, sequences for humanoids and quadrupeds."""
 
 from __future__ import annotations
 
@@ -10,10 +10,9 @@ from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
-from scipy.spatial.transform import Rotation
 
 from excite.arrays import Array
-from excite.atomic import atomic_folder, atomic_path, write_text
+from excite.atomic import atomic_folder, write_text
 from excite.errors import InputError
 from excite.export.exporter import (
     Exporter,
@@ -23,9 +22,7 @@ from excite.export.exporter import (
     motion_remarks,
     motion_statement,
 )
-from excite.formats.markers import write_storage
 from excite.formats.unitree import G1, H1, QUADRUPED
-from excite.human.models import PELVIS, TO_ISB, coordinate_names
 from excite.motion.motion import Motion
 from excite.motion.readers.programs import HEADER, STATEMENT
 from excite.robot.robot import Robot
@@ -34,9 +31,6 @@ from excite.safety.verdict import Violation
 from excite.simulation.true_parameters import nominal_drives
 
 # Programs in URScript for arms of Universal Robots.
-
-# What fits a window of the teach pendant.
-_LONGEST_POPUP = 200
 
 
 class UrScriptExporter(Exporter):
@@ -80,9 +74,14 @@ class UrScriptExporter(Exporter):
         # URScript has no exponents; 1e-12 rad at 500 Hz are 1e-6 rad/s² of acceleration.
         rows = [f"[{', '.join(f'{x + 0.0:.12f}' for x in row)}]" for row in motion.joint_positions().tolist()]
         speed, acceleration = self.number("approach_speed"), self.number("approach_acceleration")
-        lines = [f"def {function_name(motion.name)}():"]
+        # URScript allows letters of ASCII, digits and underscores.
+        word = re.sub(r"[^A-Za-z0-9_]", "_", motion.name)
+        lines = [f"def {word if word[:1].isalpha() else f'motion_{word}'}():"]
         if self.word("confirm") == "yes":
-            lines.append(f'  popup("{_first_remark(motion)}", "excite", False, False, True)')
+            # The warning of a motion that is not safe, else whose it is; as long as fits a window of the teach pendant.
+            first = motion_remarks(motion)[0].replace('"', "'").replace("\\", "/")[:200]
+            question = f"{first}. Is the way to its start free?"
+            lines.append(f'  popup("{question}", "excite", False, False, True)')
         lines.append(f"  movej({rows[0]}, a={acceleration:g}, v={speed:g})")
         lines += [f"  servoj({row}, {servo}" for row in rows]
         lines += [
@@ -97,18 +96,6 @@ class UrScriptExporter(Exporter):
         return "\n".join([*lines, ""])
 
 
-def function_name(name: str) -> str:
-    """A motion's name as URScript allows it: letters of ASCII, digits and underscores."""
-    word = re.sub(r"[^A-Za-z0-9_]", "_", name)
-    return word if word[:1].isalpha() else f"motion_{word}"
-
-
-def _first_remark(motion: Motion) -> str:
-    """The first remark, which is the warning of a motion that is not safe, and the question."""
-    first = motion_remarks(motion)[0].replace('"', "'").replace("\\", "/")
-    return f"{first[:_LONGEST_POPUP]}. Is the way to its start free?"
-
-
 # What Franka's control interface lets joints do.
 #
 # The numbers are those of the maker's page "Control Interface Specification and Robot Limits" and of
@@ -117,8 +104,6 @@ def _first_remark(motion: Motion) -> str:
 
 RATE_HZ = 1000.0
 PERIOD_S = 1.0 / RATE_HZ
-# libfranka compares with limits that are smaller by this.
-_EPSILON = 1e-3
 
 
 @dataclass(frozen=True)
@@ -195,7 +180,8 @@ def franka_violations(limits: FrankaLimits, q: Array, joints: tuple[str, ...]) -
         ("franka_acceleration", a, np.array(limits.acceleration)),
         ("franka_jerk", jerk, np.array(limits.jerk)),
     ):
-        beyond = np.abs(values) > limit - _EPSILON
+        # libfranka compares with limits that are smaller by this.
+        beyond = np.abs(values) > limit - 1e-3
         for joint in np.flatnonzero(beyond.any(axis=0)):
             row = int(np.argmax(beyond[:, joint]))
             time = max(0.0, (row + len(still) - len(values) - 3) * PERIOD_S)
@@ -254,8 +240,6 @@ class FrankaExporter(Exporter):
         named = "fr3" if first.startswith("fr3") else "panda" if first.startswith(("panda", "fer_")) else ""
         return self.word("model") or named
 
-
-# Sequences for humanoids and quadrupeds, and motions of people.
 
 # Pattern files of OpenHRP and Choreonoid: .pos, .waist, .hip and .zmp.
 
@@ -327,49 +311,6 @@ def _zmp_in_base(robot: Robot, motion: Motion, rotations: Array) -> Array:
         )
     world = np.column_stack([flat, np.zeros(len(flat))])
     return np.asarray(np.einsum("nji,nj->ni", rotations, world - position))
-
-
-# OpenSim motions of people.
-
-
-class OpenSimExporter(Exporter):
-    """A ``.mot`` with the coordinates of the ``.osim`` that ``excite human`` writes of a person: radians and metres.
-
-    Angles of joints are those of the robot; the pelvis' tilt, list and rotation are turns about its own z, x and y, in
-    OpenSim's axes (x forward, y up, z to the right), and its translation is in these axes too.
-    """
-
-    name = "opensim"
-    suffix = ".mot"
-    summary = "OpenSim motion (.mot) of a person that excite human measured"
-
-    def refuse(self, motion: Motion) -> None:
-        """Raise InputError for robots that are no person measured by ``excite human``."""
-        known = set(coordinate_names())
-        other = [joint for joint in self.robot.joint_names if joint not in known]
-        if other or not self.robot.floating:
-            what = f"joint {other[0]!r}" if other else "a fixed base"
-            raise InputError(
-                f"robot {self.robot.name!r} has {what}, which no person of excite human has",
-                source=motion.name,
-                field=self.name,
-                remedy="choose another format",
-            )
-
-    def write(self, motion: Motion, path: Path) -> None:
-        """See :class:`Exporter`; numbers are written with all their digits."""
-        rows = np.hstack([motion.time[:, None], _pelvis_coordinates(motion), motion.joint_positions()])
-        columns = dict(zip(["time", *PELVIS, *motion.joint_names], rows.T, strict=True))
-        head = [motion.name, "version=1", "inDegrees=no", *motion_remarks(motion)]
-        with atomic_path(path) as temporary:
-            write_storage(columns, temporary, head)
-
-
-def _pelvis_coordinates(motion: Motion) -> Array:
-    """Tilt, list, rotation [rad] and translation [m] of the pelvis in OpenSim's axes, ``(n, 6)``."""
-    turns = np.array([TO_ISB @ pin.Quaternion(row).matrix() @ TO_ISB.T for row in motion.q[:, 3:7]])
-    angles = np.unwrap(Rotation.from_matrix(turns).as_euler("ZXY"), axis=0)
-    return np.hstack([angles, motion.q[:, :3] @ TO_ISB.T])
 
 
 # In which place of Unitree's ``motor_cmd`` each joint stands.

@@ -25,7 +25,6 @@ EXPORTERS: Registry[Exporter] = Registry(
         "franka": "excite.export.makers:FrankaExporter",
         "unitree": "excite.export.makers:UnitreeExporter",
         "openhrp": "excite.export.makers:OpenHrpExporter",
-        "opensim": "excite.export.makers:OpenSimExporter",
     },
 )
 
@@ -37,6 +36,5 @@ MODEL_FORMATS: Registry[ModelFormat] = Registry(
         "isaaclab": "excite.export.models.labs:IsaacLabFormat",
         "mjlab": "excite.export.models.labs:MjlabFormat",
         "usda": "excite.export.models.usd:UsdaFormat",
-        "sdf": "excite.export.models.sdf:SdfFormat",
     },
 )

@@ -283,10 +283,8 @@ def _goal_text(motion: Motion) -> str:
 
 
 def _format_numbers(values: list[float]) -> str:
-    return f"[{', '.join(map(_format_number, values))}]"
-
-
-def _format_number(value: float) -> str:
-    """All digits of a number; YAML 1.1, which ROS reads, takes 1e-05 for a word and 1.0e-05 for a number."""
-    text = repr(value)
-    return text.replace("e", ".0e") if "e" in text and "." not in text else text
+    """All digits; YAML 1.1, which ROS reads, takes 1e-05 for a word and 1.0e-05 for a number."""
+    words = (
+        word.replace("e", ".0e") if "e" in word and "." not in word else word for word in map(repr, values)
+    )
+    return f"[{', '.join(words)}]"

@@ -73,12 +73,6 @@ DIMENSIONS: tuple[str, ...] = (
     "shoulder_z",
     *(f"{side}_{part}" for side in SIDES for part in _LIMBS),
 )
-# Shoulder from the cervical joint, forward, sideways and down, of Dumas' mean man [m].
-_SHOULDER = (0.021, 0.209, 0.073)
-# Spreads between people of one stature: of limbs (Winter 2009, table 3.1 scatters by 3-5 %), of the trunk's joints.
-_LIMB_SPREAD, _TRUNK_SPREAD = 0.05, 0.015
-_FOOT_LENGTH = 0.152
-_HEEL = 0.19
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,14 +124,18 @@ def stature_dimensions(subject: Subject) -> Dimensions:
     pelvis = DUMAS_PELVIS[subject.sex]
     hip, lumbar = (1e-5 * pelvis.width * scale * np.array(place) for place in (pelvis.hip, pelvis.lumbar))
     torso = length["torso"]
-    forward, outward, down = np.array(_SHOULDER) * torso / (1e-3 * DUMAS_TABLE["male"]["torso"].length)
+    # Shoulder from the cervical joint, forward, sideways and down, of Dumas' mean man [m].
+    forward, outward, down = (
+        np.array((0.021, 0.209, 0.073)) * torso / (1e-3 * DUMAS_TABLE["male"]["torso"].length)
+    )
     limbs = [length[part] for part in _LIMBS]
     trunk = [hip[2], *(lumbar - hip[:2]), 0.0, torso, forward, outward, torso - down]
     values = np.array([*trunk, *limbs, *limbs])
-    spread = np.concatenate([np.full(len(trunk), _TRUNK_SPREAD * scale), _LIMB_SPREAD * values[len(trunk) :]])
-    foot_length = _FOOT_LENGTH * subject.height
+    # Spreads between people of one stature: of limbs (Winter 2009, table 3.1 scatters by 3-5 %), of the trunk's joints.
+    spread = np.concatenate([np.full(len(trunk), 0.015 * scale), 0.05 * values[len(trunk) :]])
+    foot_length = 0.152 * subject.height
     ends = (length["head"], length["hand"], length["foot"])
-    return Dimensions(values, spread, *ends, foot_length, _HEEL * foot_length, 0.039 * subject.height)
+    return Dimensions(values, spread, *ends, foot_length, 0.19 * foot_length, 0.039 * subject.height)
 
 
 def joint_offsets() -> Array:
@@ -169,9 +167,6 @@ ANTHROPOMETRY: tuple[str, ...] = ("de_leva", "dumas")
 _MIRROR = np.diag([1.0, -1.0, 1.0])
 # From X forward, Y up, Z right to x forward, y left, z up.
 _FROM_ISB = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-# Height of the seventh cervical spine's tip above the cervical joint, as share of the torso's length.
-_CERVICALE = 0.05
-_TRIANGLE = 1.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,7 +258,7 @@ def _possible_tensor(radii: Array) -> Array:
     for share in np.linspace(1.0, 0.0, 51):
         tensor = diagonal + share * (radii - diagonal)
         moments = np.linalg.eigvalsh(tensor)
-        if moments[0] > 0.0 and moments[0] + moments[1] > _TRIANGLE * moments[2]:
+        if moments[0] > 0.0 and moments[0] + moments[1] > 1.01 * moments[2]:
             return tensor
     return diagonal
 
@@ -277,7 +272,8 @@ def _de_leva_inertia(subject: Subject, dimensions: Dimensions, kind: str, side: 
     if kind in _DE_LEVA_PARTS:
         lumbar, neck = (dimensions.values[DIMENSIONS.index(f"{j}_x") :][:2] for j in ("lumbar", "neck"))
         x, z = lumbar + neck
-        top = np.array([x, 0.0, z + _CERVICALE * dimensions.torso])
+        # Height of the seventh cervical spine's tip above the cervical joint, as share of the torso's length.
+        top = np.array([x, 0.0, z + 0.05 * dimensions.torso])
         scale = float(np.linalg.norm(top)) / rows["trunk from cervicale"].length
         ends = dict(zip(_TRUNK, np.cumsum([rows[part].length for part in _TRUNK]), strict=True))
         parts = []
@@ -306,10 +302,6 @@ def _inertia_along(
     radii = np.array(order if lying else order[::-1]) / 100.0 * length
     mass = row.mass / 100.0 * subject.mass
     return BodyInertia(mass, np.asarray(center, dtype=float), mass * np.diag(radii**2))
-
-
-# Density of the whole body [kg/m³] (Winter 2009, section 4.1.2), for the shapes that are drawn.
-_DENSITY = 1050.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -399,5 +391,6 @@ def segment_box(body: Body, index: int) -> Array:
     if segment.kind in boxes:
         return np.array(boxes[segment.kind])
     length = d[f"{segment.side}_{segment.kind}"]
-    half = float(np.sqrt(body.inertias[index].mass / (_DENSITY * np.pi * length)))
+    # Density of the whole body [kg/m³] (Winter 2009, section 4.1.2), for the shapes that are drawn.
+    half = float(np.sqrt(body.inertias[index].mass / (1050.0 * np.pi * length)))
     return np.array([[-half, -half, -length], [half, half, 0.0]])

@@ -17,7 +17,6 @@ from excite.formats.number import check_number
 from excite.human.body import ANTHROPOMETRY, DIMENSIONS, Anthropometry, Body, body_of
 from excite.human.markers.marker_set import (
     Calibration,
-    MarkerSet,
     calibrate_body,
     find_marker_set,
     read_marker_set,
@@ -60,13 +59,6 @@ from excite.results import (
 from excite.rows.settings import ProblemSettings
 from excite.threads import one_blas_thread
 
-# People move below 20 Hz; a filter far below what they do leaves nothing of it [Hz].
-_CUTOFFS_HZ = (0.05, 1e4)
-# So much of a trial has to be left to identify from.
-_LARGEST_SHARE = 0.9
-# From nothing, after an amputation, to a segment as heavy as the heaviest person [kg].
-_SEGMENT_KG = (0.0, 400.0)
-
 
 @dataclass(frozen=True)
 class MeasureSettings:
@@ -95,12 +87,15 @@ class MeasureSettings:
         if self.up is not None and self.up not in AXES:
             raise UnknownNameError("axis that points up", str(self.up)[:60], list(AXES))
         if self.cutoff_hz != 0.0:
-            check_number(self.cutoff_hz, "cutoff_hz", *_CUTOFFS_HZ, "Hz, or 0 for none")
-        check_number(self.hold_out, "hold_out", 0.0, _LARGEST_SHARE)
+            # People move below 20 Hz; a filter far below what they do leaves nothing of it [Hz].
+            check_number(self.cutoff_hz, "cutoff_hz", 0.05, 1e4, "Hz, or 0 for none")
+        # So much of a trial has to be left to identify from.
+        check_number(self.hold_out, "hold_out", 0.0, 0.9)
         for segment, mass in self.segment_mass.items():
             if segment not in NAMES:
                 raise UnknownNameError("segment", segment[:60], list(NAMES))
-            check_number(mass, f"segment_mass.{segment}", *_SEGMENT_KG, "kg")
+            # From nothing, after an amputation, to a segment as heavy as the heaviest person [kg].
+            check_number(mass, f"segment_mass.{segment}", 0.0, 400.0, "kg")
 
 
 @dataclass(frozen=True)
@@ -302,7 +297,8 @@ def measure_recordings(
 ) -> MeasuredPerson:
     """:func:`measure_person` of recordings that have been read."""
     settings = settings or MeasureSettings()
-    markers = _marker_set(settings, [*standing, *moving])
+    labels = {label for recording in (*standing, *moving) for label in recording.markers}
+    markers = find_marker_set(labels) if settings.markers is None else read_marker_set(settings.markers)
     up = settings.up
     prepared = []
     for recording in (*standing, *moving):
@@ -336,12 +332,6 @@ def measure_recordings(
     return MeasuredPerson(body, calibration, log, tuple(reports), tuple(findings))
 
 
-def _marker_set(settings: MeasureSettings, recordings: Sequence[Recording]) -> MarkerSet:
-    if settings.markers is not None:
-        return read_marker_set(settings.markers)
-    return find_marker_set({label for recording in recordings for label in recording.markers})
-
-
 def write_person(person: MeasuredPerson, folder: Path) -> None:
     """Write a log folder with the person's model: ``log.yaml``, trials, ``human.urdf``, ``robot.yaml``.
 
@@ -358,8 +348,6 @@ def write_person(person: MeasuredPerson, folder: Path) -> None:
 
 
 # From recordings of a person to a log folder that identification reads as it does a robot's.
-
-_GRAVITY = (0.0, 0.0, -9.81)
 
 
 @dataclass(frozen=True, eq=False)
@@ -413,7 +401,10 @@ def human_log(body: Body, trials: Sequence[MeasuredTrial], hold_out: float, cuto
     for number, trial in enumerate(trials):
         for reading in trial.readings:
             if all(names[number, reading.name] != sensor.name for sensor in sensors):
-                sensors.append(_sensor_header(names[number, reading.name], reading))
+                x, y, z = (float(value) for value in reading.center)
+                place: dict[str, Any] = {"parent": "world", "xyz": (x, y, z), "foot": reading.foot}
+                own = names[number, reading.name]
+                sensors.append(SensorHeader(name=own, kind="force_plate", **place))
     for number, trial in enumerate(trials):
         edge = settling_samples(rate, cutoff_hz) // 2 if cutoff_hz is not None else 0
         whole = _trial_channels(trial, number, names, [sensor.name for sensor in sensors], edge)
@@ -432,7 +423,7 @@ def human_log(body: Body, trials: Sequence[MeasuredTrial], hold_out: float, cuto
             "schema": "excite.log/1",
             "robot": URDF_FILE,
             "base": "floating",
-            "gravity": _GRAVITY,
+            "gravity": (0.0, 0.0, -9.81),
             "rate_hz": round(rate, 6),
             "lowpass_hz": cutoff_hz,
             "posture": "computed",
@@ -460,11 +451,6 @@ def _sensor_names(trials: Sequence[MeasuredTrial]) -> dict[tuple[int, str], str]
             places.setdefault(name, reading.center)
             names[number, reading.name] = name
     return names
-
-
-def _sensor_header(name: str, reading: PlateReading) -> SensorHeader:
-    x, y, z = (float(value) for value in reading.center)
-    return SensorHeader(name=name, kind="force_plate", parent="world", xyz=(x, y, z), foot=reading.foot)
 
 
 def _trial_channels(

@@ -56,21 +56,13 @@ URDF_FILE, ROBOT_FILE = "human.urdf", "robot.yaml"
 
 PLACES = {"robot_file": ROBOT_FILE, "log_file": "."}
 """Where the robot and the log of a person's results lie: in the same folder."""
-_SPEED, _TORQUE = 40.0, 400.0
-_MIDDLE_RANGE, _OUTER_RANGE = 1.57, 3.1
-_HINGE = (-0.5, 2.9)
-
-
-def virtual_links() -> tuple[str, ...]:
-    """Massless links between the axes of the spherical joints."""
-    return tuple(f"{s.name}_axis_{i}" for s in SEGMENTS for i in range(1, len(s.axes)) if len(s.axes) > 1)
 
 
 def urdf_text(body: Body) -> str:
     """The URDF: one link a segment, angles named as in :data:`~excite.human.segments.JOINT_NAMES`."""
     robot = _build_element("robot", name="human")
     offsets = body.offsets
-    limits = {"velocity": f"{_SPEED}", "effort": f"{_TORQUE}"}
+    limits = {"velocity": "40.0", "effort": "400.0"}
     for k, segment in enumerate(SEGMENTS):
         robot.append(_build_link(segment.name, body.inertias[k], segment_box(body, k), frame_turn(k)))
         if k == 0:
@@ -82,8 +74,8 @@ def urdf_text(body: Body) -> str:
             child = segment.name if last else f"{segment.name}_axis_{i + 1}"
             if not last:
                 robot.append(_build_element("link", name=child))
-            bound = _MIDDLE_RANGE if i == 1 else _OUTER_RANGE
-            low, high = _HINGE if len(segment.axes) == 1 else (-bound, bound)
+            bound = 1.57 if i == 1 else 3.1
+            low, high = (-0.5, 2.9) if len(segment.axes) == 1 else (-bound, bound)
             robot.append(
                 _build_element(
                     "joint",
@@ -137,8 +129,10 @@ def robot_yaml(body: Body, rate_hz: float, plates: tuple[str, ...] = ()) -> str:
     subject, d = body.subject, body.dimensions
     content = read_yaml(Path(__file__).with_name("robot_template.yaml"))
     content["title"] = f"Person of {subject.height:g} m, {subject.mass:g} kg, {subject.sex}, 34 DoF"
+    # Massless links between the axes of the spherical joints.
+    axes = [f"{s.name}_axis_{i}" for s in SEGMENTS for i in range(1, len(s.axes))]
     content["model"] |= {
-        "acknowledged": {link: "massless, an axis of a spherical joint" for link in virtual_links()},
+        "acknowledged": {link: "massless, an axis of a spherical joint" for link in axes},
         "source": f"segments by table {body.table}, joints from stature or markers",
     }
     # A rectangle of the foot's length, 8 cm wide.
@@ -169,10 +163,9 @@ def robot_yaml(body: Body, rate_hz: float, plates: tuple[str, ...] = ()) -> str:
 
 _VERSION = "40000"
 # From x forward, y left, z up to x forward, y up, z right.
-TO_ISB = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
-"""Turns directions of ours into OpenSim's."""
-PELVIS = ("pelvis_tilt", "pelvis_list", "pelvis_rotation", "pelvis_tx", "pelvis_ty", "pelvis_tz")
-"""Coordinates of the pelvis: turns about its z, x and y, then its place."""
+_TO_ISB = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+# Coordinates of the pelvis: turns about its z, x and y, then its place.
+_PELVIS = ("pelvis_tilt", "pelvis_list", "pelvis_rotation", "pelvis_tx", "pelvis_ty", "pelvis_tz")
 
 
 def write_osim(body: Body, path: Path, markers: MarkerModel | None = None, name: str = "human") -> Path:
@@ -203,7 +196,7 @@ def osim_text(body: Body, markers: MarkerModel | None = None, name: str = "human
                 "Marker",
                 *_build_leaves(
                     socket_parent_frame=f"/bodyset/{NAMES[int(segment)]}",
-                    location=_format_values(TO_ISB @ local),
+                    location=_format_values(_TO_ISB @ local),
                     fixed="true",
                 ),
                 name=label,
@@ -223,16 +216,11 @@ def osim_text(body: Body, markers: MarkerModel | None = None, name: str = "human
     return _render_document(_build_element("OpenSimDocument", model, Version=_VERSION))
 
 
-def coordinate_names() -> tuple[str, ...]:
-    """Coordinates of the model's joints, without the pelvis'; they are the names of the joints in the URDF too."""
-    return tuple(name for segment in SEGMENTS[1:] for name in _coordinate_names(segment))
-
-
 def _osim_body(name: str, inertia: BodyInertia) -> ElementTree.Element:
-    moments = TO_ISB @ inertia.inertia @ TO_ISB.T
+    moments = _TO_ISB @ inertia.inertia @ _TO_ISB.T
     texts = _build_leaves(
         mass=f"{inertia.mass:.12g}",
-        mass_center=_format_values(TO_ISB @ inertia.center),
+        mass_center=_format_values(_TO_ISB @ inertia.center),
         inertia=_format_values(moments[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]),
     )
     return _build_element("Body", *texts, name=name)
@@ -243,9 +231,9 @@ def _osim_joint(segment: Segment, k: int, offset: Array) -> ElementTree.Element:
     carrier = "ground" if free else NAMES[PARENTS[k]]
     # Of the pelvis turns about z, x and y.
     axes = (
-        list(np.eye(3)[[2, 0, 1]]) if free else [TO_ISB @ np.eye(3)[a.index] * a.sign for a in segment.axes]
+        list(np.eye(3)[[2, 0, 1]]) if free else [_TO_ISB @ np.eye(3)[a.index] * a.sign for a in segment.axes]
     )
-    names = PELVIS if free else _coordinate_names(segment)
+    names = _PELVIS if free else _coordinate_names(segment)
     coordinates = [
         _build_element(
             "Coordinate",
@@ -263,9 +251,9 @@ def _osim_joint(segment: Segment, k: int, offset: Array) -> ElementTree.Element:
         for kind, own, coordinate in (("rotation", [*axes, *rest], turns), ("translation", np.eye(3), shifts))
         for i, (axis, name) in enumerate(zip(own, coordinate, strict=False))
     ]
-    place = np.zeros(3) if free else TO_ISB @ offset
+    place = np.zeros(3) if free else _TO_ISB @ offset
     # The last axis of a shoulder is turned against the arm's own frame.
-    turn = TO_ISB @ frame_turn(k).T @ TO_ISB.T
+    turn = _TO_ISB @ frame_turn(k).T @ _TO_ISB.T
     return _build_element(
         "CustomJoint",
         *_build_leaves(

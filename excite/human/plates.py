@@ -9,7 +9,6 @@ from itertools import permutations, product
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from excite.arrays import Array
@@ -33,8 +32,6 @@ from excite.rows.settings import ProblemSettings
 
 NEAR, FAR = 0.15, 0.25
 """A foot that stands on a plate has the centre of pressure below it; both are good to a few centimetres [m]."""
-LOADED_N = 50.0
-"""Vertical force above which a centre of pressure means something [N]."""
 GRAVITY = 9.81
 
 
@@ -46,7 +43,8 @@ def pressure_center(force: Array, moment: Array, height: float) -> Array:
         moment: about the world's origin ``(n, 3)`` [N·m].
         height: of the plane [m].
     """
-    vertical = np.where(force[:, 2] > LOADED_N, force[:, 2], np.nan)
+    # Vertical force above which a centre of pressure means something [N].
+    vertical = np.where(force[:, 2] > 50.0, force[:, 2], np.nan)
     x = (-moment[:, 1] + height * force[:, 0]) / vertical
     y = (moment[:, 0] + height * force[:, 1]) / vertical
     return np.column_stack([x, y, np.full(len(force), height)])
@@ -70,12 +68,8 @@ _LEVER_UNITS = {
     1e3: "N·m where the file's unit makes them N·mm",
     1e-3: "N·mm where the file's unit makes them N·m",
 }
-# Share of the frames in which plates carry the weight, within a third as in walking, that a unit has to bring.
-_BROUGHT, _ABOUT = 0.25, 0.3
 # The centre of pressure of somebody who stands still moves by some millimetres: by less it moves under nobody [m].
 _LEAST_SWAY = 5e-4
-# A free moment of a foot is a few N·m.
-_FREE_MOMENT_NM = 200.0
 _SHARED = 0.15
 
 
@@ -182,9 +176,10 @@ class _Plates:
         choices = [units if one else units[:1] for one in has_load]
         few = len(choices) <= 4
         factors = np.array(list(product(*choices)) if few else [(one,) * len(choices) for one in choices[0]])
-        share = (np.abs(factors @ vertical.T - weight) < _ABOUT * weight).mean(axis=1)
+        # Share of the frames in which plates carry the weight, within a third as in walking, that a unit has to bring.
+        share = (np.abs(factors @ vertical.T - weight) < 0.3 * weight).mean(axis=1)
         best = int(np.argmax(share))
-        if share[best] - share[0] < _BROUGHT:
+        if share[best] - share[0] < 0.25:
             return
         for i, factor in enumerate(factors[best].tolist()):
             plate = self.plates[i]
@@ -252,7 +247,8 @@ class _Plates:
         if plate.corners is None:
             point = np.nan_to_num(pressure_center(plate.force, plate.moment, self.ground_height))
             free = plate.moment - np.cross(point, plate.force)
-            factor = 1e-3 if np.abs(free[:, 2]).max() > _FREE_MOMENT_NM else 1.0
+            # A free moment of a foot is a few N·m.
+            factor = 1e-3 if np.abs(free[:, 2]).max() > 200.0 else 1.0
             scaled = replace(plate, moment=np.cross(1e-3 * point, plate.force) + factor * free)
             if miss > 5.0 and self.typical_miss(scaled) <= FAR:
                 text = (
@@ -441,7 +437,9 @@ def ground_reactions(
         point = np.append(k.q[:, :2].mean(axis=0), min(place[2] for place in places.values()))
         measured = np.zeros((len(k.time), 6))
         for name, values in trial.wrenches.items():
-            measured += _move_moment(forces_on_grid(trial.time, values, k.time), places[name] - point)
+            wrench = forces_on_grid(trial.time, values, k.time)
+            measured += wrench
+            measured[:, 3:] += np.cross(places[name] - point, wrench[:, :3])
         at_base = base_link_regressor(inside.model, k.q, k.v, k.a) @ models
         curves = [measured, *(_in_world(at_base[:, :, i], k.q, point) for i in range(2))]
         edge = settling_samples(k.rate_hz, filters.cutoff_hz)
@@ -452,10 +450,6 @@ def ground_reactions(
         filtered = [lowpass(curve, k.rate_hz, filters.cutoff_hz, filters.order)[use] for curve in curves]
         found.append(GroundReaction(trial.name, str(trial.role), k.time[use], point, *filtered))
     return tuple(found)
-
-
-def _move_moment(wrench: Array, lever: Array) -> Array:
-    return np.hstack([wrench[:, :3], wrench[:, 3:] + np.cross(lever, wrench[:, :3])])
 
 
 def _in_world(wrench: Array, q: Array, point: Array) -> Array:
@@ -510,10 +504,6 @@ def _correlation_text(value: float | None) -> str:
 
 # When the plates carry the whole person, and what mass they say.
 
-_MISSING = 0.35
-_SHORTEST_S = 0.1
-_MASS_TOLERANCE = 0.05
-
 
 @dataclass(frozen=True, eq=False)
 class Support:
@@ -559,16 +549,21 @@ def find_support(
     expected = body.subject.mass * (GRAVITY + motion.second[:, 2])
     typical = float(np.median(vertical[expected > 0.5 * weight])) if (expected > 0.5 * weight).any() else 0.0
     if not 0.05 * weight < typical < 20.0 * weight:
+        peaks = ", ".join(f"{one.name} at most {one.force[:, 2].max():.4g}" for one in readings)
         raise LogError(
-            f"vertical forces are {typical:.4g} N where the person weighs {weight:.0f} N ({_largest(readings)})",
+            f"vertical forces are {typical:.4g} N where the person weighs {weight:.0f} N ({peaks})",
             source=source,
             field="force plates",
             remedy="check the plates' gains and the person's mass in kilograms: no unit of force makes them agree",
         )
-    short = expected - vertical > _MISSING * weight
-    carried = _without_short_runs(~short, round(_SHORTEST_S * rate_hz))
-    span = _longest_run(carried)
-    if span is None:
+    # More than a foot that swings takes away, for longer than a tenth of a second.
+    short = expected - vertical > 0.35 * weight
+    carried = ~short
+    for start, stop in runs_of(short):
+        if stop - start < round(0.1 * rate_hz):
+            carried[start:stop] = True
+    span = slice(*max(runs_of(carried), key=lambda run: run[1] - run[0], default=(0, 0)))
+    if span.stop == 0:
         raise LogError(
             "the plates carry the person at no time",
             source=source,
@@ -586,28 +581,10 @@ def find_support(
     gained = motion.first[span.stop - 1, 2] - motion.first[span.start, 2]
     mass = float(vertical[span].mean() / (GRAVITY + gained / max(duration, 1e-9)))
     share = mass / body.subject.mass - 1.0
-    if abs(share) > _MASS_TOLERANCE:
+    if abs(share) > 0.05:
         text = (
             f"{source.name}: the plates say {mass:.1f} kg, the person weighs {body.subject.mass:.1f} kg "
             f"({100 * share:+.1f} %): check gains, zeros, and what is worn"
         )
         findings.append(Finding("mass", text, {"plates_kg": mass, "given_kg": body.subject.mass}))
     return Support(span, mass, tuple(findings))
-
-
-def _largest(readings: Sequence[PlateReading]) -> str:
-    return ", ".join(f"{one.name} at most {one.force[:, 2].max():.4g}" for one in readings)
-
-
-def _without_short_runs(flags: NDArray[np.bool_], shortest: int) -> NDArray[np.bool_]:
-    """Runs of False shorter than ``shortest`` become True."""
-    flags = flags.copy()
-    for start, stop in runs_of(~flags):
-        if stop - start < shortest:
-            flags[start:stop] = True
-    return flags
-
-
-def _longest_run(flags: NDArray[np.bool_]) -> slice | None:
-    runs = runs_of(flags)
-    return slice(*max(runs, key=lambda run: run[1] - run[0])) if runs else None

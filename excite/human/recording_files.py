@@ -296,13 +296,6 @@ def read_trc_file(path: Path) -> Recording:
 
 # Markers are a few metres from the origin, and in a file of millimetres that claims metres some thousands [m].
 _FARTHEST = 1e6
-# A jump has ten times a person's weight; a moment about the origin may be in N·mm [N, N·m].
-_LARGEST_FORCE, _LARGEST_MOMENT = 1e6, 1e9
-_MOST_MARKERS = 20_000
-# Cameras of motion laboratories take 30 to 1000 frames a second [Hz].
-_SLOWEST_HZ, _FASTEST_HZ = 5.0, 1e5
-# Frames come at one rate: a longer step is a frame that is not there.
-_LONGEST_STEP = 1.5
 
 
 def check_recording(recording: Recording) -> Recording:
@@ -311,14 +304,16 @@ def check_recording(recording: Recording) -> Recording:
     def refuse(what: str, field: str | None = None, remedy: str = "export it again") -> NoReturn:
         raise LogError(what, source=recording.source, field=field, remedy=remedy)
 
-    if len(recording.markers) > _MOST_MARKERS:
+    if len(recording.markers) > 20_000:
         refuse(f"has {len(recording.markers)} markers")
     if recording.markers:
         step = np.diff(recording.time)
         usual, row = float(np.median(step)), int(np.argmax(step))
-        if not 1.0 / _FASTEST_HZ <= usual <= 1.0 / _SLOWEST_HZ:
+        # Cameras of motion laboratories take 30 to 1000 frames a second [Hz].
+        if not 1e-5 <= usual <= 0.2:
             refuse(f"frames come every {usual:.3g} s", "time", "write seconds")
-        if step[row] > _LONGEST_STEP * usual:
+        # Frames come at one rate: a longer step is a frame that is not there.
+        if step[row] > 1.5 * usual:
             refuse(
                 f"leaps by {step[row]:.4g} s after {recording.time[row]:.6g} s, where frames come every {usual:.3g} s",
                 "time",
@@ -340,8 +335,9 @@ def _channels_of(recording: Recording) -> Iterator[tuple[str, Array, float]]:
         yield label, values[~np.isnan(values)], _FARTHEST
     for plate in recording.plates:
         name = plate.name[:60]
-        yield f"{name}, force", plate.force, _LARGEST_FORCE
-        yield f"{name}, moment", plate.moment, _LARGEST_MOMENT
+        # A jump has ten times a person's weight; a moment about the origin may be in N·mm [N, N·m].
+        yield f"{name}, force", plate.force, 1e6
+        yield f"{name}, moment", plate.moment, 1e9
         if plate.corners is not None:
             yield f"{name}, corners", plate.corners, _FARTHEST
 

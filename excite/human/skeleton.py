@@ -141,11 +141,6 @@ def point_jacobian(placement: Placement, points: Array, segment: NDArray[np.int6
 
 # Between postures (rotations) and the 34 joint angles of the model files.
 
-# The turn of an upper arm about its own axis ranges from some 60° outwards to 120° inwards; counted from the
-# middle, it keeps clear of the 90° at which the angles are singular.
-SHOULDER_TURN = np.radians(30.0)
-_NEAR_SINGULAR = np.radians(80.0)
-
 
 def frame_turn(index: int) -> Array:
     """Rotation from the frame of a segment's last joint axis to the segment's own, ``(3, 3)``."""
@@ -153,7 +148,9 @@ def frame_turn(index: int) -> Array:
     if segment.kind != "upper_arm":
         return np.eye(3)
     inward = 1.0 if segment.side == "right" else -1.0
-    return np.asarray(Rotation.from_rotvec([0.0, 0.0, inward * SHOULDER_TURN]).as_matrix())
+    # The turn of an upper arm about its own axis ranges from some 60° outwards to 120° inwards; counted from the
+    # middle, it keeps clear of the 90° at which the angles are singular.
+    return np.asarray(Rotation.from_rotvec([0.0, 0.0, inward * np.radians(30.0)]).as_matrix())
 
 
 def joint_angles(pose: Pose) -> Array:
@@ -189,7 +186,7 @@ def near_singular(angles: Array, source: str) -> tuple[Finding, ...]:
         if len(segment.axes) == 3:
             name = f"{segment.joint}_{segment.axes[1].name}"
             worst = np.abs(angles[:, JOINT_NAMES.index(name)]).max()
-            if worst > _NEAR_SINGULAR:
+            if worst > np.radians(80.0):
                 joints.append(name)
     if not joints:
         return ()

@@ -21,10 +21,7 @@ from excite.human.segments import NAMES
 from excite.human.skeleton import DESCENDANTS, N_SEGMENTS, Pose
 from excite.logs.signals.butterworth import lowpass, settling_samples
 
-_LONGEST_FILL_S = 0.2
-_STRIDE = 4
 _REPAIRS, _FAR_MARKERS = 4, 2
-_HELD = 20.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +68,8 @@ def trial_poses(calibration: Calibration, recording: Recording, cutoff_hz: float
         LogError: pelvis or torso are never seen, or the trial is too short to filter.
     """
     model = calibration.model
-    points = _marker_matrix(recording, model.labels)
+    nothing = np.full((len(recording.time), 3), np.nan)
+    points = np.stack([recording.markers.get(label, nothing) for label in model.labels], axis=1)
     if not np.isfinite(points).all(axis=2).any():
         raise LogError("shows no marker of the body", source=recording.source)
     rough = _coarse_solution(model, points)
@@ -91,14 +89,9 @@ def trial_poses(calibration: Calibration, recording: Recording, cutoff_hz: float
     return TrialPoses(recording.time, solution.pose, solution.residual, model.labels, (*findings, *lost))
 
 
-def _marker_matrix(recording: Recording, labels: tuple[str, ...]) -> Array:
-    nothing = np.full((len(recording.time), 3), np.nan)
-    return np.stack([recording.markers.get(label, nothing) for label in labels], axis=1)
-
-
 def _coarse_solution(model: MarkerModel, points: Array) -> Solution:
     """Postures of every few frames from scratch, then all frames from these, then bad ones from good neighbours."""
-    frames = np.unique(np.append(np.arange(0, len(points), _STRIDE), len(points) - 1))
+    frames = np.unique(np.append(np.arange(0, len(points), 4), len(points) - 1))
     few = _repair_frames(model, points[frames], first_poses(model, points[frames]))
     start = interpolate_poses(frames.astype(float), few.pose, np.arange(len(points)).astype(float))
     return _repair_frames(model, points, solve_poses(model, points, start, steps=6))
@@ -151,7 +144,7 @@ def _filter_markers(points: Array, predicted: Array, recording: Recording, cutof
     filled[:, some] = lowpass(filled[:, some], rate, cutoff_hz, 3)
     for m in np.flatnonzero(some):
         for start, stop in runs_of(~shown[:, m]):
-            if stop - start > round(_LONGEST_FILL_S * rate):
+            if stop - start > round(0.2 * rate):
                 filled[start:stop, m] = np.nan
     filled[:, ~some] = np.nan
     return filled
@@ -192,7 +185,8 @@ def _prior_pose(model: MarkerModel, points: Array, pose: Pose, time: Array) -> _
             slerp = Slerp(good.astype(float), Rotation.from_matrix(rotation[good, k]))
             places = np.clip(np.flatnonzero(~enough), good[0], good[-1]).astype(float)
             standing[~enough, k] = slerp(places).as_matrix()
-            weight[~enough, k] = _HELD
+            # Held forty times as firmly as where its markers say what it does.
+            weight[~enough, k] = 20.0
         seconds = float((~enough).sum() * np.median(np.diff(time)))
         text = f"{NAMES[k]}: too few of its markers for {seconds:.2f} s; its posture is interpolated there"
         lost.append(Finding("lost_segment", text, {"seconds": seconds}, (NAMES[k],)))
@@ -226,7 +220,6 @@ def interpolate_poses(at: Array, pose: Pose, wanted: Array) -> Pose:
 
 FAR = 0.05
 """A pair of labels is exchanged only where both lie this far from where they belong [m]."""
-_MENDED = 0.5
 
 
 def restore_labels(
@@ -254,7 +247,7 @@ def restore_labels(
                 other = np.linalg.norm(shown[:, a] - predicted[:, b], axis=1) + np.linalg.norm(
                     shown[:, b] - predicted[:, a], axis=1
                 )
-                chosen = (distance[:, a] > FAR) & (distance[:, b] > FAR) & (other < _MENDED * own)
+                chosen = (distance[:, a] > FAR) & (distance[:, b] > FAR) & (other < 0.5 * own)
                 if chosen.any():
                     frames = bad[chosen]
                     points[np.ix_(frames, [a, b])] = points[np.ix_(frames, [b, a])]

@@ -31,9 +31,6 @@ from excite.threads import one_blas_thread
 BELT_RADIUS = 0.06
 """A belt is worn around a segment: its mass lies at this radius of gyration about its own centre [m]."""
 _MARGIN = 0.03
-_MOST, _MASS_SPREAD = 0.5, 10.0
-# Twenty times as likely, in the natural logarithm.
-_CLEAR = 3.0
 
 
 Place = tuple[float, float, float]
@@ -106,7 +103,8 @@ class AddedMass(Stated):
     @stated
     def tied_segments(self) -> tuple[Name, ...]:
         """Segments that the data do not tell from the likeliest one, which comes first."""
-        return tuple(c.segment for c in self.candidates if self.best.evidence - c.evidence < _CLEAR)
+        # Twenty times as likely, in the natural logarithm.
+        return tuple(c.segment for c in self.candidates if self.best.evidence - c.evidence < 3.0)
 
     def summary(self) -> str:
         """One line."""
@@ -183,13 +181,15 @@ def best_fit(columns: Array, target: Array, box: Array, body_mass: float) -> Any
     lower, upper = box[0] - _MARGIN, box[1] + _MARGIN
 
     def residual(x: Array) -> Array:
-        return columns @ _belt_parameters(x[0], x[1:]) - target
+        mass, place = x[0], x[1:]
+        inertia = mass * ((place @ place + BELT_RADIUS**2) * np.eye(3) - np.outer(place, place))
+        return columns @ np.concatenate([[mass], mass * place, inertia[ROWS, COLUMNS]]) - target
 
     fits = [
         least_squares(
             residual,
             np.concatenate([[1.0], start]),
-            bounds=(np.concatenate([[0.0], lower]), np.concatenate([[_MOST * body_mass], upper])),
+            bounds=(np.concatenate([[0.0], lower]), np.concatenate([[0.5 * body_mass], upper])),
             x_scale=np.array([1.0, 0.1, 0.1, 0.1]),
         )
         for start in (0.5 * (lower + upper), np.clip(np.zeros(3), lower + 1e-6, upper - 1e-6))
@@ -206,19 +206,12 @@ def weight_candidate(link: str, fit: Any, box: Array, noise: float) -> Candidate
     half = 0.5 * (box[1] - box[0])
     curvature = fit.jac.T @ fit.jac / noise
     off = (fit.x[1:] - box.mean(axis=0)) / half
-    total = curvature + np.diag(np.append(_MASS_SPREAD**-2.0, half**-2.0))
+    total = curvature + np.diag(np.append(0.01, half**-2.0))
     volume = np.linalg.slogdet(total)[1] + 2.0 * float(np.log(half).sum())
     evidence = -0.5 * (2.0 * fit.cost / noise + float(off @ off) + float(volume))
     std = float(np.sqrt(np.linalg.pinv(curvature)[0, 0]))
     x, y, z = (float(value) for value in fit.x[1:])
     return Candidate(link, float(fit.x[0]), std, (x, y, z), 2.0 * float(fit.cost), evidence)
-
-
-def _belt_parameters(mass: float, place: Array) -> Array:
-    """Ten parameters of a belt about the joint frame's origin, pinocchio's order."""
-    inertia = mass * ((place @ place + BELT_RADIUS**2) * np.eye(3) - np.outer(place, place))
-    six = inertia[ROWS, COLUMNS]
-    return np.concatenate([[mass], mass * place, six])
 
 
 # Where a weight is worn, and how heavy it is, from trials without and with it.
@@ -228,7 +221,6 @@ def _belt_parameters(mass: float, place: Array) -> Array:
 # eliminated, so that whatever is as wrong with the one as with the other - skin, joints, filters - does not
 # look like a weight.
 
-_PRIOR_SPREAD = 0.3
 # Plates' zeros wander from trial to trial by about this much, in force [N] and moment [N·m].
 _ZERO = np.repeat([3.0, 1.0], 3)
 
@@ -320,7 +312,8 @@ def _constant_wrench(base: Array, place: Array) -> Array:
 
 def _eliminate_body(problem: IdentificationProblem, without: Array, loaded: Array) -> tuple[Array, Array]:
     """Rows of the loaded trials with the body's parameters eliminated: columns and target."""
-    scale = prior_std(problem, _PRIOR_SPREAD)
+    # Share of the nominal parameters that the body may differ by.
+    scale = prior_std(problem, 0.3)
     for k in problem.unmeasured:
         scale[10 * k : 10 * k + 10] = 1e-9
     n = problem.n_params

@@ -111,9 +111,7 @@ def _direction(vector: Array) -> Array | None:
     return vector / length if length > 1e-9 else None
 
 
-def read_sensors(
-    model: pin.Model, description: RobotDescription, segments: tuple[Segment, ...], path: Path
-) -> tuple[WrenchSensor, ...]:
+def read_sensors(model: pin.Model, description: RobotDescription, path: Path) -> tuple[WrenchSensor, ...]:
     """Wrench sensors and where they sit; raises RobotError."""
     sensors = []
     for block in description.sensors.wrench:

@@ -83,7 +83,7 @@ def build_robot(description: RobotDescription, path: Path) -> Robot:
     urdf = read_urdf(model_path, stated)
     assumed = (
         *description.assumed,
-        *_assumed_ground(description),
+        *([_ASSUMED_GROUND] if ground_is_assumed(description) else []),
         *_assumed_choices(description),
         *_assumed_limits(description, urdf.tightened),
     )
@@ -108,7 +108,7 @@ def build_robot(description: RobotDescription, path: Path) -> Robot:
         description = without_motors(description, joint_names, mechanism, model)
     description = with_balls_down(description, urdf.root, model, upright, path)
     feet = tuple(read_foot(model, description, block.name, path, upright) for block in description.feet)
-    sensors = read_sensors(model, description, segments, path)
+    sensors = read_sensors(model, description, path)
     _check_carriers(description, model, path)
     rest = _rest_configuration(model, description, upright, feet)
     return Robot(
@@ -150,13 +150,11 @@ def _check_carriers(description: RobotDescription, model: pin.Model, path: Path)
 # What is assumed beside what a description says.
 
 
-def _assumed_ground(description: RobotDescription) -> Iterator[Assumed]:
-    if ground_is_assumed(description):
-        yield Assumed(
-            what="ground",
-            value="the plane that the base is mounted on; of a robot that hangs, below its reach",
-            consequence="motions stay above it: state collision.table_height, or null where nothing is there",
-        )
+_ASSUMED_GROUND = Assumed(
+    what="ground",
+    value="the plane that the base is mounted on; of a robot that hangs, below its reach",
+    consequence="motions stay above it: state collision.table_height, or null where nothing is there",
+)
 
 
 def _assumed_choices(description: RobotDescription) -> Iterator[Assumed]:

@@ -157,8 +157,7 @@ def test_a_reason_lets_it_out_and_goes_with_it(format: str, safe: Motion, arm: R
     else:
         text = b"".join(file.read_bytes() for file in ([path] if path.is_file() else path.rglob("*.*")))
         assert b"written all the same, the bench's limits are wider" in text and b"joint_velocity" in text
-    if format not in WITHOUT_MOTION:
-        assert not check_file(arm, path).safe
+    assert not check_file(arm, path).safe
     with pytest.raises(InputError, match="unsafe_anyway: is blank"):
         export_motion(spoilt, arm, format, tmp_path / "n", unsafe_anyway="  ", settings=examples(format))
 
@@ -189,8 +188,6 @@ def test_check_reads_what_export_writes(
     format: str, rate: float | None, safe: Motion, arm: Robot, standing: Motion, g1: Robot, tmp_path: Path
 ) -> None:
     kind = EXPORTERS[format]
-    if format in WITHOUT_MOTION:
-        pytest.skip(f"{format} holds no motion any more: {kind.summary}")
     for robot, motion in ((arm, safe), (g1, standing)):
         if not runs(format, robot, motion) or (robot.floating and format in WITHOUT_BASE):
             continue
@@ -207,8 +204,7 @@ def test_check_reads_what_export_writes(
             np.testing.assert_allclose(again.time, motion.time, atol=1e-9)
 
 
-# Formats that hold no motion any more; no free base; all numbers of q, v and a as they are.
-WITHOUT_MOTION = {"opensim"}
+# Formats that hold no free base; all numbers of q, v and a as they are.
 WITHOUT_BASE = {"openhrp", "unitree", "ros2-yaml", "lerobot", "mujoco-keyframes"}
 EXACT = {"csv", "npz", "ros2", "ros2-yaml", "mcap"}
 

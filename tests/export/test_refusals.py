@@ -35,7 +35,6 @@ ROWS = [
     ),
     Refused("franka", "ur10", "franka: robot 'ur10' " + NO_CHAIN.format(7)),
     Refused("franka", "iiwa14", "model: joint 'joint1' does not say which arm of Franka"),
-    *(Refused("opensim", name, "opensim: .* which no person of excite human has") for name in ("g1", "ur10")),
     Refused("lerobot", "panda", r"lerobot: rate_hz: is 62\.5 Hz, and LeRobot counts whole", rate_hz=62.5),
     Refused(
         "franka", "panda", "franka: rate_hz: is 500 Hz, and the controller runs at 1000 Hz", rate_hz=500.0

@@ -12,9 +12,10 @@ from excite.errors import MotionError
 from excite.export.export import export_motion
 from excite.formats.unitree import G1, H1, QUADRUPED
 from excite.motion.files import load_motion
+from excite.motion.motion import Motion
 from excite.robot.loading import load_robot
+from excite.robot.robot import Robot
 from tests.export.conftest import ready
-from tests.export.person import standing_still
 from tests.safety.motions import check_file
 
 GAINS = {"kp": 60, "kd": 2}
@@ -45,6 +46,15 @@ def test_every_motor_of_a_g1_gets_its_joint_at_500_hz(tmp_path: Path) -> None:
     assert said["motors"]["3"] == "left_knee_joint" and knee["mode"] == 1 and knee["tau"] == 0.0
     assert knee["kd"] == (kd.joints or {}).get("left_knee_joint", kd.default)
     assert said["verdict"]["safe"] and said["mode_pr"] == 0
+
+
+def standing_still(robot: Robot) -> Motion:
+    """0.6 s at 100 Hz in the robot's rest posture, on all feet."""
+    time = np.arange(61) / 100.0
+    zero = np.zeros((len(time), robot.model.nv))
+    contacts = {foot.name: np.ones(len(time), dtype=bool) for foot in robot.feet}
+    q = np.tile(robot.rest, (len(time), 1))
+    return Motion("still", robot.name, robot.joint_names, time, q, zero, zero, contacts)
 
 
 def test_a_quadrupeds_legs_are_in_the_sdks_order_not_the_models(tmp_path: Path) -> None:

@@ -17,11 +17,12 @@ from hypothesis import strategies as st
 import excite.robot.shapes.mesh_files
 from excite.atomic import write_text
 from excite.errors import ExciteError, RobotError
-from excite.export.models.mjcf import read_mjcf
+from excite.export.models.mjcf import read_template
 from excite.export.models.mjcf_compiled import compile_mjcf
 from excite.robot.catalogue import example_robot_data
 from excite.robot.init_robot.description import scaffold_description
 from excite.robot.init_robot.files import write_scaffold
+from excite.robot.loading import load_robot
 from excite.robot.mjcf.conversion import convert_mjcf
 from excite.robot.mjcf.scan import scan_mjcf
 from excite.robot.shapes.mesh_files import binary_stl, read_meshes
@@ -220,12 +221,12 @@ def test_a_bad_template_is_refused_before_mujoco_reads_it(
     path = tmp_path / "arm.xml"
     path.write_text(replaced(MJCF, old, new), encoding="utf-8")
     with pytest.raises(RobotError, match=line):
-        read_mjcf(path)
+        read_template(load_robot("ur10"), path)
 
 
 def test_a_template_is_compiled_as_it_stands(tmp_path: Path) -> None:
     path = tmp_path / "arm.xml"
     path.write_text(MJCF, encoding="utf-8")
-    model = compile_mjcf(read_mjcf(path), path)
+    model = compile_mjcf(path.read_bytes(), path)
     np.testing.assert_allclose(model.body_mass, [0.0, 2.0, 1.0])
     np.testing.assert_allclose(model.body_ipos[2], [0.0, 0.0, 0.15])

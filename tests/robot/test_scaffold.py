@@ -14,11 +14,8 @@ import yaml
 
 import excite
 from excite.errors import RobotError
-from excite.robot.init_robot.bare_model import bare_model
 from excite.robot.init_robot.description import scaffold_description
 from excite.robot.init_robot.files import write_scaffold
-from excite.robot.init_robot.limbs import Footing
-from excite.robot.init_robot.model_metadata import Said
 from excite.robot.init_robot.source import Source
 from excite.robot.legs import holding_torques, too_soft_to_stand
 from excite.robot.loading import load_robot
@@ -233,20 +230,6 @@ def test_hulls_that_touch_on_all_bent_legs_leave_a_biped_on_bent_legs(tmp_path: 
     assert "pelvis and left_hip_pitch" in said.value or "left_hip_pitch and pelvis" in said.value
 
 
-def test_a_sole_is_a_sole_where_the_search_begins_with_toes_down(tmp_path: Path) -> None:
-    path = tmp_path / "mine.urdf"
-    path.write_text(biped(), encoding="utf-8")
-    figure = bare_model(path, Said(), {}).figure
-    limits, drawn = figure.robot.limits, np.zeros(figure.robot.n_joints)
-    toes_down = drawn.copy()
-    toes_down[[figure.robot.joint_names.index(f"{side}_ankle_pitch_joint") for side in SIDES]] = 1.4
-    legs = figure.legs(drawn, free=True)
-    stand = Footing(figure, limits.position_lower, limits.position_upper, drawn).stand(toes_down, legs)
-    assert stand is not None
-    for foot in stand.feet:
-        assert np.ptp(foot.sole, axis=0)[:2] == pytest.approx([0.2, 0.1], abs=1e-3)
-
-
 def test_a_biped_is_given_servos_that_hold_it_upright_and_told_so(tmp_path: Path) -> None:
     """Twenty times its weight at the height of its mass; what the user says instead is judged when all motions fall."""
     robot = written(biped(), tmp_path)
@@ -297,17 +280,13 @@ def test_a_joint_that_follows_one_that_is_not_there_is_held(tmp_path: Path) -> N
     assert "it follows gone" in " ".join(str(one) for one in robot.description.assumed)
 
 
-def test_a_hand_begins_where_its_fingers_part(tmp_path: Path) -> None:
-    assert written(hand_on_an_arm(), tmp_path).joint_names == ("joint_0", "joint_1", "joint_2", "joint_3")
-
-
-def test_a_heavy_palm_leaves_fingers_fingers(tmp_path: Path) -> None:
-    """Of two hands of one kind a published pair moved the fingers of one, whose palm the file has as 0.7 kg."""
-    text = hand_on_an_arm()
-    light = f'<link name="part_3"><inertial><mass value="{0.2}"/>'
-    assert light in text
-    heavy = text.replace(light, light.replace("0.2", "0.7"))
-    assert written(heavy, tmp_path).joint_names == ("joint_0", "joint_1", "joint_2", "joint_3")
+@pytest.mark.parametrize("palm", ["0.2", "0.7"])
+def test_a_hand_begins_where_its_fingers_part(palm: str, tmp_path: Path) -> None:
+    """However heavy its palm: of two hands of one kind a published pair has one palm of 0.7 kg."""
+    light = '<link name="part_3"><inertial><mass value="0.2"/>'
+    assert light in hand_on_an_arm()
+    text = hand_on_an_arm().replace(light, light.replace("0.2", palm))
+    assert written(text, tmp_path).joint_names == ("joint_0", "joint_1", "joint_2", "joint_3")
 
 
 def test_an_arm_that_cannot_hold_itself_stretched_out_rests_where_it_can(tmp_path: Path) -> None:

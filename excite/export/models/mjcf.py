@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 from xml.etree.ElementTree import Element
@@ -246,29 +246,10 @@ def _sum_bodies(members: Sequence[Member]) -> Array:
 # A MuJoCo model of a robot as its author wrote it, and its text with other inertials and friction.
 
 
-@dataclass(frozen=True, eq=False)
-class Template:
-    """A MuJoCo model of a robot.
-
-    Attributes:
-        content: its text.
-        members: bodies of each segment, as compiled.
-    """
-
-    content: bytes
-    members: list[list[Member]]
-
-
-def read_template(robot: Robot, file: Path) -> Template:
-    """Read a MuJoCo model of a robot; raises InputError where it is another robot's, or MuJoCo refuses it."""
-    content = read_mjcf(file)
-    return Template(content, segment_bodies(robot, compile_mjcf(content, file)))
-
-
-def read_mjcf(file: Path) -> bytes:
-    """The text of a MuJoCo model, looked through; raises RobotError."""
+def read_template(robot: Robot, file: Path) -> list[list[Member]]:
+    """Bodies of each segment in a MuJoCo model of a robot; raises InputError where it is another's, or none."""
     scan_mjcf(file)
-    return read_bytes(file, limit=MAX_XML_BYTES)
+    return segment_bodies(robot, compile_mjcf(read_bytes(file, limit=MAX_XML_BYTES), file))
 
 
 def _edit_template(subject: Subject, name: str, file: Path) -> Rendered:
@@ -280,16 +261,17 @@ def _edit_template(subject: Subject, name: str, file: Path) -> Rendered:
     """
     robot, found = subject.robot, subject.found
     given = read_template(robot, file)
+    content = read_bytes(file, limit=MAX_XML_BYTES)
     segments = set(changed_segments(robot, found, force=False))
-    ten, text = found.inertial.reshape(-1, 10), XmlText(given.content, file)
+    ten, text = found.inertial.reshape(-1, 10), XmlText(content, file)
     pseudo = pseudo_inertia_matrices(found.inertial)
-    for k, (target, members) in enumerate(zip(pseudo, given.members, strict=True)):
+    for k, (target, members) in enumerate(zip(pseudo, given, strict=True)):
         if np.abs(target - _sum_bodies(members)).max() > _SAME * np.abs(target).max() > 0.0:
             segments.add(k)
     bodies = {str(body.get("name")): body for body in text.root.iter("body")}
     notes, changed = [], []
     for segment in sorted(segments):
-        split = split_segment(ten[segment], given.members[segment])
+        split = split_segment(ten[segment], given[segment])
         notes += [split.note] if split.note else []
         for body, parameters in split.shares.items():
             if body not in bodies:

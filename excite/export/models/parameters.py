@@ -63,7 +63,6 @@ def drive_attributes(
 
 # Share of a pseudo-inertia's largest eigenvalue that rounding may leave below zero.
 _ROUNDING = 1e-9
-_ROOM = 0.9
 
 
 class InconsistentModelError(InputError):
@@ -218,7 +217,7 @@ def _physical_share(pseudo: Array, carried: Array) -> float:
     if values[0] <= _ROUNDING * values[-1]:
         return 0.0
     half = vectors / np.sqrt(values)
-    return min(1.0, _ROOM / float(np.linalg.eigvalsh(half.T @ carried @ half)[-1]))
+    return min(1.0, 0.9 / float(np.linalg.eigvalsh(half.T @ carried @ half)[-1]))
 
 
 # What identification changed, parameter by parameter, with uncertainties.
@@ -296,7 +295,9 @@ def find_differences(standard_parameters: Mapping[str, Mapping[str, Any]]) -> Di
         nominal, std, determined = (block.get(key) or {} for key in ("nominal", "std", "determined"))
         for kind, names in _NAMES.items():
             for k, name in enumerate(names):
-                values = [_value_at(source.get(kind), k) for source in (nominal, block, std, determined)]
+                kept = [source.get(kind) for source in (nominal, block, std, determined)]
+                found = [one[k : k + 1] if isinstance(one, list) else [one] for one in kept]
+                values = [float(one[0]) if one and one[0] is not None else None for one in found]
                 if values[0] is None or values[1] is None:
                     continue
                 segment = str(block.get("name") or link)
@@ -304,12 +305,6 @@ def find_differences(standard_parameters: Mapping[str, Mapping[str, Any]]) -> Di
                     Difference(link, segment, name, _UNITS[kind], values[0], values[1], values[2], values[3])
                 )
     return Differences(tuple(rows))
-
-
-def _value_at(source: Any, index: int) -> float | None:
-    if isinstance(source, list):
-        source = source[index] if index < len(source) else None
-    return None if source is None else float(source)
 
 
 # Servos of a robot of which a log brought no more than a bare URDF.

@@ -22,7 +22,7 @@ from excite.export.models.parameters import (
     split_segment,
 )
 from excite.export.models.verification import Reading, States, held_joints, read_urdf_text
-from excite.export.models.xml_text import XmlText, moment_texts, number_text
+from excite.export.models.xml_text import XmlText, number_text
 from excite.formats.documents import MAX_XML_BYTES, parse_xml
 from excite.formats.file import read_bytes
 from excite.identification.inertia import parameters_of_pseudo_inertia, pseudo_inertia_matrices
@@ -30,6 +30,7 @@ from excite.robot.links import link_placement
 from excite.robot.loading import model_file
 from excite.robot.robot import Robot
 from excite.robot.urdf.inertia import Inertial, read_inertial
+from excite.robot.urdf.numbers import MOMENTS
 from excite.robot.urdf.reading import parse_urdf
 from excite.robot.urdf.tree import MOVING, WORLD, declare_world
 
@@ -37,8 +38,6 @@ from excite.robot.urdf.tree import MOVING, WORLD, declare_world
 URDF_TERMS = {
     "viscous": ("dynamics", "damping", 0.0),
     "coulomb": ("dynamics", "friction", 0.0),
-    "torque_limit": ("limit", "effort", np.nan),
-    "velocity_limit": ("limit", "velocity", np.nan),
 }
 
 
@@ -50,7 +49,7 @@ class UrdfFormat(ModelFormat):
     """
 
     name = "urdf"
-    summary = "URDF, the author's text kept (ROS, pinocchio, Drake, PyBullet)"
+    summary = "URDF, the author's text kept (ROS, Gazebo, pinocchio, Drake, PyBullet)"
     held: ClassVar[Mapping[str, str]] = {"viscous": "damping", "coulomb": "friction"}
     lacks: ClassVar[Mapping[str, str]] = {
         "armature": "URDF has no rotor inertia; add it where the simulator sets it",
@@ -147,9 +146,10 @@ def _set_inertial(link: Element, parameters: Array, name: str) -> None:
         # Read before with the robot: three numbers.
         turn = pin.rpy.rpyToMatrix(*map(float, origin.get("rpy", "").split()))
     origin.set("xyz", number_text(*body.lever))
+    moments = (turn.T @ body.inertia @ turn)[np.triu_indices(3)]
     for tag, values in (
         ("mass", {"value": number_text(body.mass)}),
-        ("inertia", moment_texts(turn.T @ body.inertia @ turn)),
+        ("inertia", dict(zip(MOMENTS, map(number_text, moments), strict=True))),
     ):
         found = inertial.find(tag)
         (SubElement(inertial, tag) if found is None else found).attrib.update(values)

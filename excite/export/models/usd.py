@@ -11,18 +11,14 @@ import numpy as np
 import pinocchio as pin
 
 from excite.arrays import Array
-from excite.export.models.model_format import (
-    Body,
-    Joint,
-    ModelFormat,
-    Rendered,
-    Subject,
-    Tree,
-    described_tree,
-)
+from excite.errors import RobotError
+from excite.export.models.model_format import ModelFormat, Rendered, Subject
 from excite.export.models.verification import Reading, States, read_pinocchio
 from excite.robot.robot import Robot
+from excite.robot.shapes.collision import TABLE, collision_shapes
 from excite.robot.shapes.shape import Shape
+from excite.simulation.mjcf import joint_axis, mechanical_range, segment_inertia
+from excite.simulation.true_parameters import PrincipalInertia
 
 # USD as text, its own grammar: prims with metadata and attributes, and the shapes of a body.
 
@@ -279,50 +275,82 @@ class UsdaFormat(ModelFormat):
 
     def render(self, subject: Subject) -> Rendered:
         """See :class:`ModelFormat`."""
-        tree = described_tree(subject)
-        name = prim_name(subject.stem)
-        names = _prim_names(tree)
+        robot, name = subject.robot, prim_name(subject.stem)
+        shapes: tuple[Shape, ...] = ()
+        notes: tuple[str, ...] = ()
+        try:
+            shapes = collision_shapes(robot)
+        except RobotError as error:
+            notes = (f"it has no shapes: {error.what}",)
         top = Prim("Xform", name, ["PhysicsArticulationRootAPI", "PhysxArticulationAPI"])
         top.lines.append("bool physxArticulation:enabledSelfCollisions = 0")
-        top.inside = [_body_prim(body, own) for body, own in zip(tree.bodies, names, strict=True)]
-        paths = [f"/{name}/{own}" for own in names]
-        joints = Prim("Scope", prim_name("joints", names))
-        if not tree.free:
+        taken, paths = list[str](), dict[int, str]()
+        for joint, body in _body_prims(subject, taken).items():
+            paths[joint] = f"/{name}/{body.name}"
+            body.inside = [shape_prim(one) for one in shapes if one.joint == joint and one.link != TABLE]
+            top.inside.append(body)
+        joints = Prim("Scope", prim_name("joints", taken))
+        if not robot.floating:
             anchor = Prim("PhysicsFixedJoint", "world_to_base")
             anchor.lines.append(f"rel physics:body1 = <{paths[0]}>")
             joints.inside.append(anchor)
         taken = ["world_to_base"]
-        for joint in tree.joints:
-            taken.append(prim_name(joint.name, taken))
-            joints.inside.append(_joint_prim(joint, taken[-1], paths))
+        terms = {term: subject.written(term) for term in UsdaFormat.held}
+        for index, own in enumerate(robot.joint_names):
+            taken.append(prim_name(own, taken))
+            known = {term: float(row[index]) for term, row in terms.items() if np.isfinite(row[index])}
+            joints.inside.append(_joint_prim(robot, own, taken[-1], paths, known))
         top.inside.append(joints)
         text = _HEAD.format(name=name) + "\n" + "\n".join(top.text()) + "\n"
-        return Rendered({f"{subject.stem}.usda": text.encode()}, tree.notes, subject.changed_links)
+        return Rendered({f"{subject.stem}.usda": text.encode()}, notes, subject.changed_links)
 
     def read(self, subject: Subject, rendered: Rendered, states: States) -> Reading:
         """Bodies and joints by pinocchio, terms by their attributes, in single precision where USD is."""
         return read_articulation(subject.robot, rendered.files[rendered.main].decode(), states)
 
 
-def _prim_names(tree: Tree) -> list[str]:
-    names: list[str] = []
-    for body in tree.bodies:
-        names.append(prim_name(body.name, names))
-    return names
+def _body_prims(subject: Subject, taken: list[str]) -> dict[int, Prim]:
+    """A rigid body for each joint that carries one, the base among them; their names are put to ``taken``.
+
+    Raises:
+        UnphysicalParametersError: a segment's parameters belong to no body.
+    """
+    robot, model = subject.robot, subject.robot.model
+    data, ten = model.createData(), subject.parameters.reshape(-1, 10)
+    pin.forwardKinematics(model, data, pin.neutral(model))
+    found = {}
+    for joint in range(1 if robot.floating else 0, model.njoints):
+        link = robot.segments[joint - 1].link if joint else _root_link(model)
+        taken.append(prim_name(link, taken))
+        prim = Prim("Xform", taken[-1], ["PhysicsRigidBodyAPI"], pose_attributes(data.oMi[joint]))
+        if joint or model.inertias[0].mass > 0.0:
+            inertia = segment_inertia(robot, joint, ten[joint - 1]) if joint else _base_inertia(model)
+            prim.schemas = ["PhysicsRigidBodyAPI", "PhysicsMassAPI"]
+            prim.lines += [
+                f"float physics:mass = {format_single(inertia.mass)}",
+                f"point3f physics:centerOfMass = {format_several(inertia.com)}",
+                f"float3 physics:diagonalInertia = {format_several(_single_moments(inertia.moments))}",
+                f"quatf physics:principalAxes = {format_quaternion(inertia.rotation)}",
+            ]
+        found[joint] = prim
+    return found
 
 
-def _body_prim(body: Body, name: str) -> Prim:
-    prim = Prim("Xform", name, ["PhysicsRigidBodyAPI"], pose_attributes(body.pose))
-    if body.inertia is not None:
-        prim.schemas = ["PhysicsRigidBodyAPI", "PhysicsMassAPI"]
-        prim.lines += [
-            f"float physics:mass = {format_single(body.inertia.mass)}",
-            f"point3f physics:centerOfMass = {format_several(body.inertia.com)}",
-            f"float3 physics:diagonalInertia = {format_several(_single_moments(body.inertia.moments))}",
-            f"quatf physics:principalAxes = {format_quaternion(body.inertia.rotation)}",
-        ]
-    prim.inside = [shape_prim(shape) for shape in body.shapes]
-    return prim
+def _root_link(model: pin.Model) -> str:
+    """The link that stands at a fixed base's origin; ``base`` where the robot's description has none there."""
+    names = [
+        str(frame.name)
+        for frame in model.frames
+        if frame.type == pin.FrameType.BODY and frame.parentJoint == 0 and frame.placement.isIdentity(1e-12)
+    ]
+    return next((name for name in names if name not in ("world", "universe")), "base")
+
+
+def _base_inertia(model: pin.Model) -> PrincipalInertia:
+    own = model.inertias[0]
+    moments, axes = np.linalg.eigh(own.inertia)
+    axes[:, 0] *= np.linalg.det(axes)
+    return PrincipalInertia(float(own.mass), np.array(own.lever), moments, axes)
 
 
 def _single_moments(moments: Array) -> Array:
@@ -335,19 +363,20 @@ def _single_moments(moments: Array) -> Array:
     return single.astype(float)
 
 
-def _joint_prim(joint: Joint, name: str, paths: list[str]) -> Prim:
-    kind = "PhysicsPrismaticJoint" if joint.slides else "PhysicsRevoluteJoint"
-    axis = "linear" if joint.slides else "angular"
+def _joint_prim(robot: Robot, own: str, name: str, paths: dict[int, str], terms: dict[str, float]) -> Prim:
+    """A joint of the robot with its drive; ``own`` is its name there, ``terms`` those that are known [SI]."""
+    joint = robot.model.getJointId(own)
+    direction, slides = joint_axis(robot.model, joint)
+    axis = "linear" if slides else "angular"
     schemas = [f"PhysicsDriveAPI:{axis}", f"PhysxJointAxisAPI:{axis}", "NewtonJointAPI"]
-    turn = _along_x(joint.axis)
-    angle = 1.0 if joint.slides else 180.0 / np.pi
-    lower, upper = (angle * value for value in joint.range)
+    turn, placement = _along_x(direction), robot.model.jointPlacements[joint]
+    lower, upper = (v if slides else v / DEGREE for v in mechanical_range(robot, joint))
     lines = [
-        f"rel physics:body0 = <{paths[joint.parent]}>",
-        f"rel physics:body1 = <{paths[joint.child]}>",
+        f"rel physics:body0 = <{paths[robot.model.parents[joint]]}>",
+        f"rel physics:body1 = <{paths[joint]}>",
         'uniform token physics:axis = "X"',
-        f"point3f physics:localPos0 = {format_several(joint.placement.translation)}",
-        f"quatf physics:localRot0 = {format_quaternion(joint.placement.rotation @ turn)}",
+        f"point3f physics:localPos0 = {format_several(placement.translation)}",
+        f"quatf physics:localRot0 = {format_quaternion(placement.rotation @ turn)}",
         "point3f physics:localPos1 = (0, 0, 0)",
         f"quatf physics:localRot1 = {format_quaternion(turn)}",
         f"float physics:lowerLimit = {format_single(lower)}",
@@ -355,13 +384,13 @@ def _joint_prim(joint: Joint, name: str, paths: list[str]) -> Prim:
         f'uniform token drive:{axis}:physics:type = "force"',
     ]
     for term, attribute in (*UsdaFormat.held.items(), *_AGAIN):
-        if term in joint.terms:
-            value = format_single(joint.terms[term] * unit_factor(term, slides=joint.slides))
+        if term in terms:
+            value = format_single(terms[term] * unit_factor(term, slides=slides))
             lines.append(f"float {attribute.format(axis=axis)} = {value}")
     # The name that the robot's description has, where USD takes no such name.
-    if name != joint.name:
-        lines.append(f'custom string excite:joint = "{joint.name}"')
-    return Prim(kind, name, schemas, lines)
+    if name != own:
+        lines.append(f'custom string excite:joint = "{own}"')
+    return Prim("PhysicsPrismaticJoint" if slides else "PhysicsRevoluteJoint", name, schemas, lines)
 
 
 def _along_x(axis: Array) -> Array:

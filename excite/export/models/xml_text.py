@@ -7,7 +7,6 @@ from pathlib import Path
 from xml.etree import ElementTree
 from xml.parsers import expat
 
-from excite.arrays import Array
 from excite.errors import RobotError
 from excite.formats.documents import parse_xml
 
@@ -84,14 +83,3 @@ class XmlText:
 def number_text(*values: float) -> str:
     """Numbers as an attribute's text, with as many digits as it takes to read the same ones back."""
     return " ".join(repr(float(value) + 0.0) for value in values)
-
-
-MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-"""Moments of inertia in the order in which URDF and SDF have them."""
-UPPER = ([0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2])
-"""Places of :data:`MOMENTS` in a matrix."""
-
-
-def moment_texts(inertia: Array) -> dict[str, str]:
-    """Moments of an inertia ``(3, 3)`` as attributes."""
-    return {name: number_text(value) for name, value in zip(MOMENTS, inertia[UPPER], strict=True)}

@@ -27,8 +27,6 @@ from excite.human.skeleton import (
     place_segments,
 )
 
-_PRIOR = 2.0
-
 
 @dataclass(frozen=True, eq=False)
 class MarkerModel:
@@ -91,7 +89,7 @@ def solve_poses(
         The solution.
     """
     n = len(points)
-    weight = np.full((n, N_SEGMENTS), 1.0 / _PRIOR) if prior_weight is None else prior_weight
+    weight = np.full((n, N_SEGMENTS), 0.5) if prior_weight is None else prior_weight
     standing = np.broadcast_to((neutral_pose() if prior is None else prior).rotation, start.rotation.shape)
     parts = []
     for first in range(0, n, _BLOCK):
@@ -116,9 +114,6 @@ _SIGMA = 0.01
 _CORE = 0.03
 # Elbows and knees bend one way only; beyond a little overextension a stiff spring keeps them from folding over.
 _HINGE_LEAST, _HINGE_SPRING = -0.15, 20.0
-_CONVERGED = 1e-6
-# A step of more than half a radian leaves the region in which the linearisation means anything.
-_LONGEST_STEP = 0.5
 
 
 @dataclass(eq=False)
@@ -175,7 +170,8 @@ def _fit_frames(
         normal, gradient = _normal_equations(model, state, active, target, seen, weight, robust=robust)
         normal[:, diagonal, diagonal] = (normal[:, diagonal, diagonal] + 1e-9) * (1.0 + damping[active, None])
         step: Array = np.asarray(np.linalg.solve(normal, gradient[:, :, None])[:, :, 0])
-        step *= np.minimum(1.0, _LONGEST_STEP / np.maximum(np.abs(step[:, 3:]).max(axis=1), 1e-12))[:, None]
+        # A step of more than half a radian leaves the region in which the linearisation means anything.
+        step *= np.minimum(1.0, 0.5 / np.maximum(np.abs(step[:, 3:]).max(axis=1), 1e-12))[:, None]
         trial = evaluate(state.pose[active].moved(step), active)
         old = state.cost[active]
         better = trial.cost <= old * (1.0 + 1e-12)
@@ -183,7 +179,7 @@ def _fit_frames(
         state.accept(active, trial, better)
         now = damping[active]
         damping[active] = np.where(better, np.maximum(0.1 * now, 1e-9), 10.0 * np.maximum(now, 1e-6))
-        done = np.where(better, gain <= _CONVERGED, damping[active] >= 1e4)
+        done = np.where(better, gain <= 1e-6, damping[active] >= 1e4)
         active = active[~done]
     return Solution(state.pose, np.where(seen, state.distance, np.nan), state.cost)
 

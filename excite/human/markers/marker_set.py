@@ -23,8 +23,6 @@ from excite.human.skeleton import DESCENDANTS, N_SEGMENTS, N_VELOCITY, Pose, pla
 # Where bony landmarks lie on the segments: first guesses, which calibration refines.
 
 _HERE = Path(__file__).parent
-# Stature that the places of the landmarks are of [m].
-_STATURE = 1.77
 
 
 class Landmark(NamedTuple):
@@ -59,7 +57,8 @@ def landmark_place(name: str, subject: Subject, dimensions: Dimensions) -> Array
         # Dumas' pelvis in units of the distance of the hips, which is what the dimensions hold.
         x, y, z = DUMAS_PELVIS[subject.sex].hip
         return dimensions["hip_half_width"] / z * np.array([-x, 50.0 * outward, -y])
-    place = np.array(landmark.place) * [1.0, outward, 1.0] * subject.height / _STATURE
+    # Stature that the places of the landmarks are of [m].
+    place = np.array(landmark.place) * [1.0, outward, 1.0] * subject.height / 1.77
     if landmark.anchor is not None:
         place += joint_offsets()[NAMES.index(_of_side(landmark.anchor, side))] @ dimensions.values
     return place
@@ -81,8 +80,6 @@ def _find_landmark(name: str) -> tuple[Landmark, str | None]:
 SCHEMA = "excite.markers/1"
 MARKER_SETS = {path.stem: path for path in sorted((_HERE / "sets").glob("*.yaml"))}
 """Sets that come with excite: mapping files as users write them."""
-_FEWEST = 10
-_SHARE = 0.5
 
 
 @dataclass(frozen=True)
@@ -125,7 +122,7 @@ def find_marker_set(labels: Iterable[str]) -> MarkerSet:
     present = {bare_label(label) for label in labels}
     best = max(map(read_marker_set, MARKER_SETS), key=lambda item: len(present & item.sites.keys()))
     found = len(present & best.sites.keys())
-    if found < max(_FEWEST, _SHARE * min(len(best.sites), len(present))):
+    if found < max(10, 0.5 * min(len(best.sites), len(present))):
         raise InputError(
             f"labels fit no known marker set ({best.name} has {found} of them): {list_names(sorted(present), 4)}",
             field="markers",
@@ -192,15 +189,6 @@ def _read_site(entry: object, label: str, path: Path) -> MarkerSite:
 # Postures drop out frame by frame (Schur complement), so that the work grows with the number of frames only
 # linearly.
 
-_MARKER_SIGMA = 0.01
-# Skin slides with the posture, not at random: however many frames there are, they say as much as these.
-_INDEPENDENT_FRAMES = 8.0
-_LANDMARK_SIGMA = 0.02
-_FREE_SIGMA = 0.5
-_POSTURE_SIGMA = 2.0
-_ROUNDS = 12
-_CONVERGED = 1e-4
-_FRAMES = 60
 _FEWEST_MARKERS = 3
 # Cost of a frame, in usual ones, beyond which a limb is taken to be folded: before and after it is adjusted.
 _BAD_FRAME, _FOLDED = 2.5, 5.0
@@ -276,14 +264,15 @@ def calibrate_body(
     )
     sound = _sound_frames(solution, _BAD_FRAME)
     points, solution = points[sound], replace(solution, pose=solution.pose[sound])
-    sigma = np.where(np.isfinite(guess).all(axis=1), _LANDMARK_SIGMA, _FREE_SIGMA)
+    # How far first guesses are off: of a bony landmark, and of a marker on none [m].
+    sigma = np.where(np.isfinite(guess).all(axis=1), 0.02, 0.5)
     return _adjust_jointly(model, dimensions, points, solution.pose, sigma)
 
 
 def _choose_frames(recording: Mapping[str, Array], labels: tuple[str, ...]) -> Array:
     """Some frames spread over a recording, ``(k, m, 3)``."""
     n = len(next(iter(recording.values())))
-    frames = np.unique(np.linspace(0, n - 1, min(n, _FRAMES)).astype(int))
+    frames = np.unique(np.linspace(0, n - 1, min(n, 60)).astype(int))
     nothing = np.full((len(frames), 3), np.nan)
     return np.stack([recording[label][frames] if label in recording else nothing for label in labels], axis=1)
 
@@ -322,11 +311,12 @@ def _adjust_jointly(
     precision = np.concatenate([dimensions.spread**-2.0, np.repeat(sigma**-2.0, 3)])
     covariance = np.diag(1.0 / precision)
     last = np.inf
-    for _ in range(_ROUNDS):
+    for _ in range(12):
         model = replace(model, local=local, offsets=basis @ values)
         solution = solve_poses(model, points, pose, steps=6)
         pose, sound = solution.pose, np.flatnonzero(_sound_frames(solution, _FOLDED))
-        share = min(1.0, _INDEPENDENT_FRAMES / len(sound))
+        # Skin slides with the posture, not at random: however many frames there are, they say as much as these.
+        share = min(1.0, 8.0 / len(sound))
         normal = np.diag(precision)
         right = precision * np.concatenate([first_values - values, (first_local - local).ravel()])
         total = float(right @ (right / precision))
@@ -338,7 +328,7 @@ def _adjust_jointly(
         step = covariance @ right
         values = values + step[: len(values)]
         local = local + step[len(values) :].reshape(-1, 3)
-        if abs(last - total) < _CONVERGED * total:
+        if abs(last - total) < 1e-4 * total:
             break
         last = total
     model = replace(model, local=local, offsets=basis @ values)
@@ -366,7 +356,8 @@ def _shared_equations(model: MarkerModel, points: Array, pose: Pose, basis: Arra
     seen = np.asarray(np.isfinite(points).all(axis=2))
     error = np.where(seen[:, :, None], points - predicted, 0.0)
     distance = np.linalg.norm(error, axis=2)
-    scale = seen / (1.0 + (distance / 0.03) ** 2) / _MARKER_SIGMA
+    # Markers are seen to a centimetre; what lies farther than three off counts less.
+    scale = seen / (1.0 + (distance / 0.03) ** 2) / 0.01
     n, m = seen.shape
     own = point_jacobian(placed, predicted, model.segment) * scale[:, :, None, None]
     shared = np.zeros((n, m, 3, basis.shape[2] + 3 * m))
@@ -381,7 +372,8 @@ def _shared_equations(model: MarkerModel, points: Array, pose: Pose, basis: Arra
     own, shared = own.reshape(n, 3 * m, -1), shared.reshape(n, 3 * m, -1)
     right = (error * scale[:, :, None]).reshape(n, 3 * m)
     normal = own.transpose(0, 2, 1) @ own
-    normal[:, np.arange(N_VELOCITY), np.arange(N_VELOCITY)] += _POSTURE_SIGMA**-2.0
+    # Postures stay within some 2 rad of where they were.
+    normal[:, np.arange(N_VELOCITY), np.arange(N_VELOCITY)] += 0.25
     mixed = own.transpose(0, 2, 1) @ shared
     eliminated = np.linalg.solve(normal, mixed)
     flat = shared.reshape(-1, shared.shape[2])

@@ -35,7 +35,7 @@ from excite.robot.shapes.stand_ins import box_shapes, links_lacking_geometry, li
 from excite.robot.urdf.inertia import GEOMETRY, check_weights, inertial_faults
 from excite.robot.urdf.limits import stated_ranges
 from excite.robot.urdf.reading import MAX_NESTING, prepare_urdf
-from excite.robot.urdf.tree import MOVING, check_tree, link_at
+from excite.robot.urdf.tree import MOVING, LinkTree, check_tree
 
 # A robot whose description is not complete yet, built with stand-ins for what only a person can say.
 
@@ -212,6 +212,11 @@ class BareModel:
         return self.figure.robot
 
     @property
+    def base_link(self) -> str:
+        """The link that no joint carries."""
+        return LinkTree(self.joints).root
+
+    @property
     def locked(self) -> dict[str, float]:
         """Where joints are held [rad or m]."""
         return {name: one.value for name, one in self.held.items()}
@@ -330,16 +335,12 @@ def read_ties(
     couplings: tuple[Mapping[str, Any], ...],
 ) -> Ties:
     """What blocks of a ``robot.yaml`` tie together in a URDF with these joints."""
-    carriers = {link_at(joint, "child"): (name, link_at(joint, "parent")) for name, joint in joints.items()}
+    tree = LinkTree(joints)
 
-    def chain(link: str) -> set[str]:
-        found = set()
-        while link in carriers:
-            name, link = carriers[link]
-            found |= {name} if joints[name].get("type") in MOVING else set()
-        return found
+    def chain(end: Mapping[str, Any]) -> set[str]:
+        return {name for name in tree.above(end["link"]) if joints[name].get("type") in MOVING}
 
-    between = [chain(block["ends"][0]["link"]) ^ chain(block["ends"][1]["link"]) for block in loops]
+    between = [chain(block["ends"][0]) ^ chain(block["ends"][1]) for block in loops]
     return Ties(
         (
             *(("loops", block, frozenset(names)) for block, names in zip(loops, between, strict=True)),

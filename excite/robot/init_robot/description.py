@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,19 +19,13 @@ from excite.display import count, span
 from excite.finding import first_names
 from excite.results import Assumed
 from excite.robot.init_robot.bare_model import BareModel, bare_model
-from excite.robot.init_robot.first_guesses import (
-    FRICTION,
-    JointGuess,
-    assumed_structure,
-    guess_pairs,
-    joint_inertias,
-)
+from excite.robot.init_robot.first_guesses import JointGuess, guess_pairs, held_still, joint_inertias
 from excite.robot.init_robot.model_metadata import Said
 from excite.robot.init_robot.rest import Rest, find_rest, weak_joints
 from excite.robot.legs import UPRIGHT, toppling_stiffness
 from excite.robot.robot import Robot
 from excite.robot.shapes.collision import TABLE, ground_height, links_below
-from excite.robot.urdf.tree import MAX_NAME, link_at
+from excite.robot.urdf.tree import MAX_NAME
 
 AS_IT_IS = "as the model has it"
 """How the reason begins with which a first description takes a fault of a link's inertia that no person accepted."""
@@ -107,69 +101,60 @@ def _description_content(
     model: BareModel, rest: Rest, folder: Path, rng: np.random.Generator, armature: Mapping[str, float]
 ) -> dict[str, Any]:
     """The blocks in their order, of a model that rests so; ``folder`` is where they will be read."""
-    robot, path, stands, free = model.robot, model.path, rest.base == "floating", model.free
-    names, mass, legs = robot.joint_names, float(model.figure.beyond[0]), _leg_contacts(robot, rest)
-    rotors = {name: armature[name] for name in names if name in armature}
+    robot, path, figure = model.robot, model.path, model.figure
+    names, mass, legs = robot.joint_names, float(figure.beyond[0]), _leg_contacts(robot, rest)
     # What the drives' torques turn: the bodies and the rotors.
-    inertia = joint_inertias(robot, rng) + [rotors.get(name, 0.0) for name in names]
-    # Torque limits that lift the robot many times stand for none.
+    inertia = joint_inertias(robot, rng) + [armature.get(name, 0.0) for name in names]
     # A stated torque that lifts so many of the whole robot, a metre away, stands for no limit. In the URDFs looked at
     # those that do (10000, 50000, 1e9 N·m) lift 10 of it and more, the strongest drives 6 (a gripper) and 3.5
     # (Minitaur). Alexander's 1000 N·m lift 2.2 of it and are believed.
     most = 8.0 * 9.81 * mass
-    free = tuple(replace(g, torque=None) if g.torque and g.torque > most else g for g in free)
+    free = [replace(g, torque=None) if g.torque and g.torque > most else g for g in model.free]
     loads = weight_loads(robot, rng, legs, 9.81 * mass if legs else 0.0)
-    torques, said = torque_limits(robot, free, loads, inertia)
-    torque = {g.name: torques.get(g.name, g.torque or 1.0) for g in free}
-    slides = {name for name, joint in model.joints.items() if joint.get("type") == "prismatic"}
-    limits, more = limits_block(free, inertia, torques, slides)
-    sensors, noise = guess_sensors(torque, _base_link(model.root, model.joints) if stands else None)
     ground = None
-    if not stands:
-        held_up = rest.base == "held"
-        ground = ground_height(model.figure.model, model.figure.shapes, rest.q, held_up=held_up)
-    unlimited = tuple(g.name for g in free if g.position is None)
-    faults = model.faults[stands]
-    structure = assumed_structure(
-        model.held, faults, model.geometry.fault, rest, ground, model.figure, model.ranged, unlimited
-    )
-    controller, stiff = controller_block(robot, inertia, loads, legs, mass)
-    friction = uncounted_friction(model.joints, free, torque)
+    if rest.base != "floating":
+        ground = ground_height(figure.model, figure.shapes, rest.q, held_up=rest.base == "held")
+    assumed = [*assumed_structure(model, rest, ground), *rest.assumed]
+    limits = limits_block(model, free, inertia, loads, assumed)
+    stated = limits.get("torque", {"joints": {}})["joints"]
+    torque = {g.name: stated.get(g.name, g.torque or 1.0) for g in free}
+    note_friction(model.joints, free, torque, assumed)
+    controller = controller_block(robot, inertia, loads, legs, mass, assumed)
+    sensors = sensors_block(torque, model.base_link if rest.base == "floating" else None, assumed)
     joints = {n: round(float(v), 5) for n, v in zip(names, rest.q, strict=True) if abs(v) > 1e-6}
-    pairs = [list(pair) for pair in guess_pairs(robot)]
-    accepted = {"acknowledged": {k: f"{AS_IT_IS}: {v}" for k, v in faults.items()}} if faults else {}
-    where = os.path.relpath(path.resolve(), folder.resolve())
-    inertias = {name: float(f"{value:.6g}") for name, value in rotors.items()}
-    wide = {name: [-3.1416, 3.1416] for name in unlimited}
+    accepted = {name: f"{AS_IT_IS}: {fault}" for name, fault in model.faults[rest.base == "floating"].items()}
+    rotors = {name: float(f"{armature[name]:.6g}") for name in names if name in armature}
+    wide = {g.name: [-3.1416, 3.1416] for g in free if g.position is None}
     position = "the model's, less a margin" + ", half a turn either way where it has none" * bool(wide)
+    where = os.path.relpath(path.resolve(), folder.resolve())
     content: dict[str, Any] = {
         "schema": "excite.robot/1",
         "name": path.stem[:MAX_NAME],
         "title": model.root.get("name", "") or path.stem,
-        "model": {"path": where, **accepted, "source": f"the file {path.name}"},
+        "model": _filled(path=where, acknowledged=accepted, source=f"the file {path.name}"),
         "base": rest.base,
         "locked_joints": model.locked,
         **model.moving,
         "posture": {"joints": joints, "source": rest.source},
-        "limits": {
-            "position": {**({"joints": wide} if wide else {}), "margin": model.margin, "source": position},
-            **limits,
-        },
+        "limits": {"position": _filled(joints=wide, margin=model.margin, source=position), **limits},
         "feet": feet_block(rest),
         "sensors": sensors,
         "controller": controller,
-        "drives": {"armature": {"joints": inertias, "source": "the model's armature"}} if rotors else {},
-        "segments": {"pairs": pairs} if pairs else {},
+        "drives": {"armature": {"joints": rotors, "source": "the model's armature"}} if rotors else {},
+        "segments": _filled(pairs=[list(pair) for pair in guess_pairs(robot)]),
         "collision": _collision_block(model, rest, ground),
     }
-    content = {name: block for name, block in content.items() if block not in ({}, [])}
-    assumed = (*structure, *rest.assumed, *said, *more, *friction, *stiff, *noise)
-    content["assumed"] = [one.to_json() for one in assumed]
+    content = {**_filled(**content), "assumed": [one.to_json() for one in assumed]}
     follow = {name for name, passive in zip(names, robot.passive, strict=True) if passive}
     drives = content.get("drives", {}).values()
     for block in (*limits.values(), sensors["noise_torque"], *controller.values(), *drives):
         block["joints"] = {name: value for name, value in block["joints"].items() if name not in follow}
     return content
+
+
+def _filled(**content: Any) -> dict[str, Any]:
+    """A block without what is empty in it."""
+    return {name: value for name, value in content.items() if value not in ({}, [])}
 
 
 def _collision_block(model: BareModel, rest: Rest, ground: float | None) -> dict[str, Any]:
@@ -179,16 +164,15 @@ def _collision_block(model: BareModel, rest: Rest, ground: float | None) -> dict
     boxes = "boxes of the links' inertia where there is none" if block.stand_ins else ""
     near = [{"links": list(pair), "distance": distance} for pair, distance in rest.near.items()]
     below = [] if ground is None else links_below(figure.model, figure.shapes, rest.q, ground, block.margin)
-    content = {
-        "geometry": model.geometry.kind or "authored",
-        "shapes": model.authored,
-        "stand_ins": list(block.stand_ins),
-        "margin": block.margin,
-        "table_height": [] if ground is None else round(ground, 4),
-        "near_pairs": near,
-    }
     return {
-        **{name: value for name, value in content.items() if value != []},
+        **_filled(
+            geometry=model.geometry.kind or "authored",
+            shapes=model.authored,
+            stand_ins=list(block.stand_ins),
+            margin=block.margin,
+            table_height=[] if ground is None else round(ground, 4),
+            near_pairs=near,
+        ),
         "ignored_pairs": [list(pair) for pair in (*rest.ignored, *((link, TABLE) for link in below))],
         "source": f"{', '.join(filter(None, (built, boxes)))}; pairs computed by excite.robot.shapes.collision",
     }
@@ -205,62 +189,149 @@ def _wanted_posture(robot: Robot, posture: Mapping[str, float] | None) -> Array:
     return np.clip(stated, limits.position_lower + 0.2 * room, limits.position_upper - 0.2 * room)
 
 
-def _base_link(root: Any, joints: dict[str, Any]) -> str:
-    children = {link_at(joint, "child") for joint in joints.values()}
-    return next(str(link.get("name")) for link in root.findall("link") if link.get("name") not in children)
+# What had to be assumed, by consequence, and blocks that follow from the robot, its rest and its model's limits.
+
+FRICTION = 0.5
+"""Friction of soles that nobody stated: rubber on a dusty floor has 0.5 … 0.8."""
 
 
-# Blocks of a first description that follow from the robot, its rest and its model's limits.
+def assumed_structure(model: BareModel, rest: Rest, ground: float | None) -> list[Assumed]:
+    """Joints held or kept in a range, inertia, geometry and ground (or soles' friction) as they were assumed."""
+    figure = model.figure
+    block, shaped = figure.robot.description.collision, {shape.joint for shape in figure.shapes}
+    boxes = [shape.link for shape in block.shapes if shape.link in block.stand_ins]
+    why = f" ({model.geometry.fault[:150]})" if model.geometry.fault else ""
+    rows: tuple[tuple[str, Collection[str], str, str], ...] = (
+        (
+            "joints called continuous that do not turn on and on",
+            model.ranged,
+            "{}",
+            "the limits that the model states of them are kept: state limits.position if they are none",
+        ),
+        (
+            "position limits of joints that turn without end",
+            [guess.name for guess in model.free if guess.position is None],
+            "half a turn either way: {}",
+            "nothing stops the joint there: state limits.position, and wider ones if cables allow",
+        ),
+        (
+            "inertia as the model has it",
+            model.faults[rest.base == "floating"],
+            "{}",
+            "missing or impossible there: torques predicted for them are a guess",
+        ),
+        (
+            f"geometry of {count(len(boxes), 'link')}",
+            boxes,
+            "boxes of their own inertia, as large as their mass: {}",
+            f"collisions of these are checked roughly: theirs is not there or cannot be used{why}; "
+            "give --package-path FOLDER, where meshes are, or collision.shapes",
+        ),
+        (
+            "links without geometry",
+            [segment.link for segment in figure.robot.segments if segment.joint not in shaped],
+            "{}",
+            "nothing checks what they touch: give them <collision>, or collision.shapes",
+        ),
+    )
+    found = [
+        *held_still(model.held),
+        *(Assumed(what, said.format(first_names([*of])), so) for what, of, said, so in rows if of),
+    ]
+    if ground is None:
+        return [
+            *found,
+            Assumed("friction of soles", f"{FRICTION}", "feet may slip on a floor that is smoother"),
+        ]
+    below = links_below(figure.model, figure.shapes, rest.q, ground, block.margin)
+    consequence = "motions stay above it: state collision.table_height if it is elsewhere"
+    if rest.base == "held":
+        consequence = "hold the robot so high that this is its floor: nothing it may reach touches it"
+    consequence += f"; excepted: {', '.join(below)}" if below else ""
+    return [*found, Assumed("ground", f"a plane at {ground:.3f} m of the base's frame", consequence)]
+
+
+# What arms that people work beside keep to [rad/s, m/s]; a sixth of it for slides.
+_VELOCITY, _SLIDE_VELOCITY = 1.5, 0.25
+# Bundled robots have 3 to 30 rad/s²; without a torque limit nothing says what the drive can do.
+_ACCELERATION, _UNKNOWN_ACCELERATION = 30.0, 5.0
+
+
+def two_digits(value: float) -> float:
+    """Rounded to two significant digits, never to zero."""
+    return float(f"{max(value, 1e-6):.2g}")
 
 
 def limits_block(
-    free: tuple[JointGuess, ...], inertia: Array, torques: dict[str, float], slides: set[str]
-) -> tuple[dict[str, Any], list[Assumed]]:
-    """The block ``limits`` without positions, and what was assumed for it.
+    model: BareModel, free: Sequence[JointGuess], inertia: Array, loads: Array, assumed: list[Assumed]
+) -> dict[str, Any]:
+    """The block ``limits`` without positions, each on the careful side; what it assumes goes to ``assumed``.
 
     Args:
+        model: the model.
         free: the joints, without torque limits that stand for none.
         inertia: largest inertia at each joint, ``(n_joints,)``.
-        torques: torque limits that the model does not state.
-        slides: joints along an axis.
+        loads: largest torque of weight at each joint, ``(n_joints,)``.
+        assumed: gets what was assumed.
     """
-    velocities, assumed = velocity_limits(free, slides)
-    accelerations, jerks = dict[str, float](), dict[str, float]()
-    for guess, own in zip(free, inertia, strict=True):
-        known = guess.torque is not None and own > 0.0
+    velocity, torque, acceleration, jerk = (dict[str, float]() for _ in range(4))
+    for guess, own, load in zip(free, inertia, loads, strict=True):
+        name = guess.name
+        if guess.velocity is None:
+            slides = model.joints[name].get("type") == "prismatic"
+            velocity[name] = _SLIDE_VELOCITY if slides else _VELOCITY
+        if guess.torque is None:
+            # A drive is chosen for about twice the weight that it holds and moves.
+            torque[name] = two_digits(max(3.0 * (load + own * _UNKNOWN_ACCELERATION), 0.1))
         # Share of the torque limit that a proposed acceleration limit may use on the joint's own inertia.
-        share = 0.3 * (guess.torque or 0.0) / own if known else _UNKNOWN_ACCELERATION
-        most = min(two_digits(min(_ACCELERATION, share)), guess.acceleration or math.inf)
-        accelerations[guess.name], jerks[guess.name] = most, min(20.0 * most, guess.jerk or math.inf)
+        share = 0.3 * guess.torque / own if guess.torque and own > 0.0 else _UNKNOWN_ACCELERATION
+        acceleration[name] = min(two_digits(min(_ACCELERATION, share)), guess.acceleration or math.inf)
+        jerk[name] = min(20.0 * acceleration[name], guess.jerk or math.inf)
+    chosen = [jerk[guess.name] for guess in free if jerk[guess.name] != guess.jerk]
+    too_strong = "a motion may ask more of a drive than it gives: state limits.torque"
+    # Zero says something where others state more.
+    zero = [
+        g.name for g, passive in zip(free, model.robot.passive, strict=True) if g.effortless and not passive
+    ]
+    if any(guess.torque for guess in free) and zero:
+        too_strong += (
+            f"; it is 0 in the model for {first_names(zero)}: hold under locked_joints what no motor drives"
+        )
+    rows = (
+        ("torque", torque, f"three times weight and inertia at {len(torque)} joints", too_strong),
+        (
+            "velocity",
+            velocity,
+            f"{_VELOCITY} rad/s or {_SLIDE_VELOCITY} m/s at {len(velocity)} joints",
+            "motions are slower than the robot may be: state limits.velocity",
+        ),
+        (
+            "acceleration",
+            acceleration,
+            f"{_spanned(acceleration.values())} rad/s² or m/s², 30 % of the torque limit on the largest inertia",
+            "motions may be slower than the robot allows, or faster than its maker does",
+        ),
+        (
+            "jerk",
+            chosen,
+            f"{_spanned(chosen)} rad/s³ or m/s³, full acceleration within 0.05 s",
+            "motions may start and turn softer than the robot has to, or harder than its maker lets it",
+        ),
+    )
+    assumed += [Assumed(f"{name} limits", value, consequence) for name, of, value, consequence in rows if of]
     said = "assumed for joints whose limit the model does not state"
     rule = "30 % of the torque limit on the largest inertia at the joint, at most 30 rad/s²"
-    soft = "so that full acceleration takes 0.05 s to build up"
-    rows = (
-        ("velocity", velocities, said),
-        ("torque", torques, said),
-        ("acceleration", accelerations, rule),
-        ("jerk", jerks, soft),
-    )
-    block = {name: {"joints": values, "source": source} for name, values, source in rows if values}
-    assumed.append(
-        Assumed(
-            "acceleration limits",
-            f"{_spanned(accelerations.values())} rad/s² or m/s², 30 % of the torque limit on the largest inertia",
-            "motions may be slower than the robot allows, or faster than its maker does",
-        )
-    )
-    chosen = [jerks[guess.name] for guess in free if jerks[guess.name] != guess.jerk]
-    if chosen:
-        value = f"{_spanned(chosen)} rad/s³ or m/s³, full acceleration within 0.05 s"
-        consequence = (
-            "motions may start and turn softer than the robot has to, or harder than its maker lets it"
-        )
-        assumed.append(Assumed("jerk limits", value, consequence))
-    return block, assumed
+    sources = {
+        "velocity": (velocity, said),
+        "torque": (torque, said),
+        "acceleration": (acceleration, rule),
+        "jerk": (jerk, "so that full acceleration takes 0.05 s to build up"),
+    }
+    return {name: {"joints": of, "source": source} for name, (of, source) in sources.items() if of}
 
 
 def _spanned(values: Collection[float]) -> str:
-    return span(f"{min(values):g}", f"{max(values):g}")
+    return span(f"{min(values, default=0.0):g}", f"{max(values, default=0.0):g}")
 
 
 def feet_block(rest: Rest) -> list[dict[str, Any]]:
@@ -280,28 +351,32 @@ def feet_block(rest: Rest) -> list[dict[str, Any]]:
     ]
 
 
-def controller_block(
-    robot: Robot, inertia: Array, loads: Array, legs: Mapping[int, Array], mass: float
-) -> tuple[dict[str, Any], list[Assumed]]:
-    """The block ``controller``, gains of a servo at each joint, and what was assumed for it.
+def note_friction(
+    joints: Mapping[str, ElementTree.Element],
+    free: Sequence[JointGuess],
+    torque: Mapping[str, float],
+    assumed: list[Assumed],
+) -> None:
+    """Say what the model's ``<dynamics>`` would take of the drives' ``torque`` limits [N·m or N], which nothing counts.
 
-    Arguments as for :func:`guess_gains`.
+    Friction there is a drive's in some models and a simulator's damping in others, which nothing in the file tells.
     """
-    found = guess_gains(robot, inertia, loads, legs, mass)
-    said = "a servo that its load's weight bends by 0.7 degrees, of 8 Hz at least, damping 0.7"
-    if any(not tip.any() for tip in legs.values()):
-        said += ", legs on soles twenty times stiffer than what topples the robot"
-    block = {name: {"joints": values, "source": said} for name, values in found.items()}
-    if not legs:
-        return block, []
-    of_legs = [found["kp"][robot.joint_names[joint - 1]] for joint in legs]
-    size = " … ".join(f"{value:g}" for value in sorted({min(of_legs), max(of_legs)}))
-    value = f"kp {size} N·m/rad at the ends of the legs, as stiff as geared position servos are"
-    consequence = (
-        "motions are rehearsed with them, without feedback of balance: a robot with softer servos "
-        "may fall where this one stands: state controller.kp and kd"
-    )
-    return block, [Assumed("servo gains", value, consequence)]
+    shares: dict[str, float] = {}
+    for guess in free:
+        for dynamics in joints[guess.name].findall("dynamics"):
+            dry, viscous = (float(dynamics.get(name, "0")) for name in ("friction", "damping"))
+            share = (dry + viscous * (guess.velocity or 0.0)) / torque[guess.name]
+            if share > 0.0:
+                shares[guess.name] = share
+    if shares:
+        worst = max(shares, key=lambda name: shares[name])
+        what = f"friction that the model states at {count(len(shares), 'joint')}"
+        value = f"not counted; at full speed it would take {shares[worst]:.2g} of the torque limit of {worst}"
+        consequence = (
+            "a motion may ask more of a drive than it gives, unless that is a simulator's damping: state "
+            "drives.viscous and drives.coulomb"
+        )
+        assumed.append(Assumed(what, value, consequence))
 
 
 def _leg_contacts(robot: Robot, rest: Rest) -> dict[int, Array]:
@@ -314,83 +389,6 @@ def _leg_contacts(robot: Robot, rest: Rest) -> dict[int, Array]:
     return places
 
 
-# Numbers that a bare model lacks: limits, gains and noise, each on the careful side, and what was assumed for
-# them.
-
-# What arms that people work beside keep to [rad/s, m/s]; a sixth of it for slides.
-_VELOCITY, _SLIDE_VELOCITY = 1.5, 0.25
-# Bundled robots have 3 to 30 rad/s²; without a torque limit nothing says what the drive can do.
-_ACCELERATION, _UNKNOWN_ACCELERATION = 30.0, 5.0
-# Natural frequency of the servo on the joint's own inertia, and on the robot's that a leg carries [Hz]; its damping.
-_FREQUENCY, _DAMPING = 8.0, 0.7
-
-
-def two_digits(value: float) -> float:
-    """Rounded to two significant digits, never to zero."""
-    return float(f"{max(value, 1e-6):.2g}")
-
-
-def torque_limits(
-    robot: Robot, guesses: tuple[JointGuess, ...], loads: Array, inertia: Array
-) -> tuple[dict[str, float], list[Assumed]]:
-    """Torque limits that the model does not state, by joint, from weight ``loads`` and ``inertia`` ``(n_joints,)``."""
-    # A drive is chosen for about twice the weight that it holds and moves.
-    needed = 3.0 * (loads + inertia * _UNKNOWN_ACCELERATION)
-    found = {g.name: two_digits(max(needed[i], 0.1)) for i, g in enumerate(guesses) if g.torque is None}
-    if not found:
-        return {}, []
-    value = f"three times weight and inertia at {len(found)} joints"
-    consequence = "a motion may ask more of a drive than it gives: state limits.torque"
-    # Zero says something where others state more.
-    stating = any(guess.torque for guess in guesses)
-    zero = [g.name for g, passive in zip(guesses, robot.passive, strict=True) if g.effortless and not passive]
-    if stating and zero:
-        consequence += (
-            f"; it is 0 in the model for {first_names(zero)}: hold under locked_joints what no motor drives"
-        )
-    return found, [Assumed(what="torque limits", value=value, consequence=consequence)]
-
-
-def uncounted_friction(
-    joints: Mapping[str, ElementTree.Element], guesses: tuple[JointGuess, ...], torque: Mapping[str, float]
-) -> list[Assumed]:
-    """What the model's ``<dynamics>`` would take of the drives' ``torque`` limits [N·m or N], which nothing counts.
-
-    Friction there is a drive's in some models and a simulator's damping in others, which nothing in the file tells.
-    """
-    shares: dict[str, float] = {}
-    for guess in guesses:
-        for dynamics in joints[guess.name].findall("dynamics"):
-            dry, viscous = (float(dynamics.get(name, "0")) for name in ("friction", "damping"))
-            share = (dry + viscous * (guess.velocity or 0.0)) / torque[guess.name]
-            if share > 0.0:
-                shares[guess.name] = share
-    if not shares:
-        return []
-    worst = max(shares, key=lambda name: shares[name])
-    what = f"friction that the model states at {count(len(shares), 'joint')}"
-    value = f"not counted; at full speed it would take {shares[worst]:.2g} of the torque limit of {worst}"
-    consequence = (
-        "a motion may ask more of a drive than it gives, unless that is a simulator's damping: state "
-        "drives.viscous and drives.coulomb"
-    )
-    return [Assumed(what, value, consequence)]
-
-
-def velocity_limits(
-    guesses: tuple[JointGuess, ...], slides: set[str]
-) -> tuple[dict[str, float], list[Assumed]]:
-    """Velocity limits that the model does not state, by joint."""
-    found = {
-        g.name: _SLIDE_VELOCITY if g.name in slides else _VELOCITY for g in guesses if g.velocity is None
-    }
-    if not found:
-        return {}, []
-    value = f"{_VELOCITY} rad/s or {_SLIDE_VELOCITY} m/s at {len(found)} joints"
-    consequence = "motions are slower than the robot may be: state limits.velocity"
-    return found, [Assumed(what="velocity limits", value=value, consequence=consequence)]
-
-
 def weight_loads(robot: Robot, rng: np.random.Generator, legs: Mapping[int, Array], weight: float) -> Array:
     """Largest torque of weight at each joint over random postures, of legs with the robot's weight at their ends.
 
@@ -400,35 +398,35 @@ def weight_loads(robot: Robot, rng: np.random.Generator, legs: Mapping[int, Arra
         legs: by the joint at a leg's end, where it touches the ground in that joint's frame ``(3,)`` [m].
         weight: of the robot [N].
     """
-    data = robot.model.createData()
-    loads = np.zeros(robot.n_joints)
-    for q in robot.draw_configurations(rng, 30):
-        weight_now = pin.computeGeneralizedGravity(robot.model, data, q)
-        loads = np.maximum(loads, np.abs(robot.on_motors(q[None], weight_now[None])[0]))
+    data, drawn = robot.model.createData(), robot.draw_configurations(rng, 30)
+    tau = np.array([pin.computeGeneralizedGravity(robot.model, data, q).copy() for q in drawn])
+    loads = np.abs(robot.on_motors(np.array(drawn), tau)).max(axis=0)
     for _, index, reach in _leg_reaches(robot, legs):
         loads[index] = max(loads[index], 0.5 * weight * reach / max(len(legs) // 2, 1))
-    return loads
+    return np.asarray(loads)
 
 
 def _leg_reaches(robot: Robot, legs: Mapping[int, Array]) -> list[tuple[int, int, float]]:
     """Joints at ends of legs, indices of the joints of these, and how far the ground is from each at rest [m]."""
-    data = robot.model.createData()
+    data, found = robot.model.createData(), []
     pin.forwardKinematics(robot.model, data, robot.rest)
-    return [
-        (
-            leg,
-            joint - 1,
-            max(float(np.linalg.norm(data.oMi[leg].act(tip) - data.oMi[joint].translation)), 0.1),
-        )
-        for leg, tip in legs.items()
-        for joint in list(robot.model.supports[leg])[1:]
-    ]
+    for leg, tip in legs.items():
+        ground = data.oMi[leg].act(tip)
+        for joint in list(robot.model.supports[leg])[1:]:
+            reach = float(np.linalg.norm(ground - data.oMi[joint].translation))
+            found.append((leg, joint - 1, max(reach, 0.1)))
+    return found
 
 
-def guess_gains(
-    robot: Robot, inertia: Array, loads: Array, legs: Mapping[int, Array], mass: float
-) -> dict[str, dict[str, float]]:
-    """Stiffness and damping of servos by joint, which give way by little under the weight that they carry.
+def controller_block(
+    robot: Robot,
+    inertia: Array,
+    loads: Array,
+    legs: Mapping[int, Array],
+    mass: float,
+    assumed: list[Assumed],
+) -> dict[str, Any]:
+    """The block ``controller``, stiffness and damping of servos that give way by little under the weight they carry.
 
     Args:
         robot: the robot.
@@ -436,9 +434,10 @@ def guess_gains(
         loads: largest torque of weight at each joint, ``(n_joints,)``.
         legs: as for :func:`weight_loads`.
         mass: of the robot [kg].
+        assumed: gets what was assumed.
     """
     topples, loaded = np.zeros(robot.n_joints), np.zeros(robot.n_joints)
-    soles = (leg for leg, tip in legs.items() if not tip.any())
+    soles = [leg for leg, tip in legs.items() if not tip.any()]
     for joint, stiffness in toppling_stiffness(robot, soles, mass).items():
         topples[joint - 1] = stiffness
     for leg, index, reach in _leg_reaches(robot, legs):
@@ -447,34 +446,53 @@ def guess_gains(
         loaded[index] = 0.0 if legs[leg].any() else mass / len(legs) * reach**2
     # What weight bends a joint by [rad]: with it the bundled G1 has the 8000 N·m/rad with which it stands in
     # simulation as the real one does, and the Go2 the 2000 with which its trunk follows.
-    stiff = np.maximum(inertia * (2.0 * math.pi * _FREQUENCY) ** 2, loads / 0.0125)
+    # Natural frequency of the servo on the joint's own inertia, and on the robot's that a leg carries [Hz]; its
+    # damping.
+    stiff = np.maximum(inertia * (2.0 * math.pi * 8.0) ** 2, loads / 0.0125)
     # Damped for its load alone: of ten leg swings of an H1_2 seven stand with ankles damped for this stiffness, and
     # six with three tenths of that.
-    damping = 2.0 * _DAMPING * np.sqrt(stiff * np.maximum(inertia, loaded))
-    gains = {"kp": np.maximum(stiff, UPRIGHT * topples), "kd": damping}
-    return {
+    damping = 2.0 * 0.7 * np.sqrt(stiff * np.maximum(inertia, loaded))
+    gains = {
         kind: {n: max(two_digits(float(v)), 0.01) for n, v in zip(robot.joint_names, values, strict=True)}
-        for kind, values in gains.items()
+        for kind, values in (("kp", np.maximum(stiff, UPRIGHT * topples)), ("kd", damping))
     }
+    if legs:
+        of_legs = [gains["kp"][robot.joint_names[joint - 1]] for joint in legs]
+        size = " … ".join(f"{value:g}" for value in sorted({min(of_legs), max(of_legs)}))
+        value = f"kp {size} N·m/rad at the ends of the legs, as stiff as geared position servos are"
+        consequence = (
+            "motions are rehearsed with them, without feedback of balance: a robot with softer servos "
+            "may fall where this one stands: state controller.kp and kd"
+        )
+        assumed.append(Assumed("servo gains", value, consequence))
+    said = "a servo that its load's weight bends by 0.7 degrees, of 8 Hz at least, damping 0.7"
+    said += ", legs on soles twenty times stiffer than what topples the robot" * bool(soles)
+    return {name: {"joints": values, "source": said} for name, values in gains.items()}
 
 
-def guess_sensors(limits: dict[str, float], base_link: str | None) -> tuple[dict[str, Any], list[Assumed]]:
-    """The ``guess_sensors`` block: joint torques and, where ``base_link`` floats, an IMU there."""
-    # Torques of motor currents are seldom known better than to a hundredth of full scale.
-    block: dict[str, Any] = {
+def sensors_block(
+    torque: Mapping[str, float], base_link: str | None, assumed: list[Assumed]
+) -> dict[str, Any]:
+    """The block ``sensors``: joint torques and, where ``base_link`` floats, an IMU there."""
+    value, more = "200 Hz, torques of motor currents to 0.5 % of their limits, angles to 1e-4 rad", {}
+    if base_link is not None:
+        more = {
+            "noise_base_position": 1e-3,
+            "noise_base_orientation": 1e-3,
+            "imu": {"link": base_link, "noise_gyro": 5e-3, "noise_acceleration": 0.05},
+        }
+        value += ", an IMU on the base, no force sensor"
+    consequence = "predicted errors scale with it: state sensors from data sheets or a record at rest"
+    assumed.append(Assumed("sensors", value, consequence))
+    return {
         "rate_hz": 200.0,
         "noise_position": 1e-4,
         "joint_torque": "motor_side",
+        # Torques of motor currents are seldom known better than to a hundredth of full scale.
         "noise_torque": {
-            "joints": {name: two_digits(0.005 * value) for name, value in limits.items()},
+            "joints": {name: two_digits(0.005 * most) for name, most in torque.items()},
             "source": "assumed: 0.5 % of the torque limit",
         },
+        **more,
+        "source": "assumed; no model says it",
     }
-    value = "200 Hz, torques of motor currents to 0.5 % of their limits, angles to 1e-4 rad"
-    if base_link is not None:
-        block |= {"noise_base_position": 1e-3, "noise_base_orientation": 1e-3}
-        block["imu"] = {"link": base_link, "noise_gyro": 5e-3, "noise_acceleration": 0.05}
-        value += ", an IMU on the base, no force sensor"
-    block["source"] = "assumed; no model says it"
-    consequence = "predicted errors scale with it: state sensors from data sheets or a record at rest"
-    return block, [Assumed(what="sensors", value=value, consequence=consequence)]

@@ -15,15 +15,12 @@ from excite.arrays import Array
 from excite.display import count
 from excite.finding import first_names
 from excite.results import Assumed
-from excite.robot.init_robot.limbs import Figure
 from excite.robot.init_robot.model_metadata import link_mass
-from excite.robot.init_robot.rest import Rest
 from excite.robot.robot import Robot
-from excite.robot.shapes.collision import links_below
 from excite.robot.shapes.link_shapes import numbers_of, origin_of
 from excite.robot.urdf.inertia import GEOMETRY
 from excite.robot.urdf.numbers import read_number
-from excite.robot.urdf.tree import MOVING, link_at
+from excite.robot.urdf.tree import MOVING, LinkTree, link_at
 
 # What can be guessed about a robot from its URDF alone, for a person to confirm.
 
@@ -143,8 +140,6 @@ MASSLESS = "nothing with mass moves with it"
 TOO_WEAK = (
     "the torque limit that the model states cannot hold what it carries: state the drive's, if it gives more"
 )
-# Hands have three fingers or more, which weigh a twentieth of what the heaviest joint of a robot moves.
-_FINGERS, _HAND = 3, 0.05
 
 
 @dataclass(frozen=True)
@@ -167,7 +162,11 @@ def held_joints(
     Joints that mimic a held one follow it and do not stand here; those of a hand hold the one that they follow. Joints
     in ``tied`` close loops or are coupled and need no mass beyond them; those of loops, ``closing``, no limits either.
     """
-    masses = _masses_beyond(root, joints)
+    # Mass of all links beyond each joint [kg].
+    tree, masses = LinkTree(joints), dict.fromkeys(joints, 0.0)
+    for link in root.findall("link"):
+        for name in tree.above(link.get("name", "")):
+            masses[name] += link_mass(link)
     of_hands, rolling = _of_hands(joints, masses), _planar_base(root, joints)
     driven = _with_drives(root) & set(joints)
     hard: dict[str, Held] = {}
@@ -222,14 +221,11 @@ def _planar_base(root: ElementTree.Element, joints: dict[str, ElementTree.Elemen
         for link in root.findall("link")
         if any(link.find(f"{kind}/geometry") is not None for kind in GEOMETRY)
     }
-    ends = _joint_ends(joints)
-    here = next(
-        (parent for parent, _ in ends.values() if parent not in {child for _, child in ends.values()}), ""
-    )
-    turn, axes, found = np.eye(3), dict[str, Array](), set[str]()
-    while solid and len(below := [name for name, (parent, _) in ends.items() if parent == here]) == 1:
+    tree = LinkTree(joints)
+    here, turn, axes, found = tree.root, np.eye(3), dict[str, Array](), set[str]()
+    while solid and len(below := tree.below(here)) == 1:
         (name,) = below
-        joint, here = joints[name], ends[name][1]
+        joint, here = joints[name], tree.ends[name][1]
         turn = turn @ origin_of(joint.find("origin")).rotation
         axis = joint.find("axis")
         if joint.get("type") in MOVING:
@@ -244,24 +240,14 @@ def _planar_base(root: ElementTree.Element, joints: dict[str, ElementTree.Elemen
     return found
 
 
-def _joint_ends(joints: dict[str, ElementTree.Element]) -> dict[str, tuple[str, str]]:
-    """Links before and beyond each joint."""
-    return {name: (link_at(joint, "parent"), link_at(joint, "child")) for name, joint in joints.items()}
-
-
 def _of_hands(joints: dict[str, ElementTree.Element], masses: dict[str, float]) -> set[str]:
     """Joints beyond a link of little mass at which limbs part that have three or more ends."""
     moving = {name for name, joint in joints.items() if joint.get("type") in MOVING}
-    ends = _joint_ends(joints)
-    whole = max((masses[name] for name in moving), default=0.0)
-    found: set[str] = set()
-
-    def beyond(joint: str) -> set[str]:
-        """Moving joints beyond a joint."""
-        here = {name for name, (parent, _) in ends.items() if parent == ends[joint][1]}
-        return (here & moving).union(*map(beyond, here))
-
-    further = {name: beyond(name) for name in moving}
+    tree, whole = LinkTree(joints), max((masses[name] for name in moving), default=0.0)
+    found, further = set[str](), {name: set[str]() for name in moving}
+    for name in moving:
+        for before in set(tree.above(tree.ends[name][0])) & moving:
+            further[before].add(name)
     for joints_beyond in further.values():
         rests = [further[one] for one in joints_beyond]
         # A wrist or a forearm has all fingers beyond it, too; they part where no one joint leads to all others.
@@ -270,8 +256,9 @@ def _of_hands(joints: dict[str, ElementTree.Element], masses: dict[str, float]) 
         first = joints_beyond - set().union(*rests)
         if (
             part
-            and sum(not rest for rest in rests) >= _FINGERS
-            and sum(masses[one] for one in first) < _HAND * whole
+            # Hands have three fingers or more, which weigh a twentieth of what the heaviest joint of a robot moves.
+            and sum(not rest for rest in rests) >= 3
+            and sum(masses[one] for one in first) < 0.05 * whole
         ):
             found |= joints_beyond
     return found
@@ -281,84 +268,6 @@ def nearest_to_zero(guess: JointGuess) -> float:
     """The position nearest to zero within a joint's limits [rad or m]."""
     low, high = guess.position or (0.0, 0.0)
     return min(max(0.0, low), high)
-
-
-def _masses_beyond(root: ElementTree.Element, joints: dict[str, ElementTree.Element]) -> dict[str, float]:
-    """Mass of all links beyond each joint [kg]."""
-    carriers = {child: (name, parent) for name, (parent, child) in _joint_ends(joints).items()}
-    masses = dict.fromkeys(joints, 0.0)
-    for link in root.findall("link"):
-        here = link.get("name", "")
-        while here in carriers:
-            name, here = carriers[here]
-            masses[name] += link_mass(link)
-    return masses
-
-
-# What a first description assumed about a robot's build, by consequence.
-
-FRICTION = 0.5
-"""Friction of soles that nobody stated: rubber on a dusty floor has 0.5 … 0.8."""
-
-
-def assumed_structure(
-    held: dict[str, Held],
-    faults: dict[str, str],
-    geometry: str | None,
-    rest: Rest,
-    ground: float | None,
-    figure: Figure,
-    ranged: tuple[str, ...] = (),
-    unlimited: tuple[str, ...] = (),
-) -> list[Assumed]:
-    """Joints held or kept in a range, inertia, geometry and ground (or soles' friction) as they were assumed."""
-    block, shaped = figure.robot.description.collision, {shape.joint for shape in figure.shapes}
-    boxes = [shape.link for shape in block.shapes if shape.link in block.stand_ins]
-    bare = [segment.link for segment in figure.robot.segments if segment.joint not in shaped]
-    why = f" ({geometry[:150]})" if geometry else ""
-    rows = {
-        "joints called continuous that do not turn on and on": (
-            ranged,
-            "{}",
-            "the limits that the model states of them are kept: state limits.position if they are none",
-        ),
-        "position limits of joints that turn without end": (
-            unlimited,
-            "half a turn either way: {}",
-            "nothing stops the joint there: state limits.position, and wider ones if cables allow",
-        ),
-        "inertia as the model has it": (
-            [*faults],
-            "{}",
-            "missing or impossible there: torques predicted for them are a guess",
-        ),
-        f"geometry of {count(len(boxes), 'link')}": (
-            boxes,
-            "boxes of their own inertia, as large as their mass: {}",
-            f"collisions of these are checked roughly: theirs is not there or cannot be used{why}; "
-            "give --package-path FOLDER, where meshes are, or collision.shapes",
-        ),
-        "links without geometry": (
-            bare,
-            "{}",
-            "nothing checks what they touch: give them <collision>, or collision.shapes",
-        ),
-    }
-    found = held_still(held)
-    found += [
-        Assumed(what, value.format(first_names(names)), consequence)
-        for what, (names, value, consequence) in rows.items()
-        if names
-    ]
-    if ground is None:
-        consequence = "feet may slip on a floor that is smoother"
-        return [*found, Assumed("friction of soles", f"{FRICTION}", consequence)]
-    below = links_below(figure.model, figure.shapes, rest.q, ground, block.margin)
-    consequence = "motions stay above it: state collision.table_height if it is elsewhere"
-    if rest.base == "held":
-        consequence = "hold the robot so high that this is its floor: nothing it may reach touches it"
-    consequence += f"; excepted: {', '.join(below)}" if below else ""
-    return [*found, Assumed("ground", f"a plane at {ground:.3f} m of the base's frame", consequence)]
 
 
 def held_still(held: dict[str, Held]) -> list[Assumed]:

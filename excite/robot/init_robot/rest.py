@@ -250,7 +250,9 @@ class Postures:
             strain = self.strain(eased)
             if least is not None and strain >= least[0]:
                 continue
-            if self.touching(eased) or (ground is not None and self._is_below(eased, ground)):
+            low, parents = self.figure.lowest(eased), self.figure.model.parents
+            least_height = min((low[joint] for joint in low if joint and parents[joint]), default=np.inf)
+            if self.touching(eased) or (ground is not None and least_height < ground + self.margin):
                 continue
             least = strain, eased
             if strain <= 1.0:
@@ -299,10 +301,6 @@ class Postures:
     def touching(self, q: Array, slack: float = 0.0) -> list[tuple[str, str]]:
         """Pairs of links closer than the margin and some slack [m], those left out that are ignored."""
         return [pair for pair, distance in self._distances(q).items() if distance < self.margin + slack]
-
-    def _is_below(self, q: Array, ground: float) -> bool:
-        low, parents = self.figure.lowest(q), self.figure.model.parents
-        return any(z < ground + self.margin for joint, z in low.items() if joint and parents[joint] != 0)
 
     def _find_standing(self) -> Standing | None:
         """A posture with all feet on one plane, the centre of mass where they hold it, and nothing touching.
@@ -393,7 +391,6 @@ class Postures:
 
 # Bends of hip, knee and ankle from which standing postures are sought, and how far hips turn out [rad].
 _BENDS = (0.5, -0.5, 0.7, -0.7, 0.35, -0.35, 0.9, -0.9, 0.2, -0.2)
-_WIDE = (0.0, 0.12)
 # Cosine of 37 degrees: axes this near to each other, or to the ground, count as along them.
 _ALONG = 0.8
 
@@ -417,7 +414,7 @@ class Stances:
     def bent(self, legs: list[int]) -> list[Array]:
         """In the order in which they are tried."""
         starts = [self.wanted] if np.any(self.wanted) else []
-        starts += [self._bent(legs, bend, wide) for wide in _WIDE for bend in _BENDS]
+        starts += [self._bent(legs, bend, wide) for wide in (0.0, 0.12) for bend in _BENDS]
         return [*starts, self.wanted]
 
     def wide(self, legs: list[int]) -> list[Array]:

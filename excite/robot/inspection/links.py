@@ -19,14 +19,14 @@ import pinocchio as pin
 from excite.arrays import Array
 from excite.errors import RobotError
 from excite.finding import Finding
-from excite.robot.shapes.collision import turn_file_upright, turn_upright
+from excite.robot.shapes.collision import turn_upright
 from excite.robot.shapes.link_shapes import solid_shape
 from excite.robot.shapes.mesh_files import read_meshes
 from excite.robot.shapes.shape import outline, placed
 from excite.robot.urdf.inertia import WEIGHTLESS, symmetric_matrix
 from excite.robot.urdf.numbers import MOMENTS, read_numbers
 from excite.robot.urdf.reading import absolute_meshes
-from excite.robot.urdf.tree import MOVING, link_at
+from excite.robot.urdf.tree import MOVING, LinkTree, link_at
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,20 +49,19 @@ class Solid:
         return float(np.linalg.norm(np.ptp(self.points, axis=0)))
 
     @cached_property
-    def spread(self) -> tuple[Array, Array]:
-        """Centre ``(3,)`` [m] and covariance ``(3, 3)`` [m²] of a body of even density in it."""
+    def spread(self) -> Array:
+        """Covariance ``(3, 3)`` [m²] of a body of even density in it."""
         from scipy.spatial import ConvexHull
 
         hull = ConvexHull(self.points)
-        inside = self.points.mean(axis=0)
-        corners = self.points[hull.simplices] - inside
+        corners = self.points[hull.simplices] - self.points.mean(axis=0)
         volumes = np.abs(np.linalg.det(corners)) / 6.0
         sums = corners.sum(axis=1)
         centre = (volumes[:, None] * sums).sum(axis=0) / 4.0 / volumes.sum()
         # Second moments of a tetrahedron with one corner at the origin: ΣΣ (xᵢxⱼᵀ)(1 + δᵢⱼ) V / 20.
         squares = np.einsum("t,tki,tkj->ij", volumes, corners, corners)
         squares += np.einsum("t,ti,tj->ij", volumes, sums, sums)
-        return centre + inside, squares / 20.0 / volumes.sum() - np.outer(centre, centre)
+        return np.asarray(squares / 20.0 / volumes.sum() - np.outer(centre, centre))
 
     def distance(self, point: Array) -> float:
         """How far outside a point is, at least [m]; negative inside."""
@@ -145,6 +144,7 @@ class DescribedRobot:
     Attributes:
         links: by name, in the file's order.
         joints: those that move.
+        tree: which joints carry which links.
         faults: what could not be read.
         missing: meshes that are not there, by link.
     """
@@ -152,18 +152,17 @@ class DescribedRobot:
     def __init__(self, root: Element, path: Path, *, thorough: bool = True) -> None:
         self.path, self.thorough = path, thorough
         self._elements = {e.get("name", ""): e for e in root.findall("link")}
+        self._joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
         self.faults: list[Finding] = []
         self.missing = {
             name: lost for name, e in self._elements.items() if (lost := absolute_meshes(e, path))
         }
         self._hulls: dict[tuple[str, ...], Solid | None] = {}
         self._solids: dict[tuple[str, str], list[Array]] = {}
-        self._meshes: dict[Path, Array | None] = {}
+        self._meshes: dict[Path, Array] = {}
         self._tried: set[str] = set()
-        # Whether meshes with y up are meant to be turned.
-        self._turns = False
-        self._carriers = {link_at(joint, "child"): joint for joint in root.findall("joint")}
-        self.joints = [self._joint(j) for j in root.findall("joint") if j.get("type") in MOVING]
+        self.tree = LinkTree(self._joints)
+        self.joints = [self._joint(j) for j in self._joints.values() if j.get("type") in MOVING]
         self.links = {name: self._link(name, e) for name, e in self._elements.items()}
 
     def _say(self, kind: str, text: str, place: str, severity: Any, remedy: str | None) -> None:
@@ -181,35 +180,36 @@ class DescribedRobot:
             self._say("bad_number", said, where.split("'")[1], "spoils", error.remedy)
             return None
 
+    def _number(self, element: Element | None, key: str, where: str) -> float | None:
+        found = self._numbers(element, key, 1, where, None)
+        return None if found is None else float(found[0])
+
     def _joint(self, joint: Element) -> DescribedJoint:
-        limit, where = joint.find("limit"), f"joint {joint.get('name', '')!r}"
-        stated: dict[str, float] = {
-            key: float(found[0])
+        limit, name = joint.find("limit"), joint.get("name", "")
+        keys = [
+            key
             for key in ("lower", "upper", "effort", "velocity")
-            if limit is not None and key in limit.attrib
-            if (found := self._numbers(limit, key, 1, f"{where}/limit", None)) is not None
-        }
+            if limit is not None and key in limit.keys()
+        ]
+        stated = {key: self._number(limit, key, f"joint {name!r}/limit") for key in keys}
         axis = joint.find("axis")
-        found = np.zeros(3) if axis is None else self._numbers(axis, "xyz", 3, f"{where}/axis", None)
-        if found is None or not found.any():
-            found = np.array([1.0, 0.0, 0.0])
-        return DescribedJoint(
-            joint.get("name", ""),
-            str(joint.get("type")),
-            link_at(joint, "child"),
-            found / np.linalg.norm(found),
-            stated,
-        )
+        found = None if axis is None else self._numbers(axis, "xyz", 3, f"joint {name!r}/axis", None)
+        direction = np.eye(3)[0] if found is None or not found.any() else found / np.linalg.norm(found)
+        known: dict[str, float] = {key: value for key, value in stated.items() if value is not None}
+        return DescribedJoint(name, str(joint.get("type")), link_at(joint, "child"), direction, known)
 
     def _link(self, name: str, link: Element) -> DescribedLink:
-        above, body = self.ancestors(name), ""
-        pose: pin.SE3 | None = None if above[-1] in self._carriers else pin.SE3.Identity()
-        for head in above:
-            joint = self._carriers.get(head, Element("joint"))
-            step = self._pose(joint.find("origin"), f"joint {joint.get('name')!r}/origin")
+        head, body = name, ""
+        pose: pin.SE3 | None = pin.SE3.Identity()
+        for above in self.tree.above(name):
+            joint = self._joints[above]
+            step = self._pose(joint.find("origin"), f"joint {above!r}/origin")
             pose = None if step is None or pose is None else step * pose
             body = body or (head if joint.get("type") != "fixed" else "")
-        return DescribedLink(name, pose, body or above[-1], **self._inertial(name, link))
+            head = self.tree.ends[above][0]
+        # A circle has no root.
+        pose = None if head in self.tree.carriers else pose
+        return DescribedLink(name, pose, body or head, **self._inertial(name, link))
 
     def _pose(self, origin: Element | None, where: str) -> pin.SE3 | None:
         xyz, rpy = (self._numbers(origin, key, 3, where, "0 0 0") for key in ("xyz", "rpy"))
@@ -221,31 +221,21 @@ class DescribedRobot:
         weight = link.find("inertial/mass")
         if weight is None:
             return {}
-        mass = self._numbers(weight, "value", 1, f"{where}/mass", None)
+        mass = self._number(weight, "value", f"{where}/mass")
         pose = self._pose(link.find("inertial/origin"), f"{where}/origin")
-        keys = () if written is None else MOMENTS
-        six = [
-            float(value[0])
-            for key in keys
-            if (value := self._numbers(written, key, 1, f"{where}/inertia", None)) is not None
-        ]
-        if mass is None or pose is None or written is None or len(six) < len(MOMENTS):
+        if mass is None or pose is None or written is None:
             return {}
-        steps = [_half_digit(written.get(key, "")) for key, value in zip(MOMENTS, six, strict=True) if value]
+        six = {key: self._number(written, key, f"{where}/inertia") for key in MOMENTS}
+        if None in six.values():
+            return {}
+        steps = [_half_digit(written.get(key, "")) for key, value in six.items() if value]
         return {
-            "mass": float(mass[0]),
+            "mass": mass,
             "com": pose.translation.copy(),
-            "stated": np.array(six),
+            "stated": np.array([*six.values()], dtype=float),
             "step": max(steps, default=0.0),
             "axes": pose.rotation.copy(),
         }
-
-    def ancestors(self, link: str) -> list[str]:
-        """A link and all above it in the tree, to the root or to where the tree is a circle."""
-        found = [link]
-        while (joint := self._carriers.get(found[-1])) is not None and link_at(joint, "parent") not in found:
-            found.append(link_at(joint, "parent"))
-        return found
 
     @cached_property
     def mass(self) -> float:
@@ -286,16 +276,17 @@ class DescribedRobot:
         """Convex hull of a link's geometry of some kinds, with ``body`` of all links of its rigid body."""
         if (link, *kinds) not in self._hulls:
             here, points = self.links[link], list[Array]()
-            members = self.links.values() if "body" in kinds else [here]
-            for other in members:
-                if other is here:
-                    move = pin.SE3.Identity()
-                elif other.body == here.body and here.pose is not None and other.pose is not None:
+            for other in self.links.values() if "body" in kinds else [here]:
+                move = pin.SE3.Identity() if other is here else None
+                if (
+                    move is None
+                    and other.body == here.body
+                    and here.pose is not None
+                    and other.pose is not None
+                ):
                     move = here.pose.actInv(other.pose)
-                else:
-                    continue
-                shown = (kind for kind in kinds if kind != "body")
-                points += [placed(one, move) for kind in shown for one in self._points(other.name, kind)]
+                for kind in kinds if move is not None else ():
+                    points += [placed(one, move) for one in self._points(other.name, kind)]
             self._hulls[(link, *kinds)] = hull_of(points)
         return self._hulls[(link, *kinds)]
 
@@ -309,10 +300,10 @@ class DescribedRobot:
                 solid = next(element.iterfind("geometry/*"), None)
                 if pose is None or solid is None:
                     continue
+                corners = self._mesh(solid.get("filename", ""), link, kind) if solid.tag == "mesh" else None
+                if solid.tag == "mesh" and corners is None:
+                    continue
                 try:
-                    corners = self._mesh(solid.get("filename", ""), link, kind)
-                    if solid.tag == "mesh" and corners is None:
-                        continue
                     shape = solid_shape(solid, corners, self.path, where)
                     found.append(placed(outline(shape), pose))
                 except (RobotError, ValueError) as error:
@@ -324,38 +315,35 @@ class DescribedRobot:
         return self._solids[link, kind]
 
     def _mesh(self, name: str, link: str, kind: str) -> Array | None:
-        """Corners of a mesh; with the first of a kind all that links need of it are read. None of what is not there."""
+        """Corners of a mesh, None of what is not there or damaged; with the first of a kind all that links need of it
+        are read."""
         file = Path(name)
         if not name or name in self.missing.get(link, ()):
             return None
         if file not in self._meshes:
-            first = [one for one in self._elements if self._is_shown(one, kind) and kind not in self._tried]
-            links = [self._elements[one] for one in {link: None, **dict.fromkeys(first)}]
-            meshes = (mesh for e in links for mesh in e.iterfind(f"{kind}/geometry/mesh"))
+            first = [one for one in self._elements if kind not in self._tried and self._is_shown(one, kind)]
             self._tried.add(kind)
-            try:
-                points = read_meshes(Path(mesh.get("filename", "")) for mesh in meshes)
-                meant = turn_upright(links, kind, points)
-                self._turns = self._turns or meant is not points
-                self._meshes.update(meant)
-            except (RobotError, ValueError):
-                # One by one, so that what is damaged is named.
-                self._meshes[file] = self._read_one(file, link)
-        return self._meshes[file]
+            owners = {
+                Path(mesh.get("filename", "")): one
+                for one in {**dict.fromkeys(first), link: None}
+                for mesh in self._elements[one].iterfind(f"{kind}/geometry/mesh")
+                if mesh.get("filename") not in self.missing.get(one, ())
+            }
+            faults: dict[Path, RobotError] = {}
+            points = read_meshes(owners, faults)
+            for damaged, error in faults.items():
+                text = f"{damaged.name} {error.what}"
+                self._say("bad_mesh", text, owners[damaged], "limits", error.remedy)
+            links = [self._elements[one] for one in dict.fromkeys(owners.values())]
+            self._meshes |= dict.fromkeys(faults, np.zeros((0, 3))) | dict(turn_upright(links, kind, points))
+        corners = self._meshes[file]
+        return corners if len(corners) else None
 
     def _is_shown(self, link: str, kind: str) -> bool:
         """Whether a link's geometry of a kind is the first that it has, and is all there."""
         bare = self.thorough and self._elements[link].find("collision") is None
         shown = "visual" if bare else "collision"
         return kind == shown and link not in self.missing and self.links[link].weight > 0.0
-
-    def _read_one(self, file: Path, link: str) -> Array | None:
-        try:
-            points = read_meshes([file])[file]
-        except RobotError as error:
-            self._say("bad_mesh", f"{file.name} {error.what}", link, "limits", error.remedy)
-            return None
-        return turn_file_upright(file, points) if self._turns else points
 
 
 def hull_of(parts: list[Array]) -> Solid | None:

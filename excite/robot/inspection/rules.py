@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import cast
 
 import numpy as np
-import pinocchio as pin
 
 from excite.arrays import Array
 from excite.display import count
@@ -76,7 +75,7 @@ def _better_inertia(link: DescribedLink, solid: Solid | None) -> tuple[str, Arra
         return nearest
     even = np.zeros(6)
     if solid is not None and link.weight:
-        covariance = link.axes.T @ solid.spread[1] @ link.axes * link.weight
+        covariance = link.axes.T @ solid.spread @ link.axes * link.weight
         even = (np.trace(covariance) * np.eye(3) - covariance)[np.triu_indices(3)]
     found = [(words, reading) for words, reading in _readings(six, even) if is_possible(reading)]
     if not found or not even.any():
@@ -196,13 +195,9 @@ def numbers_in_words(values: Array) -> str:
 _DENSEST, _COPPER = 22_600.0, 8_960.0
 # Light foam, of which the lightest of these links is not, with 15 kg/m³; and water.
 _FOAM, _WATER = 10.0, 1e3
-# No link of a robot takes a thousand cubic metres [litres].
-_ROOM = 1e6
 # A centre of mass may lie this share of its shape's size beside it, since collision solids are drawn roughly: of these
 # links one in a hundred does, by up to 0.13, and one whose sign was lost by 0.3.
 _SLACK, _FAR = 0.05, 0.15
-# Share of an even body's inertia below which one stands for a point; the least of these links has 0.04.
-_POINT = 1e-2
 # How far beyond its shape's farthest corner an inertia is a slip of unit; identified ones are up to 6 times beyond.
 _SLIPPED = 30.0
 
@@ -239,7 +234,8 @@ def density(robot: DescribedRobot) -> Iterator[Finding]:
         remedy = "correct the mass, or the size of its shape"
         if slip != 1.0:
             remedy = f"all masses × {1.0 / slip:g}" + slip_in_words(slip)
-        elif litres > _ROOM:
+        # No link of a robot takes a thousand cubic metres [litres].
+        elif litres > 1e6:
             remedy = 'its shape is in millimetres: write scale="0.001 0.001 0.001"'
         elif sound:
             usual = float(np.median(sound))
@@ -296,15 +292,21 @@ def inertia_scale(robot: DescribedRobot) -> Iterator[Finding]:
         if own is None or not is_possible(link.stated):
             continue
         outside = own.distance(link.com) > 0.0
-        squared, even = _squared_spread(link), float(np.trace(own.spread[1]))
-        beyond = _least(robot, link, 1.0 if robot.thorough and not outside else _SLIPPED, _spread_beyond)
+        squared, even = _squared_spread(link), float(np.trace(own.spread))
+        beyond = _least(
+            robot,
+            link,
+            1.0 if robot.thorough and not outside else _SLIPPED,
+            lambda link, solid: _squared_spread(link) / ((solid.points - link.com) ** 2).sum(axis=1).max(),
+        )
         # Of a centre that is wrong itself, less than a slip of unit tells nothing.
         if outside and beyond <= _SLIPPED:
             continue
         said = f"its inertia spreads its mass over a radius of {_millimetres(squared)}"
         if beyond > 1.0:
             said += f", beyond its shape, which ends {_millimetres(squared / beyond)} from its centre of mass"
-        elif squared < _POINT * even:
+        # Share of an even body's inertia below which one stands for a point; the least of these links has 0.04.
+        elif squared < 1e-2 * even:
             said += f", where an even body of its shape has {_millimetres(even)}"
         else:
             continue
@@ -324,10 +326,6 @@ def _least(
         if least <= most:
             break
     return least
-
-
-def _spread_beyond(link: DescribedLink, solid: Solid) -> float:
-    return _squared_spread(link) / float(((solid.points - link.com) ** 2).sum(axis=1).max())
 
 
 def _squared_spread(link: DescribedLink) -> float:
@@ -354,7 +352,6 @@ def missing_meshes(robot: DescribedRobot) -> Iterator[Finding]:
 # What links and joints say of each other: copies, left and right, limits, and drives that hold what they
 # carry.
 
-_GRAVITY = 9.81
 _ALIKE = ", the same about every axis"
 # Twins of published models differ by a few per cent in mass; beyond that, and half their size, they are gross.
 _TWIN, _TWIN_INERTIA, _GROSS = 1.02, 1.5, 0.5
@@ -399,22 +396,17 @@ def asymmetry(robot: DescribedRobot) -> Iterator[Finding]:
     if not pairs:
         return
     # The plane across which most twins mirror each other with all joints at zero.
-    mirrored = np.array([[_mirrors(here, there, axis) for axis in range(3)] for *_, here, there in pairs])
+    places = np.array([[here.translation, there.translation] for *_, here, there in pairs])
+    signs = 1.0 - 2.0 * np.eye(3)
+    off = np.linalg.norm(signs * places[:, :1] - places[:, 1:], axis=2)
+    mirrored = (np.abs(places[:, 1]) > 1e-3) & (off < 2e-3)
     plane = int(mirrored.sum(axis=0).argmax())
     if 2 * mirrored[:, plane].sum() <= len(pairs):
         return
-    mirror = np.eye(3)
-    mirror[plane, plane] = -1.0
     for (left, right, here, there), holds in zip(pairs, mirrored[:, plane], strict=True):
         if holds:
-            wanted = there.actInv(mirror @ here.act(left.com))
+            wanted = there.actInv(signs[plane] * here.act(left.com))
             yield from _difference(robot, left, right, np.asarray(wanted))
-
-
-def _mirrors(here: pin.SE3, there: pin.SE3, axis: int) -> bool:
-    sign = np.where(np.arange(3) == axis, -1.0, 1.0)
-    off = np.linalg.norm(sign * here.translation - there.translation)
-    return bool(abs(there.translation[axis]) > 1e-3 and off < 2e-3)
 
 
 def _difference(
@@ -491,13 +483,13 @@ def total_mass(robot: DescribedRobot) -> Iterator[Finding]:
         beyond = [
             (link.weight, link.pose.act(link.com))
             for link in robot.links.values()
-            if link.weight and link.pose is not None and joint.child in robot.ancestors(link.name)
+            if link.weight and link.pose is not None and joint.name in robot.tree.above(link.name)
         ]
         mass = sum(weight for weight, _ in beyond)
         # Moment of the weights about the joint, level at worst.
         arms = [weight * (centre - start.pose.translation) for weight, centre in beyond]
         lever = np.cross(start.pose.rotation @ joint.axis, sum(arms, start=np.zeros(3)))
-        share = _GRAVITY * float(np.linalg.norm(lever)) / effort
+        share = 9.81 * float(np.linalg.norm(lever)) / effort
         if share > worst:
             worst, place, load = share, joint.name, mass
     if worst > _HOLDS:

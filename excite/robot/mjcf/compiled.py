@@ -28,10 +28,6 @@ from excite.robot.mjcf.trees import (
 from excite.robot.mjcf.urdf import BALL, HINGE, UrdfWriter
 from excite.robot.refusal import robot_error
 
-# A joint that neither its motor nor the weight of all it carries, a metre away from a hinge, moves faster than this
-# on the earth cannot be made to move [m/s or rad/s, m/s²]. Dampings of joints that move end at 1e3; some of gymnasium's
-# Fetch are locked by 1e7 and 1e11. What a wrist carries may weigh nothing in a model: a hand that is yet to be added.
-_SLOWEST, _GRAVITY = 1e-3, 9.81
 # Key frames in which a robot rests.
 _RESTING = ("home", "stand", "standing", "init", "rest")
 
@@ -114,10 +110,14 @@ def _unmoved(model: mujoco.MjModel, closures: Closures, bodies: set[int]) -> dic
     idle = {joint for joint in idle_joints(model) - known if int(model.jnt_bodyid[joint]) in bodies}
     # What one motor drives through a tendon is one freedom where equalities tie it together.
     many = {joint for group in tendon_groups(model) if group - known for joint in group}
-    force = _GRAVITY * model.body_subtreemass[model.jnt_bodyid]
+    # A joint that neither its motor nor the weight of all it carries, a metre away from a hinge, moves faster than this
+    # on the earth cannot be made to move [m/s or rad/s, m/s²]. Dampings of joints that move end at 1e3; some of
+    # gymnasium's Fetch are locked by 1e7 and 1e11. What a wrist carries may weigh nothing in a model: a hand that is
+    # yet to be added.
+    force = 9.81 * model.body_subtreemass[model.jnt_bodyid]
     for joint, torque in torque_limits(model).items():
         force[joint] = max(force[joint], torque)
-    stuck = model.dof_damping[model.jnt_dofadr] * _SLOWEST > force
+    stuck = model.dof_damping[model.jnt_dofadr] * 1e-3 > force
     return {
         "joints that one motor drives together through a tendon": many,
         "joints that no motor drives": idle - many,

@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import os
 import re
-from dataclasses import dataclass, field
 from pathlib import Path
-from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 from excite.errors import RobotError
 from excite.formats.documents import read_xml
@@ -20,9 +19,7 @@ from excite.robot.refusal import robot_error
 from excite.robot.urdf.numbers import shorten_text
 
 # The largest model known, a rodent with muscles and skin, has 4 000 elements in 5 files, 30 deep.
-MAX_EXPANDED = 100_000
-MAX_DEPTH = 100
-MAX_FILES = 200
+MAX_EXPANDED, MAX_DEPTH, MAX_FILES = 100_000, 100, 200
 
 _MULTIPLIERS = ("replicate", "composite", "flexcomp")
 # Elements without which nothing in a model can move; files and models that are brought in may hold bodies.
@@ -37,139 +34,86 @@ def scan_mjcf(path: Path) -> None:
     Raises:
         RobotError: names file, element and what to do.
     """
-    scan = _Scan(path.parent)
-    root = scan.read(path)
+    # Each file with those that bring it in, which end in it.
+    waiting: list[tuple[Path, ...]] = [(path,)]
+    folders, assets = {""}, list[tuple[str, str]]()
+    for number, files in enumerate(waiting):
+        if number == MAX_FILES:
+            what = f"is made of more than {MAX_FILES} files"
+            raise robot_error(files[-1], None, what, "reduce what it includes")
+        root = read_xml(files[-1], error=RobotError, max_depth=MAX_DEPTH)
+        if not number:
+            _check_whole(root, path)
+        _count_elements(root, files[-1])
+        for element in root.iter():
+            tag = element.tag
+            if tag == "include" or (tag == "model" and "file" in element.attrib):
+                waiting.append((*files, _brought_in(element, files)))
+            elif tag == "compiler":
+                folders |= {element.get(key, "") for key in _FOLDERS}
+            elif tag in _ASSETS:
+                assets += [(value, tag) for key, value in element.items() if key.startswith("file")]
+    for named, tag in assets:
+        for folder in folders:
+            may_be_folder = not named or (tag == "plugin" and bool(folder))
+            _check_asset(path.parent / folder / named, may_be_folder=may_be_folder)
+
+
+def _check_whole(root: Element, path: Path) -> None:
     if root.tag != "mujoco":
-        raise robot_error(
-            path,
-            None,
-            f"is no MuJoCo model: its outermost element is <{root.tag[:60]}>, not <mujoco>",
-            "give an MJCF file",
-        )
+        what = f"is no MuJoCo model: its outermost element is <{root.tag[:60]}>, not <mujoco>"
+        raise robot_error(path, None, what, "give an MJCF file")
     if all(root.find(f".//{tag}") is None for tag in _WITH_BODIES):
-        raise robot_error(
-            path,
-            "worldbody",
-            "holds no <body>: it is a part of a MuJoCo model, for the <include> of another file",
-            "give the file that includes it",
-        )
-    scan.size(root, (path,), 0)
-    scan.check_assets()
+        what = "holds no <body>: it is a part of a MuJoCo model, for the <include> of another file"
+        raise robot_error(path, "worldbody", what, "give the file that includes it")
 
 
-@dataclass
-class _Scan:
-    """What was seen so far.
+def _count_elements(element: Element, path: Path) -> int:
+    """How many elements an element becomes, of its own file; what is in it is checked on the way."""
+    _check_numbers(element, path)
+    tag, repeats = element.tag, element.tag in _MULTIPLIERS
+    total = 1 + sum(_count_elements(child, path) for child in element)
+    for part in element.get("count", "1").split() if repeats else ():
+        if not re.fullmatch(r"[+-]?\d+", part, re.ASCII):
+            what = f"is {shorten_text(element.get('count', ''))!r}"
+            raise robot_error(path, f"{tag}@count", what, "give whole numbers")
+        # Negative ones are MuJoCo's to refuse; more digits than Python reads are too many anyway.
+        total *= max(1, int(part[:20]))
+    if total > MAX_EXPANDED:
+        what = f"stands for more than {MAX_EXPANDED} elements"
+        raise robot_error(path, f"{tag}@count" if repeats else tag, what, "repeat less")
+    return total
 
-    Attributes:
-        folder: folder of the model's main file, to which all paths are relative.
-        files: how many files were read.
-        folders: folders that the model names for its assets.
-        assets: files that it names, with the element that names them.
-        models: size of each model that may be attached, by name.
+
+def _brought_in(element: Element, files: tuple[Path, ...]) -> Path:
+    """The file that an element brings into the last of some, each of which is brought into by the one before.
+
+    MuJoCo takes its name relative to the first, other tools to the one that names it.
     """
-
-    folder: Path
-    files: int = 0
-    folders: set[str] = field(default_factory=lambda: {""})
-    assets: list[tuple[str, str]] = field(default_factory=list)
-    models: dict[str, int] = field(default_factory=dict)
-
-    def read(self, path: Path) -> ElementTree.Element:
-        self.files += 1
-        if self.files > MAX_FILES:
-            raise robot_error(
-                path, None, f"is made of more than {MAX_FILES} files", "reduce what it includes"
-            )
-        root = read_xml(path, error=RobotError, max_depth=MAX_DEPTH)
-        # Attached models may be named before or after the place where they are used.
-        for model in root.iter("model"):
-            self.models.setdefault(_model_name(model), 0)
-        return root
-
-    def size(self, element: ElementTree.Element, files: tuple[Path, ...], depth: int) -> int:
-        """Number of elements that an element becomes; checks everything below it."""
-        path, tag = files[-1], element.tag
-        if depth > MAX_DEPTH:
-            raise robot_error(path, tag[:60], f"elements are nested more than {MAX_DEPTH} deep", "flatten it")
-        check_numbers(element, path)
-        below = 1
-        if tag == "include" or (tag == "model" and "file" in element.attrib):
-            below += self._other(element, files, depth)
-        elif tag == "compiler":
-            self.folders |= {element.get(key, "") for key in _FOLDERS}
-        elif tag in _ASSETS:
-            self.assets += [(value, tag) for key, value in element.items() if key.startswith("file")]
-        if tag == "attach":
-            below += self.models.get(element.get("model", ""), 0)
-        # Assets come first, so that models are known where they are attached.
-        for child in sorted(element, key=lambda child: child.tag not in {"compiler", "asset"}):
-            below += self.size(child, files, depth + 1)
-        total = below * (count_copies(element, path) if tag in _MULTIPLIERS else 1)
-        if total > MAX_EXPANDED:
-            raise robot_error(
-                path,
-                f"{tag}@count" if tag in _MULTIPLIERS else tag,
-                f"stands for more than {MAX_EXPANDED} elements",
-                "repeat less",
-            )
-        return total
-
-    def _other(self, element: ElementTree.Element, files: tuple[Path, ...], depth: int) -> int:
-        """Size of another file that an element brings in."""
-        named = element.get("file", "")
-        if not named:
-            raise robot_error(files[-1], f"{element.tag}@file", "is missing", "name it")
-        other = self._found(named, files[-1])
-        same = [file for file in files if other.exists() and file.exists() and file.samefile(other)]
-        if same:
-            raise robot_error(
-                files[-1], f"{element.tag}@file", f"includes itself through {named!r}", "remove it"
-            )
-        size = self.size(self.read(other), (*files, other), depth + 1)
-        if element.tag == "model":
-            name = _model_name(element)
-            self.models[name] = max(self.models.get(name, 0), size)
-        return size
-
-    def _found(self, named: str, by: Path) -> Path:
-        """File of that name; MuJoCo takes it relative to the main file, other tools to the one that names it."""
-        places = [self.folder / named, by.parent / named]
-        return next((place for place in places if os.path.exists(place)), places[0])
-
-    def check_assets(self) -> None:
-        """Refuse meshes and pictures that are no files or too large; those that are not there are the compiler's."""
-        for named, tag in self.assets:
-            for folder in self.folders:
-                file = self.folder / folder / named
-                try:
-                    file.stat()
-                except (FileNotFoundError, NotADirectoryError):
-                    continue
-                except (OSError, ValueError) as reason:
-                    raise unreadable_file(file, reason, RobotError) from reason
-                if named and not (folder and file.is_dir() and tag == "plugin"):
-                    # The largest mesh known has 29 MB; MuJoCo itself refuses meshes of more than 16 000 000 corners.
-                    check_file(file, limit=256 * 1024 * 1024, error=RobotError)
+    named, place = element.get("file", ""), f"{element.tag}@file"
+    if not named:
+        raise robot_error(files[-1], place, "is missing", "name it")
+    places = [file.parent / named for file in (files[0], files[-1])]
+    other = next((one for one in places if os.path.exists(one)), places[0])
+    if os.path.exists(other) and any(other.samefile(file) for file in files):
+        raise robot_error(files[-1], place, f"includes itself through {named!r}", "remove it")
+    return other
 
 
-def _model_name(model: ElementTree.Element) -> str:
-    return model.get("name") or Path(model.get("file", "")).stem
+def _check_asset(file: Path, *, may_be_folder: bool) -> None:
+    """Refuse a mesh or picture that is no file or too large; one that is not there is the compiler's."""
+    try:
+        file.stat()
+    except (FileNotFoundError, NotADirectoryError):
+        return
+    except (OSError, ValueError) as reason:
+        raise unreadable_file(file, reason, RobotError) from reason
+    if not (may_be_folder and file.is_dir()):
+        # The largest mesh known has 29 MB; MuJoCo itself refuses meshes of more than 16 000 000 corners.
+        check_file(file, limit=256 * 1024 * 1024, error=RobotError)
 
 
 # Numbers in the attributes of a MuJoCo model: finite, of a size that something has, and counts that end.
-
-# Gains of 1e5 and stand-ins for "no limit" of 1e6 occur; MuJoCo itself takes 1e10 for the end of all numbers.
-MAX_NUMBER = 1e10
-# Joints are locked by a damping of 1e11 in models that are made for learning.
-MAX_DAMPING = 1e15
-# Osmium has 22 600 kg/m³; a density a hundredfold is a slip of unit.
-MAX_DENSITY = 1e6
-# Buffers of a humanoid in a crowd have some thousands; each of these reserves memory for every one.
-MAX_RESERVED = 1_000_000
-# A picture or a height field of 8192 by 8192 points has 200 MB.
-MAX_SIDE = 8192
-MAX_MEMORY_BYTES = 4e9
 
 # Attributes that hold words, which may look like numbers.
 _WORDS = {
@@ -181,47 +125,40 @@ _WORDS = {
 }  # fmt: skip
 # Attributes and elements, all where none are named, the largest number there, and what to do about a larger one.
 _LARGEST: tuple[tuple[set[str], set[str], float, str], ...] = (
-    (set(), {"size"}, MAX_RESERVED, "reserve less"),
-    ({"nrow", "ncol", "width", "height"}, {"hfield", "texture"}, MAX_SIDE, "reduce its size"),
+    # Buffers of a humanoid in a crowd have some thousands; each of these reserves memory for every one.
+    (set(), {"size"}, 1e6, "reserve less"),
+    # A picture or a height field of so many points a side has 200 MB.
+    ({"nrow", "ncol", "width", "height"}, {"hfield", "texture"}, 8192, "reduce its size"),
     ({"mass", "settotalmass", "boundmass"}, set(), MAX_MASS, "write kilograms"),
-    ({"damping"}, {"joint"}, MAX_DAMPING, "leave the joint out, where it shall not move"),
-    ({"density"}, set(), MAX_DENSITY, "write kg/m³"),
-    (set(), set(), MAX_NUMBER, "check its unit and exponent"),
+    # Joints are locked by a damping of 1e11 in models that are made for learning.
+    ({"damping"}, {"joint"}, 1e15, "leave the joint out, where it shall not move"),
+    # Osmium has 22 600 kg/m³; a density a hundredfold is a slip of unit.
+    ({"density"}, set(), 1e6, "write kg/m³"),
+    # Gains of 1e5 and stand-ins for "no limit" of 1e6 occur; MuJoCo itself takes 1e10 for the end of all numbers.
+    (set(), set(), 1e10, "check its unit and exponent"),
 )
 _NOT_FINITE = re.compile(r"(?<![\w.])[+-]?(nan|inf|infinity)(?![\w.])", re.IGNORECASE)
-_UNITS = {"": 1.0, "k": 2.0**10, "m": 2.0**20, "g": 2.0**30, "t": 2.0**40, "p": 2.0**50, "e": 2.0**60}
+_MEMORY = re.compile(r"(-?\d+)\s*([kmgtpe]?)", re.ASCII)
+_MAX_MEMORY_BYTES = 4e9
 
 
-def check_numbers(element: ElementTree.Element, path: Path) -> None:
+def _check_numbers(element: Element, path: Path) -> None:
     """Refuse an element whose attributes hold numbers that are none, or that no model has; raises RobotError."""
+    called = f" {shorten_text(element.get('name', ''))!r}" if element.get("name") else ""
     for name, text in element.items():
-        if name in _WORDS:
-            continue
-        called = f" {shorten_text(element.get('name', ''))!r}" if element.get("name") else ""
-        where = f"{element.tag}{called}@{name}"
-        if name == "memory":
-            _check_memory(text, path, where)
-        elif _NOT_FINITE.search(text):
-            raise robot_error(path, where, f"is {shorten_text(text)!r}", "give finite numbers")
-        else:
-            _check_magnitudes(element, name, text, path, where)
+        where, memory = f"{element.tag}{called}@{name}", _MEMORY.fullmatch(text.strip().lower())
+        if name == "memory" and memory:
+            if float(memory[1]) * 1024.0 ** " kmgtpe".index(memory[2] or " ") > _MAX_MEMORY_BYTES:
+                what = f"is {shorten_text(text)!r}, more than {_MAX_MEMORY_BYTES:g} bytes"
+                raise robot_error(path, where, what, "leave it out; MuJoCo sizes it")
+        elif name not in _WORDS:
+            _check_attribute(element, name, text, path, where)
 
 
-def count_copies(element: ElementTree.Element, path: Path) -> int:
-    """How many copies ``count_copies`` says, the product of its numbers; raises RobotError."""
-    text = element.get("count", "1")
-    product = 1
-    for part in text.split():
-        if not re.fullmatch(r"[+-]?\d+", part, re.ASCII):
-            raise robot_error(
-                path, f"{element.tag}@count", f"is {shorten_text(text)!r}", "give whole numbers"
-            )
-        # Negative ones are MuJoCo's to refuse.
-        product *= max(1, int(part)) if len(part) < 20 else 10**20
-    return product
-
-
-def _check_magnitudes(element: ElementTree.Element, name: str, text: str, path: Path, where: str) -> None:
+def _check_attribute(element: Element, name: str, text: str, path: Path, where: str) -> None:
+    said = f"is {shorten_text(text)!r}"
+    if _NOT_FINITE.search(text):
+        raise robot_error(path, where, said, "give finite numbers")
     most, cause = next(
         (most, cause)
         for names, tags, most, cause in _LARGEST
@@ -232,19 +169,9 @@ def _check_magnitudes(element: ElementTree.Element, name: str, text: str, path: 
             value = float(part)
         except ValueError:
             continue
-        said = f"is {shorten_text(text)!r}"
         if not part.isascii():
             raise robot_error(path, where, said, "write it with the digits 0 to 9")
         if not abs(value) <= most:
             raise robot_error(path, where, f"{said}, more than any model has ({most:g})", cause)
         if name in {"mass", "density"} and value < 0.0 and element.tag != "compiler":
             raise robot_error(path, where, f"is {part}", "give a positive number")
-
-
-def _check_memory(text: str, path: Path, where: str) -> None:
-    match = re.fullmatch(r"(-?\d+)\s*([kmgtpe]?)", text.strip().lower(), re.ASCII)
-    if match is None:
-        return
-    if len(match[1]) > 20 or float(match[1]) * _UNITS[match[2]] > MAX_MEMORY_BYTES:
-        what = f"is {shorten_text(text)!r}, more than {MAX_MEMORY_BYTES:g} bytes"
-        raise robot_error(path, where, what, "leave it out; MuJoCo sizes it")

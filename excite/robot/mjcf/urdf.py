@@ -24,8 +24,6 @@ FREE, BALL, SLIDE, HINGE = (
     )
 )
 WORLD = "world"
-# Cosine of 2.5 degrees: less than a base leans in any posture in which a robot is drawn standing.
-_UPRIGHT = 0.999
 
 
 @dataclass(frozen=True)
@@ -67,7 +65,8 @@ class UrdfWriter:
         pose = pose_of(np.zeros(3), self.model.body_quat[root])
         if root == 0:
             SubElement(self._element, "link", name=WORLD)
-        elif pose.rotation[2, 2] <= _UPRIGHT:
+        # Cosine of 2.5 degrees: less than a base leans in any posture in which a robot is drawn standing.
+        elif pose.rotation[2, 2] <= 0.999:
             # A link without mass above a floating body whose own axes do not stand upright in the model.
             link = self.link_name(root)
             SubElement(self._element, "link", name=f"{link}_upright")

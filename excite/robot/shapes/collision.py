@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import warnings
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
@@ -161,14 +160,16 @@ def shape_pairs(
 
 def mesh_points(links: list[Element], kind: str, partial: frozenset[str] = frozenset()) -> dict[Path, Array]:
     """Corners of the meshes of links; those of links in ``partial`` as far as they can be read."""
-    files: dict[bool, list[Path]] = {False: [], True: []}
-    for link in links:
-        meshes = link.iterfind(f"{kind}/geometry/mesh")
-        files[link.get("name", "") in partial] += [Path(mesh.get("filename", "")) for mesh in meshes]
-    points = read_meshes(files[False])
-    for file in set(files[True]) - set(points):
-        with suppress(RobotError):
-            points |= read_meshes([file])
+    files = [
+        (Path(mesh.get("filename", "")), link.get("name", "") in partial)
+        for link in links
+        for mesh in link.iterfind(f"{kind}/geometry/mesh")
+    ]
+    faults: dict[Path, RobotError] = {}
+    points = read_meshes((file for file, _ in files), faults)
+    for file, passed_over in files:
+        if file in faults and not passed_over:
+            raise faults[file]
     return dict(turn_upright(links, kind, points))
 
 
@@ -236,8 +237,6 @@ def _build_shapes(robot: Robot) -> tuple[Shape, ...]:
 
 # From the file's axes to those of a frame whose z is up (Collada 1.4.1, element up_axis).
 _UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-# Fewer votes than these could be chance: without them meshes are read as RViz and pinocchio read them.
-_VOTES, _MAJORITY = 3, 0.75
 
 
 def turn_upright(
@@ -256,7 +255,8 @@ def turn_upright(
     turned = {path: turn_file_upright(path, corners) for path, corners in points.items() if _y_up(path)}
     votes = [_axis_vote(link, kind, points, turned) for link in links] if turned else []
     as_is, otherwise = votes.count(-1), votes.count(1)
-    if otherwise < _VOTES or otherwise < _MAJORITY * (as_is + otherwise):
+    # Fewer votes than these could be chance: without them meshes are read as RViz and pinocchio read them.
+    if otherwise < 3 or otherwise < 0.75 * (as_is + otherwise):
         return points
     return {**points, **turned}
 

@@ -19,30 +19,47 @@ MAX_MESH_BYTES = 256 * 1024 * 1024
 # That trunk takes 6 s. Of 300 damaged Collada files four kept the loader busy without end, so that the search for the
 # one among many shall not take a minute.
 BATCH_SECONDS = 20.0
-MESH_SECONDS = 12.0
 SECONDS_A_MEGABYTE = 0.7
-LOADING_MEMORY_GB = 8.0
 
 _BINARY_STL = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _DAMAGED = "it is damaged: export it again"
 
 
-def read_meshes(paths: Iterable[Path]) -> dict[Path, Array]:
+def read_meshes(paths: Iterable[Path], faults: dict[Path, RobotError] | None = None) -> dict[Path, Array]:
     """Corners of mesh files by path, ``(n, 3)``, in their own unit and frame; shared corners may be repeated.
 
-    STL is read here; any other format (Collada, OBJ) goes through coal's loader, in a process of its own.
+    STL is read here; any other format (Collada, OBJ) goes through coal's loader, in a process of its own: all in one,
+    since starting it takes longer than most meshes, and one by one where that fails, since a process that hangs or
+    crashes does not say at which of them.
+
+    Args:
+        paths: the files.
+        faults: gets the errors of files that cannot be read, which are then left out; None raises the first.
 
     Raises:
         RobotError: a file is missing, unreadable, damaged or too large, or holds no finite point.
     """
     found: dict[Path, Array] = {}
-    others: list[Path] = []
-    for path in dict.fromkeys(paths):
-        if path.suffix.lower() == ".stl":
-            found[path] = _check_points(_stl_points(path), path)
-        else:
-            others.append(check_file(path, limit=MAX_MESH_BYTES, error=RobotError))
-    found |= {path: _check_points(points, path) for path, points in _load_meshes(others).items()}
+    files = dict.fromkeys(paths)
+    stl = [[path] for path in files if path.suffix.lower() == ".stl"]
+    others = [path for path in files if path.suffix.lower() != ".stl"]
+    # Grows by each of those that cannot be read together.
+    batches = [*stl, others] if others else stl
+    for batch in batches:
+        try:
+            points = (
+                [_stl_points(*batch)]
+                if batch[0].suffix.lower() == ".stl"
+                else _load_meshes(batch, alone=batch is not others)
+            )
+            found |= {path: _check_points(one, path) for path, one in zip(batch, points, strict=True)}
+        except RobotError as error:
+            if len(batch) > 1:
+                batches += [[path] for path in batch]
+            elif faults is None:
+                raise
+            else:
+                faults[batch[0]] = error
     return found
 
 
@@ -61,26 +78,20 @@ def load_points(paths: tuple[Path, ...]) -> list[Array]:
     return loaded
 
 
-def _load_meshes(paths: list[Path], seconds: float | None = None) -> dict[Path, Array]:
-    """All in one process, since starting it takes longer than most meshes."""
-    if not paths:
-        return {}
+def _load_meshes(paths: list[Path], *, alone: bool) -> list[Array]:
+    """By a process of its own; one of them again, ``alone``, is given less time."""
+    for path in paths:
+        check_file(path, limit=MAX_MESH_BYTES, error=RobotError)
     megabytes = sum(path.stat().st_size for path in paths) / 1e6
-    try:
-        points = in_child(
-            "excite.robot.shapes.mesh_files:load_points",
-            tuple(paths),
-            source=paths[0],
-            error=RobotError,
-            seconds=(BATCH_SECONDS if seconds is None else seconds) + SECONDS_A_MEGABYTE * megabytes,
-            memory_gb=LOADING_MEMORY_GB,
-        )
-        return dict(zip(paths, points, strict=True))
-    except RobotError:
-        if len(paths) == 1:
-            raise
-    # A child that hangs or crashes does not say at which of them.
-    return {path: points for path in paths for points in _load_meshes([path], MESH_SECONDS).values()}
+    points: list[Array] = in_child(
+        "excite.robot.shapes.mesh_files:load_points",
+        tuple(paths),
+        source=paths[0],
+        error=RobotError,
+        seconds=(12.0 if alone else BATCH_SECONDS) + SECONDS_A_MEGABYTE * megabytes,
+        memory_gb=8.0,
+    )
+    return points
 
 
 def _check_points(points: Array, path: Path) -> Array:

@@ -8,6 +8,7 @@ the room.
 from __future__ import annotations
 
 from collections.abc import Collection
+from contextlib import suppress
 from functools import lru_cache
 from typing import Any
 from xml.etree.ElementTree import Element
@@ -42,17 +43,14 @@ _SLENDER = 0.3
 
 def links_lacking_geometry(robot: Robot) -> tuple[str, ...]:
     """Links with ``collision`` or ``visual`` elements of which one cannot be built: its file is missing or damaged."""
-    links, lacking = fromstring(robot.urdf).findall("link"), list[str]()
-    kinds = [(link, kind) for kind, shown in links_by_kind(links, "either").items() for link in shown]
-    for link in links:
-        kind = next((kind for one, kind in kinds if one is link), None)
-        try:
-            shapes = [] if kind is None else link_shapes(robot, link, kind, mesh_points([link], kind))
-        except RobotError:
-            shapes = []
-        if not shapes and _is_drawn(link):
-            lacking.append(link.get("name", ""))
-    return tuple(lacking)
+    links, shaped = fromstring(robot.urdf).findall("link"), set[str]()
+    every = frozenset(link.get("name", "") for link in links)
+    for kind, shown in links_by_kind(links, "either").items():
+        points = mesh_points(shown, kind, every)
+        for link in shown:
+            with suppress(RobotError):
+                shaped |= {shape.link for shape in link_shapes(robot, link, kind, points)}
+    return tuple(name for link in links if (name := link.get("name", "")) not in shaped and _is_drawn(link))
 
 
 def links_without_shape(robot: Robot) -> tuple[str, ...]:

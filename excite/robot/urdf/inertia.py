@@ -258,11 +258,6 @@ def _check_solid(solid: ElementTree.Element, where: str, path: Path) -> None:
 
 # Whether a model's masses can be kilograms: grams give bodies that no material has and no drive could lift.
 
-# Half of each known robot's mass (66 models) lies in bodies below 21 000 kg/m³ by their own inertia, and mostly
-# below 5 000; the densest metal has 22 600. Grams make 4e5 of the usual 400.
-MAX_DENSITY = 1e5
-_GRAVITY = 9.81
-
 
 def check_weights(model: pin.Model, torque: NDArray[np.float64], path: Path) -> None:
     """Refuse a model whose masses are in grams.
@@ -279,14 +274,16 @@ def check_weights(model: pin.Model, torque: NDArray[np.float64], path: Path) -> 
         RobotError: the masses cannot be kilograms.
     """
     density = typical_density(model)
-    if density <= MAX_DENSITY:
+    # Half of each known robot's mass (66 models) lies in bodies below 21 000 kg/m³ by their own inertia, and mostly
+    # below 5 000; the densest metal has 22 600. Grams make 4e5 of the usual 400.
+    if density <= 1e5:
         return
     # The torque or force with which the weight beyond each joint can load it, about.
     data = model.createData()
     pin.centerOfMass(model, data, pin.neutral(model))
     slides = np.array(["Prismatic" in joint.shortname() for joint in list(model.joints)[1:]])
     levers = np.where(slides, 1.0, np.linalg.norm(np.array(list(data.com)[1:]), axis=1))
-    weight = (_GRAVITY * np.array(list(data.mass)[1:]) * levers)[-len(torque) :]
+    weight = (9.81 * np.array(list(data.mass)[1:]) * levers)[-len(torque) :]
     known = np.isfinite(torque) & (torque > 0.0)
     share = float((weight[known] / torque[known]).max(initial=0.0))
     # The weight of known robots' limbs is at most twice what the drives there can hold; grams make a thousand times.

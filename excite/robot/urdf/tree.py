@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -16,10 +17,6 @@ from excite.robot.urdf.numbers import read_number, read_numbers, read_origin, sh
 
 MOVING = ("revolute", "continuous", "prismatic")
 MAX_LINKS = 2000
-# The largest known, a mobile robot with two arms and hands, has 101 and 112; every solid is compared with every
-# other one, in 100 postures: these bounds keep that below half a minute.
-MAX_MOVING = 200
-MAX_SOLIDS = 400
 MAX_DEPTH = 200
 # Names become parts of columns, file names and lines of text.
 MAX_NAME = 200
@@ -77,8 +74,10 @@ def check_tree(root: ElementTree.Element, path: Path) -> dict[str, ElementTree.E
 def _check_counts(root: ElementTree.Element, path: Path) -> None:
     moving = sum(joint.get("type") in MOVING for joint in root.findall("joint"))
     counts = {
-        "joints that move": (moving, MAX_MOVING),
-        **{f"{kind} elements": (len(root.findall(f"link/{kind}")), MAX_SOLIDS) for kind in GEOMETRY},
+        # The largest known, a mobile robot with two arms and hands, has 101 and 112; every solid is compared with every
+        # other one, in 100 postures: these bounds keep that below half a minute.
+        "joints that move": (moving, 200),
+        **{f"{kind} elements": (len(root.findall(f"link/{kind}")), 400) for kind in GEOMETRY},
     }
     for what, (number, most) in counts.items():
         if number > most:
@@ -89,6 +88,39 @@ def link_at(joint: ElementTree.Element, end: str) -> str:
     """Name of the link at a joint's ``end``, ``parent`` or ``child``; empty where the joint names none."""
     element = joint.find(end)
     return "" if element is None else element.get("link", "")
+
+
+class LinkTree:
+    """Which joints of a URDF lie between its links and its root.
+
+    Args:
+        joints: elements by name.
+
+    Attributes:
+        ends: links before and beyond each joint.
+        carriers: the joint that carries a link, by link.
+    """
+
+    def __init__(self, joints: Mapping[str, ElementTree.Element]) -> None:
+        self.ends = {name: (link_at(one, "parent"), link_at(one, "child")) for name, one in joints.items()}
+        self.carriers = {child: name for name, (_, child) in self.ends.items()}
+
+    @property
+    def root(self) -> str:
+        """The first link that a joint hangs on and none carries; empty where there is none."""
+        return next((parent for parent, _ in self.ends.values() if parent not in self.carriers), "")
+
+    def above(self, link: str) -> list[str]:
+        """Joints between a link and the root, the link's own first; of a circle each once."""
+        found: list[str] = []
+        while link in self.carriers and self.carriers[link] not in found:
+            found.append(self.carriers[link])
+            link = self.ends[found[-1]][0]
+        return found
+
+    def below(self, link: str) -> list[str]:
+        """Joints that hang on a link."""
+        return [name for name, (parent, _) in self.ends.items() if parent == link]
 
 
 def _named_elements(root: ElementTree.Element, tag: str, path: Path) -> dict[str, ElementTree.Element]:

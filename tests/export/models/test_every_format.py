@@ -130,29 +130,9 @@ def inverse_dynamics(model: mujoco.MjModel, robot: Any, q: Any, v: Any, a: Any) 
 
 
 def reader_of(written: SimulatorModel, robot: Any) -> Callable[..., np.ndarray]:
-    """Torques of the joints as the format's own reader finds them; SDF is read as anybody's robot is."""
-    if written.format != "sdf":
-        model = in_mujoco(written, robot)
-        return lambda q, v, a: inverse_dynamics(model, robot, q, v, a)
-    main = written.folder / written.files[0]
-    read = excite.load_robot(main)
-    assert read.joint_names == robot.joint_names
-    joints = {joint.get("name"): joint for joint in parse(main).getroot().findall("model/joint")}
-    viscous, coulomb = (
-        np.array([float(joints[name].findtext(f"axis/dynamics/{tag}")) for name in read.joint_names])
-        for tag in ("damping", "friction")
-    )
-    data = read.model.createData()
-
-    def torques(q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
-        whole = pin.neutral(read.model)
-        whole[-len(q) :] = q
-        rates, base = np.zeros((2, read.model.nv)), read.n_base_v
-        rates[:, base:] = v, a
-        bodies = pin.rnea(read.model, data, whole, *rates)[base:]
-        return bodies + viscous * v + coulomb * np.sign(v)
-
-    return torques
+    """Torques of the joints as MuJoCo finds them in what was written."""
+    model = in_mujoco(written, robot)
+    return lambda q, v, a: inverse_dynamics(model, robot, q, v, a)
 
 
 def test_another_reader_finds_the_torques_of_what_was_identified(
@@ -169,7 +149,7 @@ def test_another_reader_finds_the_torques_of_what_was_identified(
         bodies = pin.computeJointTorqueRegressor(robot.model, data, q, whole_v, whole_a) @ given.parameters
         columns = {"viscous": v, "coulomb": np.sign(v), "armature": a}
         wanted = bodies[-n:] + sum(columns[term] * given.term(term) for term in held)
-        # Single precision of USD's numbers; SDF's angles are exact to all digits.
+        # Single precision of USD's numbers.
         room = 1e-6 if written.format in ("usda", "isaaclab") else 1e-9
         np.testing.assert_allclose(torques(joint, v, a), wanted, atol=room * np.abs(wanted).max())
 

@@ -10,7 +10,6 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from defusedxml.ElementTree import parse
 
 import excite
 from excite.errors import InputError
@@ -181,25 +180,11 @@ def test_names_and_axes_of_any_kind_are_taken(name: str, tmp_path: Path) -> None
             [True, False],
             [False, True],
         ]
-    if name == "sdf":
-        poses = parse(main).getroot().findall("model/joint")
-        assert {joint.get("name") for joint in poses} >= {"lift+turn", "lift.turn"}
-
-
-def test_sdf_has_the_links_that_do_not_move_as_frames_and_no_reserved_name(tmp_path: Path) -> None:
-    known("ur10", tmp_path)
-    written = excite.write_simulator_model(tmp_path, "sdf", tmp_path / "out")
-    (model,) = parse(tmp_path / "out" / written.files[0]).getroot().findall("model")
-    frames = {frame.get("name"): frame for frame in model.findall("frame")}
-    assert "tool0" in frames and frames["tool0"].get("attached_to") == "wrist_3_link"
-    named = [element.get("name") for kind in ("link", "joint", "frame") for element in model.findall(kind)]
-    assert len(named) == len(set(named)) and "world" not in named
-    assert all(link.find("inertial") is not None for link in model.findall("link"))
 
 
 def test_a_document_says_what_is_lost_and_what_was_proved(tmp_path: Path) -> None:
     known("ur10", tmp_path)
-    excite.write_simulator_model(tmp_path, "sdf", tmp_path / "out")
+    excite.write_simulator_model(tmp_path, "urdf", tmp_path / "out")
     document = json.loads((tmp_path / "out" / "model.json").read_text())
     assert {row["parameter"] for row in document["lost"]} == {"armature", "kp", "kd"}
     assert document["proof"]["torque_error"] < 1e-9
