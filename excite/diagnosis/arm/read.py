@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from excite.diagnosis.answer.answer import Verdict
-from excite.diagnosis.answer.budget import Budget, Named
+from excite.diagnosis.answer.gap import Budget, Named
 from excite.diagnosis.attribution import (
     Attribution,
     Hypothesis,
