@@ -15,7 +15,7 @@ from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.noise_floor import spectral_floor
 from excite.diagnosis.equations.resampling import arm_samples
 from excite.diagnosis.servo.closed_loop import ServoRecord, tracking_sentences
-from excite.diagnosis.servo.gains import known_servo, stated_servo
+from excite.diagnosis.servo.gains import known_servo, stated_servo, told_gains
 from excite.diagnosis.servo.servo import Servo, cycle_lag, delayed, read_signals, servo_floor
 from excite.errors import LogError
 from excite.logs.files import load_log
@@ -135,6 +135,26 @@ def test_damping_is_found_under_the_encoders_noise(follows: bool):
     assert (servo.feedforward, servo.follows_velocity) == ("none", follows)
     assert servo.kp == pytest.approx(kp, rel=0.1)
     assert servo.kd == pytest.approx(kd, rel=0.15)
+    # Stated gains, one of them wrong, hide none of it: the record tells the same beside them.
+    wrong = kp * np.where(np.arange(7) == 3, 0.6, 1.0)
+    way = {
+        "velocity_reference": "q_cmd" if follows else "none",
+        "drive": {joints[3]: "XM540-W270", joints[1]: "mit"},
+    }
+    said = {"kp": wrong.tolist(), "kd": kd.tolist(), "feedforward": "none", **way}
+    beside = replace(log, header=header.model_copy(update={"controller": said}))
+    signals = {"t": read_signals(robot, beside, trial)}
+    told = {(g.parameter, g.joint): g for g in told_gains(robot, beside, known_servo(robot, beside, signals))}
+    gain = told["kp", joints[3]]
+    assert gain.given == pytest.approx(wrong[3])
+    assert gain.size.value == pytest.approx(kp[3], rel=0.1)
+    assert gain.interval90 is not None and gain.interval90[0] > wrong[3]
+    assert gain.register == "Position P Gain (84)"
+    # P/128 of PWM per pulse, 4096 of them a turn, full at 885, and 10.6 N·m then.
+    duty = gain.firmware / 128.0 * 4096.0 / (2.0 * np.pi) / 885.0
+    assert duty * 10.6 == pytest.approx(gain.size.value, rel=1e-3)
+    assert told["kd", joints[1]].firmware == told["kd", joints[1]].size.value
+    assert told["kp", joints[0]].firmware is None
 
 
 def test_a_log_without_commands_says_what_is_missing(gap_dir: Path):

@@ -66,12 +66,18 @@ class Absorbed(Stated):
         parameter: word of modelled, gain of the servo or torque constant.
         size: value, deviation and unit.
         interval90: 90 % interval [unit]; null where it was not computed.
+        given: of a servo's gain, what the log states [unit], by which torques were rebuilt; left out where it does not.
+        firmware: the size as the servo's register has it; left out where its table is not known.
+        register: that register, likewise.
     """
 
     joint: Name
     parameter: Name
     size: Estimate = field(metadata=HIDDEN)
     interval90: Interval | None = None
+    given: Unbounded | None = field(default=None, metadata={**named("stated"), **LEFT_OUT, **ADDED})
+    firmware: Unbounded | None = field(default=None, metadata={**LEFT_OUT, **ADDED})
+    register: Name | None = field(default=None, metadata={**LEFT_OUT, **ADDED})
 
     @property
     @stated
@@ -95,7 +101,9 @@ class Absorbed(Stated):
     def from_json(cls, content: Mapping[str, Any]) -> Self:
         """See :meth:`Stated.from_json`."""
         size, between = Estimate.from_json(content), content["interval90"]
-        return cls(content["joint"], content["parameter"], size, None if between is None else tuple(between))
+        more = (content.get(name) for name in ("stated", "firmware", "register"))
+        between = None if between is None else tuple(between)
+        return cls(content["joint"], content["parameter"], size, between, *more)
 
 
 def estimated_gains(
@@ -107,7 +115,7 @@ def estimated_gains(
     estimated: Sequence[bool],
     spread: Array | None = None,
 ) -> Iterator[Absorbed]:
-    """Gains that were not stated and are the record's therefore.
+    """Gains, those of some joints, as the record tells them.
 
     Args:
         robot: the robot.
@@ -115,7 +123,7 @@ def estimated_gains(
         name: of the gain.
         unit: of it at a joint that turns.
         values: ``(n_joints,)`` [unit].
-        estimated: which of them were not stated.
+        estimated: which of them are wanted.
         spread: ``(n_joints,)`` standard deviations of the values [unit]; None where they were not computed.
     """
     stds = [None] * len(joints) if spread is None else np.asarray(spread).tolist()
@@ -141,7 +149,9 @@ def _in_words(item: Absorbed) -> str:
     if item.interval90 is not None:
         low, high = (f"{end:.3g}" for end in item.interval90)
         between = f" ({span(low, high, '…')})"
-    return f"{item.joint} {item.size.value:.3g}{between}"
+    given = "" if item.given is None else f", stated {item.given:.3g}"
+    units = "" if item.firmware is None else f", {item.firmware:.3g} of {item.register}"
+    return f"{item.joint} {item.size.value:.3g}{between}{given}{units}"
 
 
 # What a diagnosis says: its verdict, gap and effects, as a document, as a sentence and in words for a

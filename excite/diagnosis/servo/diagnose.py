@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.answer.answer import Diagnosis, NextExperiment, Rollout, estimated_gains
+from excite.diagnosis.answer.answer import Diagnosis, NextExperiment, Rollout
 from excite.diagnosis.answer.candidate import Estimate
 from excite.diagnosis.answer.gap import ChannelGap, Gap, beaten, share_closed
 from excite.diagnosis.arm.diagnose import diagnose_arm, diagnose_torques
@@ -24,7 +24,7 @@ from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.joint_torque import Fit
 from excite.diagnosis.equations.resampling import arm_samples
 from excite.diagnosis.servo.closed_loop import EXACT, ClosedLoop, ServoRecord, Witness, roll_out
-from excite.diagnosis.servo.gains import known_servo
+from excite.diagnosis.servo.gains import known_servo, told_gains
 from excite.diagnosis.servo.servo import Servo, cycle_lag, read_signals, servo_floor
 from excite.diagnosis.trivial import of_positions
 from excite.errors import LogError, RobotError
@@ -90,25 +90,14 @@ def diagnose_commands(robot: Robot, log: Log, rng: np.random.Generator, out: Pat
         servo_effects(servo, joints),
     )
     found = _judge(diagnose_torques(record, rng, simulate), commands, loops[0])
-    gains = [
-        item
-        for name, unit, values in (("kp", "N·m/rad", servo.kp), ("kd", "N·m·s/rad", servo.kd))
-        for item in estimated_gains(
-            robot,
-            joints,
-            name,
-            unit,
-            values,
-            [f"{name} of {joint}" in servo.estimated for joint in joints],
-            servo.spread.get(name),
-        )
-    ]
     # What simple predictors of the positions reach on the same rows.
     rolled = loops[0].rollout.after or None
     floor = {name: c.noise_floor for name, c in found.gap.per_channel.items()} if rolled else {}
     errors = of_positions(robot, log, tuple(found.gap.per_channel), loops[0].spans, rolled, floor)
     faults = (*found.faults, *beaten(errors))
-    return replace(found, absorbed=(*gains, *found.absorbed), trivial=errors, faults=faults)
+    return replace(
+        found, absorbed=(*told_gains(robot, log, servo), *found.absorbed), trivial=errors, faults=faults
+    )
 
 
 def _controllers_model(log: Log) -> Robot | None:

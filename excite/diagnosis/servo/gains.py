@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
+from excite.diagnosis.answer.answer import Absorbed, estimated_gains
 from excite.diagnosis.effects.bodies import level_axes
 from excite.diagnosis.servo.servo import FEEDFORWARDS, Servo, Signals
 from excite.errors import LogError
@@ -135,7 +138,7 @@ def known_servo(robot: Robot, log: Log, trials: dict[str, Signals]) -> Servo:
 
     Unknown gains are fitted together with inertial parameters near the nominal ones, friction, rotor inertia and
     a constant, for every form that is not stated; the form that leaves least is taken. The scale of all torques
-    is the nominal masses'.
+    is the nominal masses'. Stated gains are fitted as well, to be compared.
 
     Args:
         robot: the nominal model.
@@ -148,16 +151,17 @@ def known_servo(robot: Robot, log: Log, trials: dict[str, Signals]) -> Servo:
     joints = log.header.joints
     stated = stated_servo(log.header.controller, joints)
     kp, kd = stated.kp, stated.kd
-    guessed = bool(np.isnan([kp, kd]).any())
+    unknown = np.isnan([kp, kd])
     errors = [(s, s.commanded.value - s.measured.value) for s in trials.values()]
     rows = gain_rows(robot, log, errors, _FIT_HZ)
     forms = [(kind, way) for kind in stated.feedforwards for way in stated.follows]
     best = min((fit_gains(rows, kp, kd, *form) for form in forms), key=lambda fit: fit.doubted_loss)
-    if guessed and best.servo.feedforward != "inverse_dynamics":
+    form = best.servo.feedforward, best.servo.follows_velocity
+    if form[0] != "inverse_dynamics":
         slower = gain_rows(robot, log, errors, _SLOW_HZ)
-        again = fit_gains(slower, kp, kd, best.servo.feedforward, best.servo.follows_velocity)
+        again = fit_gains(slower, kp, kd, *form)
         if again.sound.sum() >= best.sound.sum():
-            rows, best = slower, again
+            rows, best = slower, again if unknown.any() else best
     if not best.sound.all():
         weak = ", ".join(j for j, sound in zip(joints, best.sound, strict=True) if not sound)
         raise LogError(
@@ -165,8 +169,41 @@ def known_servo(robot: Robot, log: Log, trials: dict[str, Signals]) -> Servo:
             field="controller",
             remedy="state controller.kp, controller.kd and controller.feedforward",
         )
-    spread = spread_of_gains(rows, kp, kd, best.servo) if guessed else {}
-    return replace(best.servo, estimated=stated.missing, spread=spread)
+    told = np.full((2, 2, len(joints)), np.nan)
+    for these, known in ((unknown, (kp, kd)), (~unknown, np.full((2, len(joints)), np.nan))):
+        if these.any():
+            servo = best.servo if these is unknown else fit_gains(rows, *known, *form).servo
+            found = np.array([[servo.kp, servo.kd], spread_of_gains(rows, *known, servo)])
+            told[:, these] = found[:, these]
+    by_name = {"kp": told[:, 0], "kd": told[:, 1]}
+    return replace(best.servo, estimated=stated.missing, told=by_name)
+
+
+def told_gains(robot: Robot, log: Log, servo: Servo) -> list[Absorbed]:
+    """Gains as the record tells them, beside those that the log states and in units of the servo's firmware.
+
+    Args:
+        robot: the robot.
+        log: the log; ``controller.drive``, one name or one a joint, is looked up in ``firmware.csv``.
+        servo: as :func:`known_servo` has it.
+    """
+    said, joints = log.header.controller or {}, log.header.joints
+    stated, drive = stated_servo(said, joints), said.get("drive")
+    drives = drive if isinstance(drive, Mapping) else dict.fromkeys(joints, drive)
+    with Path(__file__).with_name("firmware.csv").open(encoding="utf-8", newline="") as file:
+        table = {(row["drive"], row["gain"]): row for row in csv.DictReader(file)}
+    made = []
+    for name, unit, given in (("kp", "N·m/rad", stated.kp), ("kd", "N·m·s/rad", stated.kd)):
+        values, spread = servo.told[name]
+        known = dict(zip(joints, given.tolist(), strict=True))
+        for item in estimated_gains(
+            robot, joints, name, unit, values, (values > 0.0) & np.isfinite(values), spread
+        ):
+            row = table.get((str(drives.get(item.joint)).lower(), name))
+            each = item.size.value / float(row["newton_metres_per_unit"]) if row else None
+            here = None if np.isnan(known[item.joint]) else known[item.joint]
+            made.append(replace(item, given=here, firmware=each, register=row["unit"] if row else None))
+    return made
 
 
 # Rows that gains are fitted to, and the fit of one form of servo together with what it drives.
@@ -338,8 +375,8 @@ def _gains_of_joint(
     return kp, kd if ratio is None else max(float(ratio), 0.0) * kp
 
 
-def spread_of_gains(rows: Rows, kp: Array, kd: Array, fitted: Servo) -> dict[str, Array]:
-    """Standard deviations of gains by a jackknife over stretches of the record (Miller 1974), ``(n_joints,)`` each.
+def spread_of_gains(rows: Rows, kp: Array, kd: Array, fitted: Servo) -> Array:
+    """Standard deviations of kp and kd by a jackknife over stretches of the record (Miller 1974), ``(2, n_joints)``.
 
     Args:
         rows: that the gains were fitted to.
@@ -352,8 +389,7 @@ def spread_of_gains(rows: Rows, kp: Array, kd: Array, fitted: Servo) -> dict[str
         form = fitted.feedforward, fitted.follows_velocity
         servo = fit_gains(rows.without(left_out), kp, kd, *form).servo
         made.append((servo.kp, servo.kd))
-    spread = np.std(made, axis=0) * np.sqrt(_STRETCHES - 1)
-    return {"kp": spread[0], "kd": spread[1]}
+    return np.asarray(np.std(made, axis=0) * np.sqrt(_STRETCHES - 1))
 
 
 def _beside(own: Array, *values: Array) -> list[Array]:

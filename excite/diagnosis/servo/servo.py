@@ -42,7 +42,7 @@ class Servo:
         feedforward: ``none``, ``gravity`` of the nominal model at q, or its ``inverse_dynamics`` at the command.
         follows_velocity: s: whether the damping acts on the velocity's error or on the velocity itself.
         estimated: what was estimated and not stated.
-        spread: by name of a gain, ``(n_joints,)`` standard deviations of those that were estimated.
+        told: by name of a gain, ``(2, n_joints)``: as the record tells it, stated or not, and its standard deviation.
     """
 
     kp: Array
@@ -50,7 +50,7 @@ class Servo:
     feedforward: str
     follows_velocity: bool
     estimated: tuple[str, ...] = ()
-    spread: Mapping[str, Array] = field(default_factory=dict)
+    told: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def damping_share(self) -> float:
