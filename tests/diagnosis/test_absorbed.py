@@ -107,3 +107,9 @@ def gain_signals(noise: float, rng: np.random.Generator) -> Rows:
     signals = {"e": e + noise * rng.normal(size=e.shape), "vc": v + rate, "v": v, "a": a, "nominal": need}
     signals |= {"sign": np.sign(v), "gravity": need * 0.0, "inverse_dynamics": need * 0.0}
     return Rows(signals, 1e-3 * need[:, :, None], np.zeros((len(t), 1, 2)))
+
+
+def test_roll_outs_of_what_the_model_has_err_by_what_noise_makes(found: Diagnosis) -> None:
+    assert found.simulation is not None and found.simulation.driven_by == "logged torque"
+    for joint, error in found.simulation.before.items():
+        assert 0.2 * error < found.simulation.floor[joint] < 5.0 * error

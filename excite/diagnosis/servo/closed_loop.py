@@ -133,7 +133,7 @@ def roll_out(
     }
     drives = {t.name: record.drive(t.name, order) for t in samples.trials}
     horizon = min(_HORIZON_S, 0.4 * min(float(t.time[-1]) for t in samples.trials))
-    plan = Plan(horizon, drives, "q_cmd", least_gain=_GAIN, all_effects=True)
+    plan = Plan(horizon, drives, "q_cmd", least_gain=_GAIN, all_effects=True, noise=found["floor"])
     try:
         made = compare_rollouts(strong, baseline, plan)
     except InputError as error:

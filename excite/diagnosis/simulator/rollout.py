@@ -380,6 +380,7 @@ class Plan:
         fitted: simulate the identification trials, not the validation trials.
         least_gain: share of some joint's squared error that each effect after the first has to take away.
         all_effects: whether errors with all effects are wanted where some do not help.
+        noise: ``(n_joints,)`` standard deviation of the filtered positions' noise [rad or m]; None where it is unknown.
     """
 
     horizon_s: float
@@ -391,6 +392,7 @@ class Plan:
     fitted: bool = False
     least_gain: float = 0.0
     all_effects: bool = False
+    noise: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,15 +16,19 @@ from excite.diagnosis.answer.answer import Rollout
 from excite.diagnosis.answer.gap import RolloutPath
 from excite.diagnosis.attribution import Attribution
 from excite.diagnosis.equations.baseline import Baseline
+from excite.diagnosis.equations.noise_floor import white_floor
 from excite.diagnosis.equations.samples import ArmSamples
 from excite.diagnosis.simulator.augmented_plant import augmented_model
 from excite.diagnosis.simulator.model_text import MODEL, AugmentedModel, found_effects, told_states, without
 from excite.diagnosis.simulator.rollout import HORIZON_S, Drive, Piece, Plan, Simulator, cut_pieces
 from excite.errors import InputError
+from excite.logs.signals.butterworth import lowpass, noise_bandwidth
+from excite.logs.signals.spectrum import welch_spectrum
 from excite.progress import step
 
 # Simulated time on identification trials, where it is decided whether the effects help at all [s].
 _CHECKED_S = 8.0
+_SEGMENT_S = 1.28
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,6 +151,7 @@ def compare_rollouts(attribution: Attribution, baseline: Baseline, plan: Plan) -
         model=None,
         driven_by=plan.driven_by,
         warnings=warnings,
+        floor=_rms(_replica_errors(with_first(0)[0].xml, baseline, plan) - plain, samples.joints),
         path=_path(samples, pieces, plain, after),
     )
     spans = tuple((samples.trials[p.trial].name, *_ends(samples, p)) for p in pieces)
@@ -171,6 +176,40 @@ def rollout_errors(xml: str, samples: ArmSamples, rigid: Array, plan: Plan) -> A
     windows, drives = [p.window for p in pieces], [p.drive for p in pieces]
     paths = Simulator(xml, samples.joints).run_all(windows, drives, pieces[0].keep)
     return np.asarray(paths - np.array([p.recorded for p in pieces]))
+
+
+def _replica_errors(xml: str, baseline: Baseline, plan: Plan) -> Array:
+    """Errors of the nominal simulator from a record, and with torques, that have as much noise again."""
+    samples, rng = baseline.samples, np.random.default_rng(0)
+    rate, band, index = samples.rate_hz, samples.bands.kinematics_hz, list(samples.index)
+    passed = np.sqrt(noise_bandwidth(rate, band))
+    white = _white_noise(samples) if plan.noise is None else plan.noise / passed
+    # Torques of a servo are as noisy as its positions.
+    torque = white_floor(samples) / np.sqrt(noise_bandwidth(rate, samples.bands.rows_hz))
+    trials, drives = [], {}
+    for trial in samples.trials:
+        q, drive = trial.q.copy(), plan.drives[trial.name]
+        q[:, index] += lowpass(white * rng.standard_normal((len(q), len(index))), rate, band)
+        trials.append(replace(trial, q=q))
+        noise = torque * rng.standard_normal(drive.torque.shape) if drive.kp is None else 0.0
+        drives[trial.name] = replace(drive, torque=drive.torque + noise)
+    noisy = replace(samples, trials=tuple(trials))
+    return rollout_errors(xml, noisy, baseline.rigid, replace(plan, drives=drives))
+
+
+def _white_noise(samples: ArmSamples) -> Array:
+    """Standard deviation of the white noise of positions, ``(n_joints,)`` [rad], from between half and three quarters
+    of the filter's cut-off; third differences keep the motion from leaking there."""
+    rate, found = samples.rate_hz, []
+    cut = min(samples.bands.kinematics_hz, 0.5 * rate)
+    length = min(round(_SEGMENT_S * rate), *(len(t.time) // 2 for t in samples.trials))
+    for trial in samples.trials:
+        changes = np.diff(trial.q[:, list(samples.index)], 3, axis=0)
+        frequency, power = welch_spectrum(changes, rate, length, median=True)
+        between = (frequency > 0.5 * cut) & (frequency < 0.75 * cut)
+        differenced = (2.0 * np.sin(np.pi * frequency[between] / rate)) ** 6
+        found.append(np.median(power[between] / differenced[:, None], axis=0))
+    return np.asarray(np.sqrt(0.5 * rate * np.median(found, axis=0)))
 
 
 def _rms(error: Array, joints: Sequence[str]) -> dict[str, float]:
