@@ -170,10 +170,11 @@ def known_servo(robot: Robot, log: Log, trials: dict[str, Signals]) -> Servo:
             remedy="state controller.kp, controller.kd and controller.feedforward",
         )
     told = np.full((2, 2, len(joints)), np.nan)
-    for these, known in ((unknown, (kp, kd)), (~unknown, np.full((2, len(joints)), np.nan))):
+    free = np.full(len(joints), np.nan)
+    for these, known_kp, known_kd in ((unknown, kp, kd), (~unknown, free, free)):
         if these.any():
-            servo = best.servo if these is unknown else fit_gains(rows, *known, *form).servo
-            found = np.array([[servo.kp, servo.kd], spread_of_gains(rows, *known, servo)])
+            servo = best.servo if these is unknown else fit_gains(rows, known_kp, known_kd, *form).servo
+            found = np.array([[servo.kp, servo.kd], spread_of_gains(rows, known_kp, known_kd, servo)])
             told[:, these] = found[:, these]
     by_name = {"kp": told[:, 0], "kd": told[:, 1]}
     return replace(best.servo, estimated=stated.missing, told=by_name)
@@ -330,15 +331,16 @@ def fit_gains(rows: Rows, kp: Array, kd: Array, kind: str, follows: bool) -> Gai
     here = [turning[:, j] for j in joints]
     drives = [rows.of_drive(j)[here[j]] for j in joints]
     weight = _CORRELATED * (_EQUATION * np.maximum(x["nominal"].std(axis=0), 1e-9)) ** 2
-    delta, found = np.zeros(size), np.array([kp, kd])
+    delta: Array = np.zeros(size)
+    found = np.array([kp, kd])
     rest, sound = before.std(axis=0), np.zeros(len(kp), dtype=np.bool_)
     for _ in range(_ROUNDS):
         need = before + rows.bodies @ delta
         for j in joints:
             # Damping of the velocity itself and viscous friction are one; it is a servo's that has no other damping.
             drive = drives[j] if follows or np.isfinite(kd[j]) else drives[j][:, [0, 2, 3]]
-            signals = (values[here[j], j] for values in (x["e"], need, rate))
-            found[:, j] = _gains_of_joint(*signals, drive, kp[j], kd[j])
+            error, asked, turned = (values[here[j], j] for values in (x["e"], need, rate))
+            found[:, j] = _gains_of_joint(error, asked, turned, drive, kp[j], kd[j])
         sound = found[0] > 0.0
         if not sound.any():
             break
@@ -493,7 +495,9 @@ def _constants_beside_bodies(rows: Rows, known: Array, told: NDArray[np.bool_]) 
     return constants
 
 
-def _fit_constants(rows: Rows, known: Array, used: Array, lacking: Sequence[Array]) -> _ConstantFit:
+def _fit_constants(
+    rows: Rows, known: Array, used: NDArray[np.intp], lacking: Sequence[Array]
+) -> _ConstantFit:
     """``i = g (τ_nominal + C x) + drive`` of all joints together by Gauss and Newton's steps.
 
     The first one is for torques that are constants times currents, which is linear: nearly right, but for the noise of
@@ -513,10 +517,11 @@ def _fit_constants(rows: Rows, known: Array, used: Array, lacking: Sequence[Arra
             asked, stated = nominal[j] + columns[j] @ x, known[j]
             own = drive[j] if stated == stated else np.column_stack([asked, drive[j]])
             target = current[j] - (asked / stated if stated == stated else 0.0)
-            per_torque = 1.0 / stated if stated == stated else float(_least_squares(own, target)[0])
+            per = 1.0 / stated if stated == stated else float(_least_squares(own, target)[0])
             left = max(float(_beside(own, target)[0].std()), 1e-12)
-            found.append((per_torque, left, _EQUATION * abs(per_torque) * float(asked.std())))
-        return _ConstantFit(*np.array(found).T, rank)
+            found.append((per, left, _EQUATION * abs(per) * float(asked.std())))
+        per_torque, sigma, least = np.array(found).T
+        return _ConstantFit(per_torque, sigma, least, rank)
 
     x = np.zeros(columns[used[0]].shape[1])
     fit = at_size(x, 0)

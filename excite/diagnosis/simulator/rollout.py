@@ -90,7 +90,7 @@ class Drive:
 
     def answer(self, torque: Array, q: Array, v: Array) -> Array:
         """What the motors are asked for at positions and velocities, all ``(…, n_joints)``."""
-        return torque if self.kp is None else torque - self.kp * q - self.kd * v
+        return torque if self.kp is None or self.kd is None else torque - self.kp * q - self.kd * v
 
 
 # Runs of a loaded model.
@@ -457,7 +457,7 @@ def cut_pieces(samples: ArmSamples, rigid: Array, plan: Plan) -> list[Piece]:
             smooth[k].value[i],
             np.array([np.interp(half, trial.time, column) for column in smooth[k].first.T]),
             loads[k][i],
-            t0 + step * np.arange(n * keep),
+            np.asarray(t0 + step * np.arange(n * keep), dtype=np.float64),
             float(trial.session_s[i]),
             {joint: float(values[k][i]) for joint, values in plan.growth.items()},
             Past(trial.time[before], smooth[k].value[before], trial.v[before][:, index]),
