@@ -236,7 +236,7 @@ def position_gap(rollout: Rollout, deviation: Array, floor: Array) -> Gap:
     before, after = (np.array([x[n] for n in names]) for x in (rollout.before, rollout.after))
     parts = np.array([before, after, np.minimum(floor, np.minimum(before, after))])
     whole = [float(x) for x in np.sqrt(np.mean((parts / deviation) ** 2, axis=1))]
-    channels = {n: ChannelGap(*values, "rad") for n, values in zip(names, parts.T.tolist(), strict=True)}
+    channels = {n: ChannelGap(b, a, f, "rad") for n, (b, a, f) in zip(names, parts.T.tolist(), strict=True)}
     return Gap(whole[0], whole[1], whole[2], share_closed(*whole), channels)
 
 

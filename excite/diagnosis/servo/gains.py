@@ -351,7 +351,7 @@ def fit_gains(rows: Rows, kp: Array, kd: Array, kind: str, follows: bool) -> Gai
             body, torque = parts[j]
             gram += body.T @ body / weight[j]
             right += body.T @ torque / weight[j]
-        delta = np.linalg.solve(gram, right)
+        delta = np.asarray(np.linalg.solve(gram, right), dtype=np.float64)
         rest = np.array([(torque - body @ delta).std() for body, torque in parts])
     bare = [
         (x["e"][:, j] - rows.of_drive(j) @ _least_squares(rows.of_drive(j), x["e"][:, j])).std()
