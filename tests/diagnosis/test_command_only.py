@@ -149,7 +149,7 @@ def test_damping_is_found_under_the_encoders_noise(follows: bool):
     assert gain.given == pytest.approx(wrong[3])
     assert gain.size.value == pytest.approx(kp[3], rel=0.1)
     assert gain.interval90 is not None and gain.interval90[0] > wrong[3]
-    assert gain.register == "Position P Gain (84)"
+    assert gain.firmware_unit == "Position P Gain (84)"
     # P/128 of PWM per pulse, 4096 of them a turn, full at 885, and 10.6 N·m then.
     duty = gain.firmware / 128.0 * 4096.0 / (2.0 * np.pi) / 885.0
     assert duty * 10.6 == pytest.approx(gain.size.value, rel=1e-3)

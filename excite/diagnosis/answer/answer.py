@@ -68,7 +68,7 @@ class Absorbed(Stated):
         interval90: 90 % interval [unit]; null where it was not computed.
         given: of a servo's gain, what the log states [unit], by which torques were rebuilt; left out where it does not.
         firmware: the size as the servo's register has it; left out where its table is not known.
-        register: that register, likewise.
+        firmware_unit: that register, likewise.
     """
 
     joint: Name
@@ -77,7 +77,7 @@ class Absorbed(Stated):
     interval90: Interval | None = None
     given: Unbounded | None = field(default=None, metadata={**named("stated"), **LEFT_OUT, **ADDED})
     firmware: Unbounded | None = field(default=None, metadata={**LEFT_OUT, **ADDED})
-    register: Name | None = field(default=None, metadata={**LEFT_OUT, **ADDED})
+    firmware_unit: Name | None = field(default=None, metadata={**LEFT_OUT, **ADDED})
 
     @property
     @stated
@@ -101,7 +101,7 @@ class Absorbed(Stated):
     def from_json(cls, content: Mapping[str, Any]) -> Self:
         """See :meth:`Stated.from_json`."""
         size, between = Estimate.from_json(content), content["interval90"]
-        more = (content.get(name) for name in ("stated", "firmware", "register"))
+        more = (content.get(name) for name in ("stated", "firmware", "firmware_unit"))
         between = None if between is None else tuple(between)
         return cls(content["joint"], content["parameter"], size, between, *more)
 
@@ -150,7 +150,7 @@ def _in_words(item: Absorbed) -> str:
         low, high = (f"{end:.3g}" for end in item.interval90)
         between = f" ({span(low, high, '…')})"
     given = "" if item.given is None else f", stated {item.given:.3g}"
-    units = "" if item.firmware is None else f", {item.firmware:.3g} of {item.register}"
+    units = "" if item.firmware is None else f", {item.firmware:.3g} of {item.firmware_unit}"
     return f"{item.joint} {item.size.value:.3g}{between}{given}{units}"
 
 

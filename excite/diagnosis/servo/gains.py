@@ -203,7 +203,7 @@ def told_gains(robot: Robot, log: Log, servo: Servo) -> list[Absorbed]:
             row = table.get((str(drives.get(item.joint)).lower(), name))
             each = item.size.value / float(row["newton_metres_per_unit"]) if row else None
             here = None if np.isnan(known[item.joint]) else known[item.joint]
-            made.append(replace(item, given=here, firmware=each, register=row["unit"] if row else None))
+            made.append(replace(item, given=here, firmware=each, firmware_unit=row["unit"] if row else None))
     return made
 
 
