@@ -14,9 +14,8 @@ import pytest
 import excite
 from excite import display as shown
 from excite.diagnosis.answer.answer import Diagnosis
-from excite.diagnosis.answer.budget import Budget, ChannelBudget, UnnamedShare
 from excite.diagnosis.answer.candidate import Candidate, Estimate
-from excite.diagnosis.answer.gap import ChannelGap, Gap, Where
+from excite.diagnosis.answer.gap import Budget, ChannelBudget, ChannelGap, Gap, UnnamedShare, Where
 from excite.display import Shown, Tabled
 from excite.documents.campaign import Campaign, Iteration
 from excite.errors import ExciteError

@@ -9,8 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from excite.diagnosis.answer.absorbed import estimated_gains
-from excite.diagnosis.answer.answer import Diagnosis
+from excite.diagnosis.answer.answer import Diagnosis, estimated_gains
 from excite.diagnosis.arm.diagnose import diagnose_arm
 from excite.diagnosis.effects.readings import TorqueGain
 from excite.diagnosis.effects.registry import EFFECTS

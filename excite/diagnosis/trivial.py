@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.diagnosis.answer.trivial import TrivialErrors
+from excite.diagnosis.answer.gap import TrivialErrors
 from excite.diagnosis.equations.arm_trial import ArmTrial
 from excite.diagnosis.equations.repeats import Moving, Repeat, lag_of
 from excite.diagnosis.equations.samples import ArmSamples

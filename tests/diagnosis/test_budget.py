@@ -12,7 +12,7 @@ import pytest
 import yaml
 from scipy.signal import lfilter
 
-from excite.diagnosis.answer.budget import Budget, ChannelBudget, EffectShare, Named, UnnamedShare
+from excite.diagnosis.answer.gap import Budget, ChannelBudget, EffectShare, Named, UnnamedShare
 from excite.diagnosis.arm.diagnose import independent_joints, other_machine, unison
 from excite.diagnosis.arm.read import explained
 from excite.diagnosis.budget.fit.joint_fit import effective_share

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,21 +13,10 @@ from excite.arrays import Array
 from excite.diagnosis.diagnose import diagnose
 from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.noise_floor import spectral_floor
-from excite.diagnosis.equations.own_columns import ARMATURE, own_terms
 from excite.diagnosis.equations.resampling import arm_samples
-from excite.diagnosis.servo.closed_loop import servo_drive, tracking
-from excite.diagnosis.servo.diagnose import servo_floor
-from excite.diagnosis.servo.gains import known_servo, stated_servo
-from excite.diagnosis.servo.servo import (
-    Cycle,
-    Servo,
-    acting,
-    error_integral,
-    later,
-    read_signals,
-    servo_cycle,
-    trial_levels,
-)
+from excite.diagnosis.servo.closed_loop import ServoRecord, tracking_sentences
+from excite.diagnosis.servo.gains import known_servo, stated_servo, told_gains
+from excite.diagnosis.servo.servo import Servo, cycle_lag, delayed, read_signals, servo_floor
 from excite.errors import LogError
 from excite.logs.files import load_log
 from excite.logs.log import Log, LogHeader, Trial
@@ -145,6 +135,26 @@ def test_damping_is_found_under_the_encoders_noise(follows: bool):
     assert (servo.feedforward, servo.follows_velocity) == ("none", follows)
     assert servo.kp == pytest.approx(kp, rel=0.1)
     assert servo.kd == pytest.approx(kd, rel=0.15)
+    # Stated gains, one of them wrong, hide none of it: the record tells the same beside them.
+    wrong = kp * np.where(np.arange(7) == 3, 0.6, 1.0)
+    way = {
+        "velocity_reference": "q_cmd" if follows else "none",
+        "drive": {joints[3]: "XM540-W270", joints[1]: "mit"},
+    }
+    said = {"kp": wrong.tolist(), "kd": kd.tolist(), "feedforward": "none", **way}
+    beside = replace(log, header=header.model_copy(update={"controller": said}))
+    signals = {"t": read_signals(robot, beside, trial)}
+    told = {(g.parameter, g.joint): g for g in told_gains(robot, beside, known_servo(robot, beside, signals))}
+    gain = told["kp", joints[3]]
+    assert gain.given == pytest.approx(wrong[3])
+    assert gain.size.value == pytest.approx(kp[3], rel=0.1)
+    assert gain.interval90 is not None and gain.interval90[0] > wrong[3]
+    assert gain.firmware_unit == "Position P Gain (84)"
+    # P/128 of PWM per pulse, 4096 of them a turn, full at 885, and 10.6 N·m then.
+    duty = gain.firmware / 128.0 * 4096.0 / (2.0 * np.pi) / 885.0
+    assert duty * 10.6 == pytest.approx(gain.size.value, rel=1e-3)
+    assert told["kd", joints[1]].firmware == told["kd", joints[1]].size.value
+    assert told["kp", joints[0]].firmware is None
 
 
 def test_a_log_without_commands_says_what_is_missing(gap_dir: Path):
@@ -207,60 +217,28 @@ def test_the_servos_cycle_is_found_where_it_is_one(gap_dir: Path):
     robot = nominal_robot(log)
     trials = list(log.trials)
 
-    def found(early: float, rate_hz: float | None = None) -> Cycle:
-        moved = [replace(t, tau=later(t.time, t.tau, -early)) for t in trials]
-        return servo_cycle(arm_samples(robot, log, moved), log.header.modelled, np.ones(7), rate_hz)
+    def found(early: float) -> float:
+        moved = [replace(t, tau=delayed(t.time, t.tau, -early)) for t in trials]
+        return cycle_lag(arm_samples(robot, log, moved), log.header.modelled)
 
-    assert found(0.002).lag == pytest.approx(0.002, abs=5e-4)
-    assert found(0.03).lag == 0.0
-    # A lag that is longer than a servo of that rate has is said not to be all its own.
-    long = found(0.008, 1000.0)
-    assert long.lag == pytest.approx(0.008, abs=1e-3)
-    assert "no more than 2.0 ms" in long.sentences()[1]
-    assert len(found(0.008, 200.0).sentences()) == 1
+    assert found(0.002) == pytest.approx(0.002, abs=5e-4)
+    assert found(0.008) == pytest.approx(0.008, abs=1e-3)
+    assert found(0.03) == 0.0
 
 
-def test_a_velocity_that_is_newer_than_the_logs_is_no_rotor(gap_dir: Path):
-    """Rotors of which every one but one is damping times half a millisecond."""
-    log = load_log(gap_dir / "arm" / "case_012")
-    robot = nominal_robot(log)
-    samples = arm_samples(robot, log, log.trials[:3])
-    fitted = fit_baseline(samples, log.header.modelled, spectral_floor(samples), late=False)
-    rotors = np.array([own[own_terms(log.header.modelled).index(ARMATURE)] for own in fitted.fit.own])
-    bare = tuple(name for name in log.header.modelled if name != "armature")
-    kd = rotors / 5e-4
-    kd[2] *= 0.1
-    assert servo_cycle(samples, bare, kd).newer == pytest.approx(5e-4, rel=0.01)
-    # Where rotors are modelled they take it up; what is longer than a cycle is a rotor.
-    assert servo_cycle(samples, log.header.modelled, kd).newer == 0.0
-    assert servo_cycle(samples, bare, 0.1 * kd).newer == 0.0
-    trial = log.trials[0]
-    signals = read_signals(robot, log, trial)
-    servo = Servo(np.full(7, 100.0), kd, "none", True)
-    less = signals.torque(servo) - acting(signals, servo, Cycle(0.0, 5e-4))
-    assert less == pytest.approx(5e-4 * kd * signals.measured.second)
-
-
-def test_what_a_cycle_hides_is_said():
-    assert Cycle(0.0).sentences() == ()
-    lag, rotors = Cycle(0.004, -5e-4).sentences()
-    assert "4.0 ms after" in lag and "lag of the drive" in lag
-    assert "0.5 ms older" in rotors and "rotors" in rotors
-
-
-@pytest.mark.parametrize("cycle", [Cycle(0.0), Cycle(0.004), Cycle(0.0, -1e-3), Cycle(0.003, 5e-4)])
-def test_roll_outs_begin_with_the_servo_whose_torques_were_rebuilt(gap_dir: Path, cycle: Cycle):
+@pytest.mark.parametrize("lag", [0.0, 0.004])
+def test_roll_outs_begin_with_the_servo_whose_torques_were_rebuilt(gap_dir: Path, lag: float):
     """On the record's own motion the drive asks for the torques that act; off it, it pulls back at once."""
     log = load_log(gap_dir / "arm" / "case_012")
     robot = nominal_robot(log)
-    signals = replace(read_signals(robot, log, log.trials[0]), integral=np.full(log.trials[0].q.shape, 0.3))
+    signals = read_signals(robot, log, log.trials[0])
     servo = Servo(np.linspace(300.0, 100.0, 7), np.linspace(40.0, 5.0, 7), "gravity", True)
     order = [4, 0, 2]
-    drive = servo_drive(signals, servo, cycle, order)
-    acts = acting(signals, servo, cycle)[:, order]
+    drive = ServoRecord(servo, {"t": signals}, lag, {}, log.header.joints).drive("t", order)
+    acts = signals.acting_torque(servo, lag)[:, order]
     q, v = signals.measured.value[:, order], signals.measured.first[:, order]
     at = range(200, 1800, 50)
-    offered = drive.offers(drive.time)
+    offered = drive.at_times(drive.time)
     assert drive.answer(offered, q, v)[at] == pytest.approx(acts[at], abs=1e-9)
     pulled = drive.answer(offered[300], q[300] + 0.01, v[300] + 0.1)
     assert pulled - acts[300] == pytest.approx(-0.01 * servo.kp[order] - 0.1 * servo.kd[order])
@@ -283,9 +261,7 @@ def test_one_gain_may_stand_for_all_joints():
         ({"kp": {"a": "soft"}}, r"controller\.kp.*no number.*write one number"),
         ({"kp": [1.0, 2.0]}, r"controller\.kp.*no number.*one for each joint"),
         ({"mode": "torque"}, r"controller\.mode.*no position servo.*tau_cmd"),
-        ({"kp": 3.0, "rate_hz": "fast"}, r"controller\.rate_hz.*no rate.*cycles per second"),
-        ({"kp": 3.0, "rate_hz": 0}, r"controller\.rate_hz.*no rate.*leave it out"),
-        ({"ki": {"a": 2.0}}, r"controller\.ki.*without kp.*state controller\.kp"),
+        ({"kp": 3.0, "ki": {"a": 2.0}}, r"controller\.ki.*integral part.*tau_cmd"),
     ],
 )
 def test_a_controller_that_cannot_be_rebuilt_is_refused(controller: dict, what: str):
@@ -301,19 +277,24 @@ def test_what_hangs_and_what_sticks_is_measured(gap_dir: Path):
     samples = arm_samples(robot, log, trials)
     baseline = fit_baseline(samples, log.header.modelled, spectral_floor(samples))
 
-    def found(kp: float):
+    def told(kp: float) -> list[dict[str, list[float]]]:
         soft = [replace(t, q_cmd=t.q + t.tau / kp) for t in trials]
         servo = Servo(np.full(7, kp), np.zeros(7), "none", True)
         signals = {t.name: read_signals(robot, log, t) for t in soft}
-        return tracking(baseline, servo, signals, range(7))
+        hangs, band = tracking_sentences(baseline, ServoRecord(servo, signals, 0.0, {}, log.header.joints))
+        assert "under its weight" in hangs and "dead band" in band
+        found = (
+            re.findall(r"(\w+) ([+-±]?[-+\d.]+) mrad(?: \(weight over kp: ([-+\d]+))?", x)
+            for x in (hangs, band)
+        )
+        return [{name: [float(x.strip("±")) for x in sizes if x] for name, *sizes in one} for one in found]
 
-    stiff, soft = found(400.0), found(200.0)
-    lifts = int(np.argmax(np.abs(stiff.weighs)))
-    assert stiff.hangs[lifts] == pytest.approx(stiff.weighs[lifts], rel=0.1)
-    assert soft.hangs[lifts] == pytest.approx(2.0 * stiff.hangs[lifts], rel=0.01)
-    assert soft.dead_band == pytest.approx(2.0 * stiff.dead_band)
-    assert robot.joint_names[lifts] in soft.sentences()[0]
-    assert "weight" in soft.sentences()[0] and "dead band" in soft.sentences()[1]
+    (stiff, firm), (soft, loose) = told(400.0), told(200.0)
+    for joint, (hang, weight) in stiff.items():
+        assert hang == pytest.approx(weight, rel=0.15, abs=1.0)
+        assert soft[joint][0] == pytest.approx(2.0 * hang, abs=1.5)
+    for joint, (band,) in firm.items():
+        assert loose[joint][0] == pytest.approx(2.0 * band, abs=0.2)
 
 
 @pytest.mark.slow
@@ -345,39 +326,3 @@ def test_noise_of_a_servos_torque_grows_with_the_frequency(gap_dir: Path):
     assert servo_floor(samples, servo, list(range(7))) == pytest.approx(there, rel=0.15)
     # A floor that takes the noise for white is three times too high.
     assert (spectral_floor(samples) > 2.5 * there).all()
-
-
-def test_noise_that_an_integral_part_gathers_is_noise(gap_dir: Path):
-    """The same with an integral part, each trial's mean taken off: walks differ, their mean square does less."""
-    log = load_log(gap_dir / "arm" / "case_012")
-    robot = nominal_robot(log)
-    rng = np.random.default_rng(4)
-    servo = Servo(np.full(7, 800.0), np.full(7, 20.0), "none", True, ki=np.full(7, 6000.0))
-    made = []
-    for trial in log.trials[:4]:
-        still = np.tile(robot.rest, (len(trial.time), 1))
-        noisy = replace(trial, q=still + 3e-5 * rng.standard_normal(still.shape), q_cmd=still)
-        signals = read_signals(robot, log, noisy)
-        gathered = servo.ki * error_integral(signals)
-        torque = replace(signals, integral=gathered - gathered.mean(axis=0)).torque(servo)
-        made.append(replace(noisy, tau=torque))
-    samples = arm_samples(robot, log, made)
-    there = samples.rows([t.tau for t in samples.trials]).std(axis=0)
-    floor = servo_floor(samples, servo, list(range(7)))
-    assert np.sqrt(np.mean(floor**2)) == pytest.approx(np.sqrt(np.mean(there**2)), rel=0.25)
-    without = servo_floor(samples, replace(servo, ki=None), list(range(7)))
-    assert (without < 0.6 * floor).all()
-
-
-def test_what_an_integral_part_began_with_is_found(gap_dir: Path):
-    """Torques of which each trial lacks another constant."""
-    log = load_log(gap_dir / "arm" / "case_012")
-    robot = nominal_robot(log)
-    names = [t.name for t in log.trials[:3]]
-    lacks = dict(zip(names, np.random.default_rng(1).uniform(-5.0, 5.0, (3, 7)), strict=True))
-    short = [replace(t, tau=t.tau - lacks[t.name]) for t in log.trials[:3]]
-    samples = arm_samples(robot, log, short)
-    found = trial_levels(samples, log.header.modelled)
-    scale = samples.rows([t.tau for t in samples.trials]).std(axis=0)
-    for name in names:
-        assert (np.abs(found[name] - lacks[name]) < 0.1 * scale + 0.02).all()

@@ -9,13 +9,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from excite.diagnosis.attribution import Search
+from excite.diagnosis.attribution import Scorer, Search
 from excite.diagnosis.effects.form import Context
+from excite.diagnosis.effects.readings import ActuatorLag
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.noise_floor import spectral_floor
 from excite.diagnosis.equations.resampling import arm_samples
-from excite.diagnosis.servo.closed_loop import clearly_lags
+from excite.diagnosis.servo.closed_loop import ServoRecord, delay_for_lag
 from excite.diagnosis.servo.diagnose import servo_effects
 from excite.diagnosis.servo.servo import Servo, read_signals
 from excite.logs.files import load_log
@@ -68,5 +69,13 @@ def test_a_lag_is_told_from_a_delay(clean: Log, lags: bool):
         early = np.column_stack([np.interp(trial.time + late, trial.time, c) for c in trial.tau.T])
         made.append(replace(trial, tau=trial.tau + late * rate if lags else early))
     baseline = baseline_of(clean, made)
-    stage = SimpleNamespace(context=Context(baseline), accepted=SimpleNamespace(name="actuator_lag"))
-    assert clearly_lags(SimpleNamespace(stages=[stage])) is lags
+    lag = Search(Context(baseline), baseline.solver).coarse(ActuatorLag(), "torque")
+    assert lag is not None
+    scored = Scorer(baseline, spectral_floor(baseline.samples), 0.0, np.ones(7)).scored(baseline.fit, lag)
+    stage = SimpleNamespace(context=Context(baseline), accepted=scored)
+    robot, servo = nominal_robot(clean), Servo(np.full(7, 1e3), np.zeros(7), "none", True)
+    signals = {t.name: read_signals(robot, clean, replace(t, q_cmd=t.q + t.tau / servo.kp)) for t in made}
+    record = ServoRecord(servo, signals, 0.0, {}, clean.header.joints)
+    delay = delay_for_lag(SimpleNamespace(stages=[stage]), record)
+    assert (delay is None) is lags
+    assert lags or delay.value == pytest.approx(late, rel=0.05)

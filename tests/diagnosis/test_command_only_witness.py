@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from excite.diagnosis.answer.gap import ChannelGap, Gap
-from excite.diagnosis.servo.diagnose import confirmed
-from excite.diagnosis.servo.servo import witness
+from excite.diagnosis.servo.closed_loop import witness
+from excite.diagnosis.servo.diagnose import is_confirmed
 
 SHAPE = (8, 400, 3)
 
@@ -29,7 +29,7 @@ def test_a_small_change_that_goes_the_right_way_counts():
     said = witness(rest - effect, rest)
     assert said.slope == pytest.approx(1.0, abs=3.0 * said.error)
     assert not said.speaks_against
-    assert confirmed(unmoved(), said)
+    assert is_confirmed(unmoved(), said)
 
 
 def test_a_change_that_has_nothing_to_do_with_the_error_speaks_against_it():
@@ -38,7 +38,7 @@ def test_a_change_that_has_nothing_to_do_with_the_error_speaks_against_it():
     said = witness(error, error + rough(rng))
     assert abs(said.slope) < 4.0 * said.error
     assert said.speaks_against
-    assert not confirmed(unmoved(), said)
+    assert not is_confirmed(unmoved(), said)
 
 
 def test_a_change_the_wrong_way_speaks_against_it():

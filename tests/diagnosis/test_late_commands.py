@@ -15,8 +15,8 @@ from excite.diagnosis.effects.readings import ActuatorLag
 from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.noise_floor import spectral_floor
 from excite.diagnosis.equations.resampling import arm_samples
-from excite.diagnosis.servo.closed_loop import delay_for_lag
-from excite.diagnosis.servo.servo import Cycle, Servo, read_signals
+from excite.diagnosis.servo.closed_loop import ServoRecord, delay_for_lag
+from excite.diagnosis.servo.servo import Servo, read_signals
 from excite.logs.files import load_log, save_log
 from excite.logs.robot import nominal_robot
 from tests.diagnosis.two_joints import moved, two_joint_log
@@ -53,9 +53,10 @@ def test_a_delay_in_the_place_of_a_lag_has_its_own_size(tmp_path: Path, of_comma
 
     def told(accepted: SimpleNamespace | None):
         stage = SimpleNamespace(context=context, accepted=accepted)
-        return delay_for_lag(SimpleNamespace(stages=[stage]), servo, signals, Cycle(0.0), (0, 1))
+        record = ServoRecord(servo, signals, 0.0, {}, log.header.joints)
+        return delay_for_lag(SimpleNamespace(stages=[stage]), record)
 
-    size = told(SimpleNamespace(name="actuator_lag", hypothesis=lag))
+    size = told(SimpleNamespace(name="actuator_lag", hypothesis=lag, count=np.ones((2, 2))))
     assert size is not None and size.std is not None
     assert size.value == pytest.approx(LATE, rel=0.02)
     assert 0.0 < size.std < 0.03 * LATE

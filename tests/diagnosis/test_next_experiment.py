@@ -16,9 +16,8 @@ from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.noise_floor import spectral_floor
 from excite.diagnosis.equations.resampling import arm_samples
 from excite.diagnosis.next_experiment.candidates import retraced, within_record
-from excite.diagnosis.simulator.augmented_plant import fitted_plant, physical_plant
+from excite.diagnosis.simulator.augmented_plant import augmented_model, physical_plant, plant_with
 from excite.diagnosis.simulator.model_text import Found
-from excite.diagnosis.simulator.rollout_compare import augmented_model
 from excite.identification.inertia import pseudo_inertia_matrices
 from excite.logs.files import load_log
 from excite.logs.robot import nominal_robot
@@ -36,11 +35,11 @@ def baseline(gap_dir: Path) -> Baseline:
 
 
 def test_physical_plant_keeps_the_torques_that_the_record_shows(baseline: Baseline):
-    wanted = fitted_plant(baseline)
+    wanted = plant_with(baseline, ())
     plant = physical_plant(baseline, wanted)
     assert np.linalg.eigvalsh(pseudo_inertia_matrices(wanted.phi))[:, 0].min() < 0.0
     assert np.linalg.eigvalsh(pseudo_inertia_matrices(plant.phi))[:, 0].min() > 0.0
-    assert min(plant.viscous.min(), plant.coulomb.min(), plant.armature.min()) >= 0.0
+    assert plant.drives.min() >= 0.0
     assert plant.mismatch < 0.3
 
 
@@ -51,7 +50,7 @@ def test_written_model_has_the_dynamics_of_the_plant_with_its_effects(baseline: 
         Found(EFFECTS["encoder_offset"], "panda_joint4", {"offset": 0.05}),
     ]
     model = mujoco.MjModel.from_xml_string(augmented_model(baseline, effects).xml)
-    plant = physical_plant(baseline, fitted_plant(baseline))
+    plant = physical_plant(baseline, plant_with(baseline, ()))
     samples, data = baseline.samples, mujoco.MjData(model)
     model.dof_frictionloss[:] = 0.0
     for k in range(0, 2000, 400):
@@ -60,7 +59,7 @@ def test_written_model_has_the_dynamics_of_the_plant_with_its_effects(baseline: 
         mujoco.mj_inverse(model, data)
         true = q - 0.05 * np.eye(7)[3]
         body = inverse_dynamics(samples.robot.model, true[None], v[None], a[None], plant.phi)[0]
-        expected = body + plant.viscous * v + plant.armature * a
+        expected = body + plant.drives[0] * v + plant.drives[2] * a
         expected[1] += 3.0 * q[1] - 1.5
         assert data.qfrc_inverse == pytest.approx(expected, rel=1e-4, abs=1e-3)
 
@@ -92,7 +91,7 @@ def test_retraced_motions_stay_on_the_record_within_its_speeds(baseline: Baselin
     samples = baseline.samples
     path = samples.trials[0].q
     most = np.minimum(1.25 * np.abs(samples.stacked("v")).max(axis=0), samples.robot.limits.velocity)
-    motions = retraced(samples, 1)
+    motions = retraced(samples)
     assert len({m.name for m in motions}) == len(motions) >= 4
     for motion in motions:
         assert (np.abs(motion.v) <= 1.001 * most).all()
@@ -106,8 +105,8 @@ def test_accelerations_stay_within_the_models_limits_or_the_records(baseline: Ba
     stated = replace(samples.robot.limits, acceleration=np.full(7, 2.0))
     silent = replace(samples.robot.limits, acceleration=np.full(7, 1000.0))
     known, unknown = (replace(samples, robot=replace(samples.robot, limits=x)) for x in (stated, silent))
-    for motion in retraced(known, 1):
+    for motion in retraced(known):
         assert (np.abs(motion.a) <= 2.0).all()
-    for motion in retraced(unknown, 1):
+    for motion in retraced(unknown):
         assert (np.abs(motion.a) <= shown).all()
     assert (within_record(known).limits.acceleration < 2.0).all()

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from excite.diagnosis.answer.budget import Budget
+from excite.diagnosis.answer.gap import Budget
 from excite.diagnosis.arm import diagnose as judged
 from excite.diagnosis.arm.read import Reading
 from excite.diagnosis.attribution import Scorer

@@ -10,8 +10,7 @@ from excite.diagnosis.effects.bristle import Bristle, Static
 from excite.diagnosis.effects.forces import RubbingSpring
 from excite.diagnosis.effects.form import Sizes
 from excite.diagnosis.equations.dry_friction.friction_sign import RATIO, bend, bend_further
-from excite.diagnosis.simulator.rollout import Simulator
-from excite.diagnosis.simulator.rollout_windows import LoggedTorque, Past, PositionServo, Window
+from excite.diagnosis.simulator.rollout import Drive, Past, Simulator, Window
 from excite.errors import InputError
 
 INERTIA = 0.5
@@ -35,8 +34,8 @@ def window(q: float = 0.0, v: float = 0.0, duration: float = 1.0, session_s: flo
     return Window(np.array([q]), np.array([v]), np.array([0.0]), time, session_s, **more)
 
 
-def constant(torque: float) -> LoggedTorque:
-    return LoggedTorque(np.array([0.0, 10.0]), np.full((2, 1), torque))
+def constant(torque: float) -> Drive:
+    return Drive(np.array([0.0, 10.0]), np.full((2, 1), torque))
 
 
 def test_free_joint_follows_the_parabola():
@@ -146,7 +145,7 @@ def test_bristles_take_no_more_than_there_is_of_a_level():
 def test_a_lag_starts_from_what_the_record_asked_before():
     motor = 'dyntype="filterexact" dynprm="0.1" gainprm="1"'
     time = np.linspace(0.0, 2.0, 401)
-    ramp = LoggedTorque(time, time[:, None])
+    ramp = Drive(time, time[:, None])
     past = Past(time[:201], np.zeros((201, 1)), np.zeros((201, 1)))
     steps = np.arange(1.0, 1.2, 1e-3)
     start = Window(np.zeros(1), np.zeros(1), np.zeros(1), steps, 0.0, {}, past)
@@ -162,7 +161,7 @@ def test_a_servo_behind_a_lag_is_as_damped_as_its_equation():
     motor = f'dyntype="filterexact" dynprm="{lag}" gainprm="1" actearly="true"'
     clock = np.arange(0.0, 1.0, step)
     held = np.zeros((len(clock), 1))
-    servo = PositionServo(clock, held, held, held, *np.array([[kp], [kd]]))
+    servo = Drive(clock, held, *np.array([[kp], [kd]]))
     past = Past(np.linspace(-1.0, 0.0, 201), np.ones((201, 1)), np.zeros((201, 1)))
     # Velocities belong half a step before positions.
     before = np.array([0.5 * step * kp / INERTIA])
@@ -181,7 +180,7 @@ def test_a_servo_behind_a_lag_is_as_damped_as_its_equation():
 def test_a_servo_reads_what_the_log_does_not():
     time = np.arange(0.0, 3.0, 1e-3)
     zeros = np.zeros((3000, 1))
-    servo = PositionServo(time, zeros, zeros, zeros, *np.array([[40.0], [9.0]]))
+    servo = Drive(time, zeros, *np.array([[40.0], [9.0]]))
     off = simulator(encoder_offset="in_log_only=0.2").run(window(duration=2.9), servo, 2900)
     # It goes where its own reading is what was asked for.
     assert off[-1, 0] == pytest.approx(0.2, abs=1e-3)
@@ -201,14 +200,12 @@ def test_ripple_spring_and_bias_balance_a_torque():
 
 def test_a_late_channel_is_read_later_and_a_servo_has_no_channel():
     time = np.arange(0.0, 2.0, 1e-3)
-    step = LoggedTorque(time, (time[:, None] >= 0.5).astype(float))
+    step = Drive(time, (time[:, None] >= 0.5).astype(float))
     late, prompt = simulator(time_delay="delay=0.2"), simulator()
     moved = [s.run(window(duration=0.5), step, 500)[-1, 0] for s in (late, prompt)]
     assert moved[0] == pytest.approx(0.5 * 0.2**2 / INERTIA, rel=0.02)
     assert abs(moved[1]) < 1e-6
-    servo = PositionServo(
-        time, np.ones((2000, 1)), np.zeros((2000, 1)), np.zeros((2000, 1)), *np.array([[40.0], [9.0]])
-    )
+    servo = Drive(time, np.full((2000, 1), 40.0), *np.array([[40.0], [9.0]]))
     a, b = (s.run(window(), servo, 100) for s in (late, prompt))
     assert np.array_equal(a, b)
 
@@ -217,7 +214,7 @@ def test_stiff_servo_damping_is_stable_and_right():
     """A light joint, damped far beyond what an explicit step bears, follows its closed form."""
     time = np.arange(0.0, 1.0, 1e-3)
     zeros = np.zeros((1000, 1))
-    servo = PositionServo(time, zeros + 1.0, zeros, zeros, np.array([2000.0]), np.array([2000.0]))
+    servo = Drive(time, zeros + 2000.0, np.array([2000.0]), np.array([2000.0]))
     path = simulator().run(window(), servo, 100)
     # Overdamped: the slow pole is kp/kd = 1/s.
     assert path[:, 0] == pytest.approx(1.0 - np.exp(-np.arange(len(path)) * 0.1), abs=2e-3)

@@ -9,8 +9,7 @@ import pytest
 from excite.diagnosis.effects.form import Draft, Sizes
 from excite.diagnosis.effects.gears.gear_effect import JointElasticity
 from excite.diagnosis.simulator.model_text import write_note
-from excite.diagnosis.simulator.rollout import Simulator
-from excite.diagnosis.simulator.rollout_windows import LoggedTorque, Window
+from excite.diagnosis.simulator.rollout import Drive, Simulator, Window
 
 ROTOR, LINK, STIFFNESS = 0.2, 0.5, 100.0
 MODEL = f"""
@@ -38,7 +37,7 @@ def test_a_link_that_swings_on_its_gear_takes_the_motor_along():
     angle, speed, clock = 0.05, 0.4, np.arange(0.0, 1.0, 1e-3)
     none = np.zeros(1)
     window = Window(none, none, none, clock, 0.0, deflected={"j": (angle, speed)})
-    free = LoggedTorque(np.array([0.0, 2.0]), np.zeros((2, 1)))
+    free = Drive(np.array([0.0, 2.0]), np.zeros((2, 1)))
     found = Simulator(spec.to_xml(), ("j",)).run(window, free, 10)[:, 0]
     # Both together keep their momentum while they swing against each other.
     t = 0.01 * np.arange(len(found))
@@ -53,6 +52,6 @@ def test_a_gear_of_which_nothing_is_told_rests_under_its_load():
     load = np.array([4.0])
     window = Window(np.zeros(1), np.zeros(1), load, np.array([0.0, 1e-3]), 0.0)
     simulator = Simulator(spec.to_xml(), ("j",))
-    simulator.run(window, LoggedTorque(np.array([0.0, 1.0]), np.tile(load, (2, 1))), 1)
+    simulator.run(window, Drive(np.array([0.0, 1.0]), np.tile(load, (2, 1))), 1)
     deflected = float(simulator.runs[0].qpos[1])
     assert deflected == pytest.approx(-4.0 / STIFFNESS, rel=0.01)

@@ -11,8 +11,7 @@ from scipy.special import expit
 from excite.diagnosis.effects.form import DEFLECTION, Draft, Sizes
 from excite.diagnosis.effects.gears.backlash import Backlash, SoftBacklash, SoftPlay
 from excite.diagnosis.simulator.model_text import write_note
-from excite.diagnosis.simulator.rollout import Simulator
-from excite.diagnosis.simulator.rollout_windows import LoggedTorque, Window
+from excite.diagnosis.simulator.rollout import Drive, Simulator, Window
 
 INERTIA, WEIGHT, VISCOUS = 0.5, 4.0, 0.3
 PENDULUM = """
@@ -81,7 +80,7 @@ PLAYS = [
 def test_a_soft_play_swings_as_its_law_does_and_a_hard_one_does_not(width, hertz, softness, rotor):
     play, start, clock = play_of(width, hertz, softness), 0.3, np.arange(0.0, 1.0, 1e-3)
     fine = np.arange(0.0, 1.1, 2e-4)
-    drive = LoggedTorque(fine, push(fine)[:, None])
+    drive = Drive(fine, push(fine)[:, None])
     load = np.array([WEIGHT * np.sin(start)])
     window = Window(np.array([start]), np.zeros(1), load, clock, 0.0)
     expected = swing(play, rotor, start, 0.01 * np.arange(100))

@@ -7,9 +7,8 @@ from dataclasses import replace
 import pytest
 
 from excite.diagnosis.answer.answer import NO_NAME, Diagnosis
-from excite.diagnosis.answer.budget import Budget, ChannelBudget, EffectShare, Named
 from excite.diagnosis.answer.candidate import Candidate, Estimate, sized
-from excite.diagnosis.answer.gap import ChannelGap, Gap
+from excite.diagnosis.answer.gap import Budget, ChannelBudget, ChannelGap, EffectShare, Gap, Named
 from excite.finding import Finding
 
 

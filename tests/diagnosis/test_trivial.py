@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from excite.diagnosis.answer.trivial import TrivialErrors, beaten
+from excite.diagnosis.answer.gap import TrivialErrors, beaten
 from excite.diagnosis.equations.resampling import arm_samples
 from excite.diagnosis.trivial import (
     EvenTrial,

@@ -6,12 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from excite.diagnosis.answer.absorbed import Absorbed
-from excite.diagnosis.answer.answer import Diagnosis, NextExperiment, Rollout
-from excite.diagnosis.answer.budget import Budget, ChannelBudget, EffectShare, UnnamedShare
+from excite.diagnosis.answer.answer import Absorbed, Diagnosis, NextExperiment, Rollout
 from excite.diagnosis.answer.candidate import Candidate, Estimate
-from excite.diagnosis.answer.gap import ChannelGap, Gap, Where
-from excite.diagnosis.answer.trivial import TrivialErrors
+from excite.diagnosis.answer.gap import (
+    Budget,
+    ChannelBudget,
+    ChannelGap,
+    EffectShare,
+    Gap,
+    TrivialErrors,
+    UnnamedShare,
+    Where,
+)
 from excite.finding import Finding
 from excite.report.comparisons import ForceComparison
 

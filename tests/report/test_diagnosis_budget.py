@@ -9,9 +9,7 @@ from pathlib import Path
 import pytest
 
 from excite.diagnosis.answer.answer import Diagnosis
-from excite.diagnosis.answer.budget import EffectShare, UnnamedShare
-from excite.diagnosis.answer.gap import ChannelGap
-from excite.diagnosis.answer.trivial import TrivialErrors, beaten
+from excite.diagnosis.answer.gap import ChannelGap, EffectShare, TrivialErrors, UnnamedShare, beaten
 from excite.report.page import report
 from excite.results import write_json
 from tests.report.diagnosed import budgeted, two_joints_diagnosed, unknown

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Annotated
 
@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 from scipy.special import ndtr, stdtrit
 
 from excite.arrays import Array
+from excite.diagnosis.answer.candidate import in_words
 from excite.diagnosis.equations.samples import ArmSamples
 from excite.diagnosis.equations.units import force_unit
+from excite.finding import Finding, list_names
 from excite.logs.signals.butterworth import noise_bandwidth
-from excite.results import FEW, Interval, Name, Stated, Unbounded, UnboundedPositive, added_as, named
+from excite.results import FEW, HIDDEN, Interval, Name, Stated, Unbounded, UnboundedPositive, added_as, named
 
 
 @dataclass(frozen=True)
@@ -308,3 +310,260 @@ def _independent(samples: ArmSamples) -> float:
     bands = samples.bands
     seconds = min(len(trial.rows) for trial in samples.trials) / bands.rate_hz
     return max(1.0, noise_bandwidth(samples.rate_hz, bands.rows_hz) * samples.rate_hz * seconds)
+
+
+# The gap of every channel as a budget: what each effect takes, what follows something without a name, the rest.
+
+# What differs between repeats of one command beyond the noise of a trial.
+NOT_REPEATED = "does not repeat"
+# Shares below this are not worth a word in a sentence.
+_WORTH = 0.05
+
+
+@dataclass(frozen=True)
+class EffectShare(Stated):
+    """What an effect takes of a channel's gap.
+
+    Attributes:
+        effect: its name.
+        location: its place.
+        share: of the power above the noise floor on the trials that judge, 0…1 (below 0 where it does harm there).
+        interval90: of the share, by blocks left out of what is fitted and of what judges.
+    """
+
+    effect: Name
+    location: Name
+    share: Unbounded
+    interval90: Interval
+
+
+@dataclass(frozen=True)
+class UnnamedShare(Stated):
+    """What a function of one thing takes, which has no name.
+
+    Attributes:
+        follows: position, velocity, load, acceleration, time, the name of another joint, or ``does not repeat``.
+        share: of the power above the noise floor on the trials that judge.
+        knots: where the piecewise linear function has its knots; empty where it is none.
+        torque: its values there [the channel's unit].
+    """
+
+    follows: Name
+    share: Unbounded
+    knots: tuple[Unbounded, ...] = ()
+    torque: tuple[Unbounded, ...] = ()
+
+
+@dataclass(frozen=True)
+class ChannelBudget(Stated):
+    """A channel's gap and where it goes; shares of effects, unnamed ones and the rest add up to one.
+
+    Attributes:
+        noise_floor: what no model can go below [unit].
+        gap: root mean square of measured less predicted without any effect, standstill left out [unit].
+        effects: what named effects take.
+        unnamed: what follows something.
+        rest: what is left.
+        weight: of the channel's gap among all, 0…1.
+        unit: of noise floor and gap; of commands alone that of the torque that the servo must have asked for.
+    """
+
+    noise_floor: UnboundedPositive
+    gap: UnboundedPositive
+    effects: tuple[EffectShare, ...]
+    unnamed: tuple[UnnamedShare, ...]
+    rest: Unbounded
+    weight: Unbounded = 0.0
+    unit: Name = ""
+
+
+@dataclass(frozen=True)
+class Named:
+    """An effect that the model of the gap has.
+
+    Attributes:
+        effect: its name.
+        location: its place.
+        share: of the whole gap above the noise, over all channels.
+        probability: that this is the effect and the place.
+        values: its parameters by name, with their deviations by blocks left out.
+        nats: by which it predicts blocks better that were left out, less its price.
+        rivals: what else would score alike in the company of all others.
+        chances: by position in ``rivals``, their probabilities.
+        surely: what it surely takes of the whole gap, the lower ends of its intervals.
+        clear: whether what is left of some joint is clearly more without it, and it surely is there.
+    """
+
+    effect: str
+    location: str
+    share: float
+    probability: float
+    values: dict[str, tuple[float, float | None]]
+    nats: float
+    rivals: tuple[tuple[str, str], ...] = ()
+    chances: tuple[float, ...] = ()
+    surely: float = 0.0
+    clear: bool = True
+
+
+@dataclass(frozen=True)
+class Detectable(Stated):
+    """How large an effect would have to be for a record to show it.
+
+    Attributes:
+        effect: its name.
+        location: its place.
+        size: smallest size that would be named [unit], at which it is worth its price; null where none would.
+        unit: SI unit; 1 where it has none.
+    """
+
+    effect: Name
+    location: Name
+    size: UnboundedPositive
+    unit: Name
+
+
+@dataclass(frozen=True)
+class Budget:
+    """The gap of a record.
+
+    Attributes:
+        channels: by name.
+        named: effects of the model, largest share first.
+        detectable: how large effects would have to be for the record to show them.
+    """
+
+    channels: dict[str, ChannelBudget]
+    named: tuple[Named, ...]
+    detectable: tuple[Detectable, ...] = ()
+
+    @property
+    def weights(self) -> dict[str, float]:
+        """By channel, its share of the whole gap above the noise; all 0 where there is none."""
+        return {name: channel.weight for name, channel in self.channels.items()}
+
+    @property
+    def rest(self) -> float:
+        """Share of the whole gap above the noise that follows nothing."""
+        return sum(channel.weight * channel.rest for channel in self.channels.values())
+
+    @property
+    def follows(self) -> dict[str, float]:
+        """Shares of the whole gap above the noise without a name, by what they follow."""
+        made: dict[str, float] = {}
+        for channel in self.channels.values():
+            for item in channel.unnamed:
+                made[item.follows] = made.get(item.follows, 0.0) + channel.weight * item.share
+        return made
+
+    def sentence(self) -> str:
+        """The budget over all channels in one sentence."""
+        parts = [
+            f"{in_words(item.effect, item.location)} {100 * item.share:.0f} %"
+            for item in self.named
+            if item.share >= _WORTH
+        ]
+        for name, share in sorted(self.follows.items(), key=lambda x: -x[1]):
+            if share >= _WORTH:
+                what = "what does not repeat" if name == NOT_REPEATED else f"unnamed, following {name},"
+                parts.append(f"{what} {100 * share:.0f} %")
+        if not parts:
+            return self._noise()
+        parts.append(f"the rest {100 * self.rest:.0f} %")
+        return "Of the gap above the noise: " + "; ".join(parts) + "."
+
+    def _noise(self) -> str:
+        """The same where nothing in the gap follows anything: how near to the noise it is."""
+        if not self.channels:
+            return "Nothing was compared."
+        # A channel whose gap is no more than its noise has no weight.
+        above = {
+            name: c.gap / max(c.noise_floor, 1e-300) for name, c in self.channels.items() if c.weight > 0.0
+        }
+        if not above:
+            return "No channel's gap stands above its noise on the trials that judge."
+        name = max(above, key=lambda channel: above[channel])
+        most = self.channels[name]
+        there = f"{most.gap:.3g} {most.unit}, noise {most.noise_floor:.3g} {most.unit}"
+        return (
+            "No effect and nothing that a joint does takes a part of the gap of the trials that judge; it stands "
+            f"furthest above the noise at {name}: {there}, {above[name]:.3g} times as much."
+        )
+
+
+# What predictors far simpler than a simulator reach where it is judged.
+
+# Up to so many times the floor a model does what can be done, and its neighbours tell nothing.
+_DONE = 1.3
+
+
+@dataclass(frozen=True)
+class TrivialErrors(Stated):
+    """RMS errors of one channel on the rows that judge [unit]; None what the record does not tell.
+
+    Attributes:
+        command: of the command taken for the position; null for torques.
+        delayed_command: of the command a while ago, to a scale and an offset.
+        fir: of a linear filter from the command to the position.
+        repeat: by which trials with the same command differ; null without such.
+        model: of the simulator with the effects found.
+        floor: what no model can go below.
+        unit: of them all.
+        delay_s: delay of the delayed command [s].
+        fir_s: length of the filter [s].
+    """
+
+    command: UnboundedPositive | None = None
+    delayed_command: UnboundedPositive | None = None
+    fir: UnboundedPositive | None = None
+    repeat: UnboundedPositive | None = None
+    model: UnboundedPositive | None = None
+    floor: float = field(default=0.0, metadata=HIDDEN)
+    unit: Name = "rad"
+    delay_s: UnboundedPositive | None = None
+    fir_s: UnboundedPositive | None = None
+
+    @property
+    def best(self) -> float | None:
+        """The least error of the predictors that have learnt from commands."""
+        known = [value for value in (self.delayed_command, self.fir) if value is not None]
+        return min(known) if known else None
+
+
+def beaten(errors: Mapping[str, TrivialErrors]) -> tuple[Finding, ...]:
+    """A finding where a simulator is no better on trials left out than what has no physics."""
+    known = {name: (e, e.best, e.model) for name, e in errors.items()}
+    worse = {
+        name: (item, best, model)
+        for name, (item, best, model) in known.items()
+        if best is not None and model is not None and model >= max(best, _DONE * item.floor)
+    }
+    if not worse:
+        return ()
+    said = [
+        f"{name} {model:.2g} {item.unit} against {best:.2g} of {_by(item)}"
+        for name, (item, best, model) in worse.items()
+    ]
+    text = (
+        f"at {len(worse)} of {len(errors)} joints the simulator is no better on trials left out than "
+        f"a linear filter or a delay of the command: {list_names(said)}; they do not show that its physics is right"
+    )
+    figures = {
+        **{f"model.{name}": model for name, (_, _, model) in worse.items()},
+        **{f"trivial.{name}": best for name, (_, best, _) in worse.items()},
+    }
+    return (
+        Finding(
+            "no_better_than_trivial",
+            text,
+            figures,
+            tuple(worse),
+            "limits",
+            remedy="take the filter where only positions are wanted, or look for what the model lacks",
+        ),
+    )
+
+
+def _by(item: TrivialErrors) -> str:
+    fir, late = item.fir, item.delayed_command
+    return "the filter" if late is None or (fir is not None and fir <= late) else "the delay"

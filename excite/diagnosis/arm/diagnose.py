@@ -10,11 +10,9 @@ import numpy as np
 from scipy.special import ndtri, stdtrit
 
 from excite.arrays import Array
-from excite.diagnosis.answer.absorbed import Absorbed
-from excite.diagnosis.answer.answer import NO_NAME, Diagnosis, Rollout
-from excite.diagnosis.answer.budget import Budget
+from excite.diagnosis.answer.answer import NO_NAME, Absorbed, Diagnosis, Rollout
 from excite.diagnosis.answer.candidate import Candidate, Estimate, measured
-from excite.diagnosis.answer.gap import Curves, Gap, Where, gap_of, share_closed
+from excite.diagnosis.answer.gap import Budget, Curves, Gap, Where, gap_of, share_closed
 from excite.diagnosis.arm.read import Reading
 from excite.diagnosis.arm.record import TorqueRecord
 from excite.diagnosis.attribution import Attribution, Judgement, Scored, Scorer

@@ -10,7 +10,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.answer.answer import Verdict
-from excite.diagnosis.answer.budget import Budget, Named
+from excite.diagnosis.answer.gap import Budget, Named
 from excite.diagnosis.attribution import (
     Attribution,
     Hypothesis,

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.diagnosis.answer.budget import (
+from excite.diagnosis.answer.candidate import Estimate
+from excite.diagnosis.answer.gap import (
     NOT_REPEATED,
     Budget,
     ChannelBudget,
@@ -17,7 +18,6 @@ from excite.diagnosis.answer.budget import (
     Named,
     UnnamedShare,
 )
-from excite.diagnosis.answer.candidate import Estimate
 from excite.diagnosis.budget.fit.design import Design
 from excite.diagnosis.budget.fit.joint_fit import Model, fit
 from excite.diagnosis.budget.fit.terms import ShapeStep, TermMaker

@@ -18,11 +18,9 @@ from excite.motion.motion import Motion, MotionMetadata
 from excite.robot.robot import Robot
 from excite.robot.shapes.collision import collision_shapes
 from excite.safety.check import CHECKS, check_motion
-from excite.safety.checks.collision import judge_self_collision
 from excite.safety.checks.sweep import Sweep
 from excite.safety.filter import filter_candidate
 
-_PATHS = 1
 _DRAWN = 10
 _SKETCH_HZ = 50.0
 # Share of limits that a sketch uses all the way; the filter's time law uses more where it can.
@@ -72,52 +70,30 @@ def has_shapes(robot: Robot) -> bool:
     return True
 
 
-def touching(samples: ArmSamples) -> tuple[str, ...]:
-    """Pairs of links, ``A and B``, whose shapes are closer than allowed in postures that the record has been through.
+def draw_motions(samples: ArmSamples, targets: Sequence[str], seed: int, *, wide: bool) -> list[Offer]:
+    """Motions within what the record has shown, or, wide ones, through postures that it has not been through.
 
-    Such shapes are too large, or the pair cannot touch: no motion of this robot would be judged safe.
-    """
-    robot = samples.robot
-    if not has_shapes(robot):
-        return ()
-    link = {shape.name: shape.link for shape in collision_shapes(robot)}
-    judged = judge_self_collision(Sweep(robot, retraced(samples, _PATHS)[0], None))
-    pairs = [v.where.split(" - ") for v in judged.violations if v.kind == "self_collision"]
-    return tuple(dict.fromkeys(" and ".join(link.get(name, name) for name in pair) for pair in pairs))
-
-
-def near(samples: ArmSamples, targets: Sequence[str], seed: int) -> list[Offer]:
-    """Motions within what the record has shown; without shapes, along its own paths alone.
+    Within it are the record's own paths and, with shapes to judge collisions by, the generators' motions. Wide ones
+    have the model's whole range; without shapes each joint stays between the positions that it has been at.
 
     Args:
         samples: the samples.
         targets: joints to aim at.
         seed: of the generators.
+        wide: whether postures may be new.
     """
-    again = [Offer(motion, samples.robot) for motion in retraced(samples, _PATHS)]
-    if not has_shapes(samples.robot):
-        return again
-    inside = within_record(samples)
-    return [*again, *(Offer(sketch(inside, c), inside, c) for c in _drawn(inside, targets, seed))]
-
-
-def beyond(samples: ArmSamples, targets: Sequence[str], seed: int) -> list[Offer]:
-    """Motions through postures that the record has not been through, same arguments.
-
-    Over the model's whole range where it has shapes to judge collisions by; else each joint stays between the
-    positions that it has been at.
-    """
-    if has_shapes(samples.robot):
-        robot = samples.robot
-        return [Offer(sketch(robot, c), robot, c, _ELSEWHERE) for c in _drawn(robot, targets, seed + 1)]
-    inside = within_record(samples, 0.0)
-    return [
-        Offer(sketch(inside, c), samples.robot, None, _UNJUDGED) for c in _drawn(inside, targets, seed + 1)
-    ]
-
-
-def _drawn(robot: Robot, targets: Sequence[str], seed: int) -> list[Candidate]:
-    return plan_candidates(robot, _DRAWN, np.random.SeedSequence(seed), targets=targets)
+    robot, shapes = samples.robot, has_shapes(samples.robot)
+    made = [] if wide else [Offer(motion, robot) for motion in retraced(samples)]
+    if not wide and not shapes:
+        return made
+    limits = robot if wide and shapes else within_record(samples, 0.2 if shapes else 0.0)
+    for drawn in plan_candidates(limits, _DRAWN, np.random.SeedSequence(seed + wide), targets=targets):
+        path = sketch(limits, drawn)
+        if shapes:
+            made.append(Offer(path, limits, drawn, _ELSEWHERE if wide else ""))
+        else:
+            made.append(Offer(path, robot, None, _UNJUDGED))
+    return made
 
 
 def sketch(robot: Robot, candidate: Candidate) -> Motion:
@@ -147,15 +123,6 @@ def sketch(robot: Robot, candidate: Candidate) -> Motion:
     )
 
 
-def joined_motions(first: Motion, second: Motion) -> Motion:
-    """One motion and then another that begins where it ends."""
-    time = second.time[1:] - second.time[0] + first.time[-1]
-    q, v, a = (
-        np.vstack([x, y[1:]]) for x, y in ((first.q, second.q), (first.v, second.v), (first.a, second.a))
-    )
-    return replace(first, time=np.concatenate([first.time, time]), q=q, v=v, a=a)
-
-
 def within_record(samples: ArmSamples, more: float = 0.2) -> Robot:
     """The robot with limits of what the record has shown, ``more`` of it in range, a fifth more of speed."""
     robot, index = samples.robot, list(samples.index)
@@ -181,7 +148,7 @@ def within_record(samples: ArmSamples, more: float = 0.2) -> Robot:
 # known.
 
 GENERATOR = "retraced"
-_LONGEST_S = 30.0
+LONGEST_S = 30.0
 _SPEEDS = (0.25, 0.6, 1.2)
 _CHIRP_HZ = ((0.3, 3.0), (0.3, 8.0))
 _SMOOTH_HZ = 8.0
@@ -193,55 +160,42 @@ _NO_LIMIT = 1000.0
 _WITHIN, _SHOWN = 0.95, 0.999
 
 
-def retraced(samples: ArmSamples, others: int) -> list[Motion]:
-    """Motions along the record's own paths, in joint space.
+def retraced(samples: ArmSamples) -> list[Motion]:
+    """Motions along the path of the record's first trial, in joint space.
 
-    Each runs a trial's path slower, faster, or to and fro about one of its points in a chirp, its amplitude shrinking
+    Each runs it slower, faster, or to and fro about one of its points in a chirp, its amplitude shrinking
     as frequency grows. No posture is new, so that nothing can be hit that the record has not hit; speeds stay
     within 1.25 times the record's and the model's limits, accelerations within three times the record's where the
     model limits them, else within the record's.
-
-    Args:
-        samples: the samples.
-        others: number of trials whose paths are used.
-
-    Returns:
-        The motions, several a trial.
     """
+    trial = next(t for t in samples.trials if t.identification and t.repeats is None)
+    rate, end = samples.rate_hz, float(trial.time[-1])
     made = []
-    trials = [t for t in samples.trials if t.identification and t.repeats is None][:others]
-    for trial in trials:
-        for speed in _SPEEDS:
-            made.append(_motion(samples, trial, _steady(trial, speed, samples.rate_hz), f"speed_{speed:g}"))
-        for band in _CHIRP_HZ:
-            made.append(_motion(samples, trial, _chirp(samples, trial, band), f"chirp_{band[1]:g}_hz"))
+    for speed in _SPEEDS:
+        t = np.arange(round(min(end / speed, LONGEST_S) * rate)) / rate
+        way = speed * _ease(t, 0.5)
+        along = np.concatenate([[0.0], np.cumsum(0.5 * (way[1:] + way[:-1])) / rate])
+        made.append(_motion(samples, trial, along, f"speed_{speed:g}"))
+    index = list(samples.index)
+    fastest = ((trial.v[:, index] / _largest(samples, "v")) ** 2).sum(axis=1)
+    inner = slice(round(rate), -round(rate))
+    middle = float(trial.time[inner][int(np.argmax(fastest[inner]))])
+    room = 0.9 * min(middle, end - middle, 1.0)
+    t = np.arange(round(min(LONGEST_S, 20.0) * rate)) / rate
+    for low, high in _CHIRP_HZ:
+        growth = np.log(high / low) / t[-1]
+        frequency = low * np.exp(growth * t)
+        # Path speed of at most the record's, and path acceleration as the chirp's own limit leaves it.
+        amplitude = np.minimum(room, 1.0 / (2.0 * np.pi * frequency)) * _ease(t, 1.0)
+        along = middle + amplitude * np.sin(2.0 * np.pi * (frequency - low) / growth)
+        made.append(_motion(samples, trial, along, f"chirp_{high:g}_hz"))
     return made
 
 
-def _steady(trial: ArmTrial, speed: float, rate_hz: float) -> Array:
-    """Time on the path at a constant speed, eased in and out over half a second [s]."""
-    length = min(float(trial.time[-1]) / speed, _LONGEST_S)
-    t = np.arange(round(length * rate_hz)) / rate_hz
-    ease = np.minimum(np.minimum(t, t[-1] - t) / 0.5, 1.0)
-    rate = speed * ease**2 * (3.0 - 2.0 * ease)
-    return np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1])) / rate_hz])
-
-
-def _chirp(samples: ArmSamples, trial: ArmTrial, band: tuple[float, float]) -> Array:
-    """To and fro about the path's fastest point, the frequency growing exponentially [s]."""
-    n = round(min(_LONGEST_S, 20.0) * samples.rate_hz)
-    t = np.arange(n) / samples.rate_hz
-    growth = np.log(band[1] / band[0]) / t[-1]
-    frequency = band[0] * np.exp(growth * t)
-    phase = 2.0 * np.pi * (frequency - band[0]) / growth
-    speed = (trial.v[:, list(samples.index)] ** 2 / _reach(samples, "v") ** 2).sum(axis=1)
-    inner = slice(round(1.0 * samples.rate_hz), -round(1.0 * samples.rate_hz))
-    middle = float(trial.time[inner][int(np.argmax(speed[inner]))])
-    room = 0.9 * min(middle, float(trial.time[-1]) - middle, 1.0)
-    ease = np.minimum(np.minimum(t, t[-1] - t) / 1.0, 1.0)
-    # Path speed of at most the record's, and path acceleration as the chirp's own limit leaves it.
-    amplitude = np.minimum(room, 1.0 / (2.0 * np.pi * frequency))
-    return middle + amplitude * ease**2 * (3.0 - 2.0 * ease) * np.sin(phase)
+def _ease(t: Array, seconds: float) -> Array:
+    """From 0 to 1 and back within some seconds of both ends."""
+    rise = np.minimum(np.minimum(t, t[-1] - t) / seconds, 1.0)
+    return np.asarray(rise**2 * (3.0 - 2.0 * rise))
 
 
 def accelerations(samples: ArmSamples, harder: float) -> Array:
@@ -254,7 +208,7 @@ def accelerations(samples: ArmSamples, harder: float) -> Array:
     return _WITHIN * np.where(limit < _NO_LIMIT, np.minimum(harder * shown, limit), shown)
 
 
-def _reach(samples: ArmSamples, name: str) -> Array:
+def _largest(samples: ArmSamples, name: str) -> Array:
     return np.maximum(np.abs(samples.stacked(name)[:, list(samples.index)]).max(axis=0), 1e-6)
 
 
@@ -262,7 +216,7 @@ def _motion(samples: ArmSamples, trial: ArmTrial, along: Array, name: str) -> Mo
     """The path at these times, slowed down as a whole until it is within the limits."""
     robot, index, rate = samples.robot, list(samples.index), samples.rate_hz
     path = lowpass(trial.q, rate, min(_SMOOTH_HZ, 0.2 * rate))
-    most_v = np.minimum(_FASTER * _reach(samples, "v"), robot.limits.velocity[index])
+    most_v = np.minimum(_FASTER * _largest(samples, "v"), robot.limits.velocity[index])
     most_a = accelerations(samples, _HARDER)
     slower = 1.0
     for _ in range(8):
@@ -287,3 +241,28 @@ def _motion(samples: ArmSamples, trial: ArmTrial, along: Array, name: str) -> Mo
         a=d.second,
         metadata=MotionMetadata(generator=GENERATOR, targets=samples.joints, robot_hash=robot.hash),
     )
+
+
+# Whether any motion at all would tell rivals apart: one through the whole range, whether or not it is safe.
+
+# Sines of each joint [Hz], all others' a little faster: the rows' filter passes them.
+_TURNS_HZ, _APART = (0.11, 0.27, 0.61, 1.3), 0.13
+_RATE_HZ = 100.0
+
+
+def through_everything(samples: ArmSamples) -> Motion:
+    """Sines of all joints over their whole range, as fast as their limits of speed allow."""
+    robot = samples.robot
+    limits, t = robot.limits, np.arange(round(LONGEST_S * _RATE_HZ)) / _RATE_HZ
+    low, high = np.maximum(limits.position_lower, -np.pi), np.minimum(limits.position_upper, np.pi)
+    q, v, a = np.zeros((3, len(t), robot.n_joints))
+    for j in range(robot.n_joints):
+        turning = 2.0 * np.pi * np.array(_TURNS_HZ) * (1.0 + _APART * j)
+        size = np.minimum(0.5 * (high[j] - low[j]), limits.velocity[j] / turning) / len(turning)
+        # Golden angles: no two joints swing together.
+        phase = np.outer(t, turning) + 2.4 * np.arange(len(turning)) + 2.4 * j
+        q[:, j] = 0.5 * (low[j] + high[j]) + np.sin(phase) @ size
+        v[:, j] = np.cos(phase) @ (size * turning)
+        a[:, j] = -np.sin(phase) @ (size * turning**2)
+    metadata = MotionMetadata(generator="everything", targets=samples.joints, robot_hash=robot.hash)
+    return Motion("everything", robot.name, robot.joint_names, t, q, v, a, metadata=metadata)

@@ -18,26 +18,13 @@ from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.baseline_fit import model_phi, prior_spread, standstill_weights
 from excite.diagnosis.equations.own_columns import own_signals, own_terms
 from excite.diagnosis.equations.samples import ArmSamples
+from excite.diagnosis.next_experiment.candidates import LONGEST_S
 from excite.logs.signals.butterworth import settling_samples
 from excite.motion.motion import Motion
 from excite.regressor.kernels import inverse_dynamics, joint_torque_regressor
 
 # Rate at which a motion is judged [Hz]; twice what its 10 Hz rows need, and a fraction of most records'.
 _RATE_HZ = 100.0
-LONGEST_S = 30.0
-
-
-@dataclass(frozen=True, eq=False)
-class Information:
-    """Rows, summed up.
-
-    Attributes:
-        moments: ``(n_joints, n, n)`` second moments of all columns in units of the noise.
-        rows: number of rows.
-    """
-
-    moments: Array
-    rows: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,22 +45,17 @@ class Expectation:
     rivals: Sequence[Scored]
     floor: Array
 
-    def information(self, motion: Motion) -> Information:
-        """What a motion would add to the record."""
-        fresh = as_trial(self.baseline.samples, motion)
-        return Information(self._moments(*self._new_rows(fresh)), len(fresh.rows))
-
-    def ratios(self, *added: Information) -> Array:
+    def with_motion(self, motion: Motion) -> Array:
         """Expected log-likelihood ratio over the one at which rivals are tied ``(n_rivals, n_rivals)``.
 
         Row a, column b: a is true, b is fitted. Above 1 the two are told apart; the diagonal is infinite.
 
         Args:
-            added: of the motions that are added to the record.
+            motion: that is added to the record.
         """
-        parts = [self._record, *added]
-        moments = self._without_own(np.sum([part.moments for part in parts], axis=0))
-        count = sum(part.rows for part in parts)
+        fresh = as_trial(self.baseline.samples, motion)
+        moments = self._without_own(self._record + self._moments(*self._new_rows(fresh)))
+        count = int(self.baseline.solver.equations.use.sum()) + len(fresh.rows)
         n = len(self.rivals)
         ratios = np.full((n, n), np.inf)
         alone = [self._nats(moments, count, a, None) for a in range(n)]
@@ -109,8 +91,8 @@ class Expectation:
         return len(self.baseline.phi) if self.baseline.free else 0
 
     @cached_property
-    def _record(self) -> Information:
-        """What the record's identification rows hold."""
+    def _record(self) -> Array:
+        """Moments of the record's identification rows."""
         e = self.baseline.solver.equations
         spread = np.where(self._spread > 0.0, self._spread, 1.0)[:, None]
         bodies = (
@@ -125,7 +107,7 @@ class Expectation:
         weight = (self.baseline.strict / self.baseline.root_weight)[:, e.use, None]
         rows = np.concatenate(parts, axis=2)[:, e.use] * weight
         own = [o[e.use] * w for o, w in zip(e.own, weight, strict=True)]
-        return Information(self._moments(rows, own), int(e.use.sum()))
+        return self._moments(rows, own)
 
     @cached_property
     def _spread(self) -> Array:

@@ -9,87 +9,208 @@ from pathlib import Path
 import numpy as np
 
 from excite.arrays import Array
-from excite.atomic import write_text
 from excite.diagnosis.answer.answer import Rollout
 from excite.diagnosis.answer.candidate import Estimate
-from excite.diagnosis.attribution import Attribution, Hypothesis, Search, effective_counts, structured_joints
-from excite.diagnosis.effects.effect import Effect, Shape, Theta
-from excite.diagnosis.effects.form import Context
-from excite.diagnosis.effects.readings import ActuatorLag, TimeDelay, late
-from excite.diagnosis.equations.arm_trial import ArmTrial
+from excite.diagnosis.attribution import Attribution, Scored, structured_joints, withdrawn
+from excite.diagnosis.effects.readings import ActuatorLag, late
 from excite.diagnosis.equations.baseline import Baseline
-from excite.diagnosis.equations.dry_friction.reversals import told_delay
+from excite.diagnosis.equations.dry_friction.reversals import between_reversals, told_delay
 from excite.diagnosis.equations.noise_floor import position_noise
 from excite.diagnosis.equations.own_columns import coulomb_level
 from excite.diagnosis.equations.repeats import on_the_clock_of_the_first
 from excite.diagnosis.equations.samples import ArmSamples
-from excite.diagnosis.servo.servo import (
-    Cycle,
-    Servo,
-    Signals,
-    Witness,
-    acting,
-    effect_strength,
-    later,
-    without_faint,
-    witness,
-)
-from excite.diagnosis.simulator.model_text import MODEL
-from excite.diagnosis.simulator.rollout_compare import compared
-from excite.diagnosis.simulator.rollout_windows import Drive, Plan, PositionServo, spans
+from excite.diagnosis.servo.servo import Servo, Signals, delayed
+from excite.diagnosis.simulator.rollout import Drive, Plan
+from excite.diagnosis.simulator.rollout_compare import compare_rollouts
 from excite.errors import InputError
 from excite.logs.log import Trial
 from excite.logs.signals.butterworth import lowpass, noise_bandwidth
 from excite.progress import step
 
-# How late a servo's commands, or its torques, are where a lag of its drives was found.
-#
-# A lag is told by its first order, or by two, of the torque that acts, with all that the servo's gains add to
-# friction and rotors where something is late: commands that come 6 ms late, to a leg with kp of 150 N·m/rad,
-# were a lag of 5.8 ms, and to a finger one of 2.5.
+_HORIZON_S = 2.0
+# What each further effect has to take of some joint's squared error.
+_GAIN = 0.1
+# Nats by which a lag has to lead a delay to be none.
+_CLEAR = 30.0
+# How exact torques are that are rebuilt from commands and positions: cycles, held commands, encoders' filters.
+EXACT = 0.015
+# Places of an encoder's marks that the mean is taken over.
+_PLACES = 8
+# A sag of less is not worth a sentence [rad]: a step of a 12-bit encoder.
+_LEAST = 1.5e-3
 
 
-def delay_for_lag(
-    attribution: Attribution, servo: Servo, signals: Mapping[str, Signals], cycle: Cycle, order: Sequence[int]
-) -> Estimate | None:
-    """The delay that stands in the place of an accepted lag, the first effect; None without a lag, or such a delay.
+@dataclass(frozen=True, eq=False)
+class ServoRecord:
+    """A command-only log as torques that act.
 
-    Of commands, or of positions in the log, which are the same; or of all of the torque. What leaves less is meant.
+    Attributes:
+        servo: the servo.
+        signals: by trial.
+        lag: of its torques behind commands and positions [s].
+        logged: its trials as they were logged, by name.
+        joints: of the log, in order.
+    """
+
+    servo: Servo
+    signals: Mapping[str, Signals]
+    lag: float
+    logged: Mapping[str, Trial]
+    joints: tuple[str, ...]
+
+    def order(self, samples: ArmSamples) -> list[int]:
+        """The samples' joints in the log."""
+        return [self.joints.index(joint) for joint in samples.joints]
+
+    def drive(self, trial: str, order: list[int]) -> Drive:
+        """The servo of one trial: at the record's own motion it gives the torques that the record was rebuilt with.
+
+        It answers the simulated positions and velocities at once. What comes of acting later is small beside that and
+        the record's: it stands in the feedforward.
+
+        Args:
+            trial: its name.
+            order: the roll-out's joints in the log.
+        """
+        s, servo = self.signals[trial], self.servo
+        moved = s.acting_torque(servo, self.lag) - s.torque(servo)
+        torque = s.commanded_torque(servo) + s.feedforward(servo.feedforward) + moved
+        return Drive(s.time - s.time[0], torque[:, order], servo.kp[order], servo.kd[order])
+
+
+@dataclass(frozen=True, eq=False)
+class ClosedLoop:
+    """What closed-loop roll-outs say, and what stands beside them.
+
+    Attributes:
+        rollout: the comparison.
+        deviation: ``(n_joints,)`` standard deviation of the positions in identification trials [rad].
+        floor: ``(n_joints,)`` what encoders and what does not repeat leave in filtered positions [rad].
+        sentences: how the servo follows its commands.
+        strength: RMS of the first effect's torque over all torque's deviation, at the joint where it is most.
+        structured: joints with a gap that effects strong enough leave.
+        delay: the delay that stands in the place of a lag; None where there is no lag, or it is clearly none.
+        kept: how many of the accepted effects bring the roll-outs nearer.
+        spans: pieces of trials that were simulated.
+        witness: what roll-outs say of the accepted effects; None where there are none.
+    """
+
+    rollout: Rollout
+    deviation: Array
+    floor: Array
+    sentences: tuple[str, ...]
+    strength: float
+    structured: tuple[str, ...]
+    delay: Estimate | None
+    kept: int = 0
+    spans: tuple[tuple[str, float, float], ...] = ()
+    witness: Witness | None = None
+
+
+@step("roll out in the simulator")
+def roll_out(
+    record: ServoRecord, attribution: Attribution, baseline: Baseline, out: Path | None
+) -> ClosedLoop:
+    """Closed-loop roll-outs, with no effect that rebuilt torques are not exact enough for.
+
+    Args:
+        record: the log.
+        attribution: all its steps.
+        baseline: before the first effect.
+        out: folder for the augmented model.
+    """
+    samples = baseline.samples
+    order = record.order(samples)
+    inside = np.concatenate([t.q for t in samples.trials if t.identification])[:, list(samples.index)]
+    strong = without_faint(attribution, baseline)
+    found = {
+        "deviation": np.maximum(inside.std(axis=0), 1e-9),
+        "floor": position_floor(samples, record.logged, record.joints),
+        "sentences": tracking_sentences(attribution.final, record),
+        "strength": max((effect_strength(item) for item in attribution.accepted[:1]), default=np.inf),
+        "structured": structured_joints(strong, baseline.solver.equations.floor),
+        "delay": delay_for_lag(strong, record),
+    }
+    drives = {t.name: record.drive(t.name, order) for t in samples.trials}
+    horizon = min(_HORIZON_S, 0.4 * min(float(t.time[-1]) for t in samples.trials))
+    plan = Plan(horizon, drives, "q_cmd", least_gain=_GAIN, all_effects=True, noise=found["floor"])
+    try:
+        made = compare_rollouts(strong, baseline, plan)
+    except InputError as error:
+        return ClosedLoop(Rollout({}, {}, horizon, None, "q_cmd", (f"no roll-outs: {error}",)), **found)
+    band = min(2.0 * samples.bands.rows_hz / samples.rate_hz, 1.0)
+    said = None if made.errors is None else witness(*made.errors, band)
+    return ClosedLoop(made.written(out), **found, kept=made.kept, spans=made.spans, witness=said)
+
+
+def effect_strength(item: Scored) -> float:
+    """RMS of an effect's torque over a joint's whole torque's deviation, at most; infinite where it has no columns."""
+    h, samples = item.hypothesis, item.hypothesis.baseline.samples
+    if h.columns.extra is None:
+        return float(np.inf)
+    made = np.sqrt(((h.columns.extra @ h.fit.extra) ** 2).mean(axis=1))
+    return float((made / samples.rows([t.measured for t in samples.trials]).std(axis=0)).max())
+
+
+def without_faint(attribution: Attribution, baseline: Baseline) -> Attribution:
+    """The attribution up to the first effect that rebuilt torques are not exact enough for.
+
+    The noise floor stays, and the parameters of the effects before it that were searched beside it: what is so faint
+    moves neither by more than 0.3 %.
 
     Args:
         attribution: all its steps.
-        servo: the servo.
-        signals: by trial.
-        cycle: when the servo's torques act.
-        order: of the samples' joints in the log.
+        baseline: the baseline that they began with.
+    """
+    strengths = enumerate(effect_strength(item) for item in attribution.accepted)
+    k = next((k for k, strength in strengths if strength < EXACT), None)
+    if k is None:
+        return attribution
+    if k == 0:
+        return withdrawn(attribution, baseline)
+    stages = (*attribution.stages[:k], replace(attribution.stages[k], accepted=None))
+    final = attribution.stages[k].context.baseline
+    return replace(attribution, stages=stages, after=final.fit, final=final)
+
+
+def delay_for_lag(attribution: Attribution, record: ServoRecord) -> Estimate | None:
+    """The delay that stands in the place of an accepted lag, the first effect; None where there is none, or no delay.
+
+    Of commands, or of positions in the log, which are the same; or of all of the torque. What leaves less is meant. A
+    lag is told by its first order, or by two, of the torque that acts, with all that the servo's gains add to friction
+    and rotors where something is late: commands that come 6 ms late, to a leg with kp of 150 N·m/rad, were a lag of
+    5.8 ms, and to a finger one of 2.5. Both turn the phase alike; a lag also lowers the amplitude, and may be clearly
+    none.
+
+    Args:
+        attribution: all its steps.
+        record: the log.
     """
     first = attribution.stages[0]
     if first.accepted is None or first.accepted.name != ActuatorLag.name:
         return None
 
-    def commands(base: Baseline, delay: float) -> Array:
-        parts = []
+    def late_commands(base: Baseline, delay: float) -> Array:
+        parts, order = [], record.order(base.samples)
         for trial in base.samples.trials:
-            s = signals[trial.name]
-            now = servo.kp * s.commanded.value + servo.damping_share * servo.kd * s.commanded.first
-            change = later(s.time, now - later(s.time, now, delay), cycle.lag)
-            parts.append(change[: len(trial.time), list(order)])
+            s = record.signals[trial.name]
+            now = s.commanded_torque(record.servo)
+            change = delayed(s.time, now - delayed(s.time, now, delay), record.lag)
+            parts.append(change[: len(trial.time), order])
         return np.concatenate(parts)
 
-    def torques(base: Baseline, delay: float) -> Array:
+    def late_torques(base: Baseline, delay: float) -> Array:
         return late(base, -delay)
 
-    base, begin = first.context.baseline, float(first.accepted.hypothesis.fit.extra[0])
-    told = [told_delay(base, begin, change) for change in (commands, torques)]
+    base, lag = first.context.baseline, first.accepted.hypothesis
+    told = [told_delay(base, float(lag.fit.extra[0]), change) for change in (late_commands, late_torques)]
     best = min((one for one in told if one is not None), key=lambda one: one.loss, default=None)
-    return None if best is None else Estimate(best.size, best.std, "s")
-
-
-# What no roll-out of a log of commands can go below: noise and steps of encoders, as far as a filter lets
-# them by.
-
-# Places of an encoder's marks that the mean is taken over.
-_PLACES = 8
+    if best is None:
+        return None
+    there, use = between_reversals(base.samples), base.solver.equations.use
+    left = np.log(((lag.fit.residual * there)[:, use] ** 2).mean(axis=1)).sum()
+    independent = float(first.accepted.count[:, 0].mean())
+    return None if 0.5 * independent * (best.loss - left) > _CLEAR else Estimate(best.size, best.std, "s")
 
 
 def position_floor(samples: ArmSamples, logged: Mapping[str, Trial], joints: Sequence[str]) -> Array:
@@ -106,266 +227,131 @@ def position_floor(samples: ArmSamples, logged: Mapping[str, Trial], joints: Seq
         logged: its trials as they were logged, by name.
         joints: of the log, in its order.
     """
+    rate, band, n = samples.rate_hz, samples.bands.kinematics_hz, len(samples.joints)
     trials = [logged[t.name] for t in samples.trials]
     columns = [list(joints).index(joint) for joint in samples.joints]
-    passed = noise_bandwidth(samples.rate_hz, samples.bands.kinematics_hz)
-    white = position_noise(samples, columns, trials) * np.sqrt(passed)
-    steps = np.array([[t.cleaning.quantised.get(f"q.{j}", 0.0) for j in samples.joints] for t in trials])
-    return np.asarray(np.max([white, _rounding(samples, steps), _unrepeated(samples)], axis=0))
-
-
-def _rounding(samples: ArmSamples, steps: Array) -> Array:
-    """RMS over all trials of what encoders of these steps, ``(n_trials, n_joints)``, are off by after the filter."""
-    squares, count = np.zeros(len(samples.joints)), 0
-    for trial, resolution in zip(samples.trials, steps, strict=True):
-        squares += len(trial.time) * _filtered_rounding(samples, trial, resolution)
-        count += len(trial.time)
-    return np.asarray(np.sqrt(squares / count))
-
-
-def _filtered_rounding(samples: ArmSamples, trial: ArmTrial, step: Array) -> Array:
-    coarse = np.flatnonzero(step > 0.0)
-    found = np.zeros(len(step))
-    if len(coarse):
-        q = trial.q[:, [samples.index[j] for j in coarse]] / step[coarse]
-        for place in (np.arange(_PLACES) + 0.5) / _PLACES:
-            off = lowpass(np.round(q + place) - q - place, samples.rate_hz, samples.bands.kinematics_hz)
-            found[coarse] += (off**2).mean(axis=0) / _PLACES
-    return found * step**2
-
-
-def _unrepeated(samples: ArmSamples) -> Array:
-    """RMS of half the difference of repeated trials' positions, times √2; 0 without repeats."""
-    positions = [t.q[t.rows][:, list(samples.index)].T for t in samples.trials]
-    both = [on_the_clock_of_the_first(repeat, samples.trials, positions) for repeat in samples.repeats]
-    if not both:
-        return np.zeros(len(samples.joints))
-    return np.asarray(np.sqrt(np.concatenate([0.5 * (b - a) ** 2 for a, b in both], axis=1).mean(axis=1)))
-
-
-# The servo as what drives a closed-loop roll-out.
-
-
-def servo_drive(signals: Signals, servo: Servo, cycle: Cycle, order: list[int]) -> PositionServo:
-    """The servo of one trial: at the record's own motion it gives the torques that the record was rebuilt with.
-
-    It answers the simulated positions and velocities at once. What comes of acting later, and of damping a velocity
-    that is not the log's, is small beside that and the record's: it stands in the feedforward, with the integral
-    part, which over a roll-out has hardly heard of what is different there.
-
-    Args:
-        signals: of the trial.
-        servo: the servo.
-        cycle: when its torques act.
-        order: the roll-out's joints in the log.
-
-    Returns:
-        The drive, on a clock that starts with the trial.
-    """
-    given = signals.feedforward(servo.feedforward) + signals.integral
-    moved = acting(signals, servo, cycle) - signals.torque(servo)
-    return PositionServo(
-        time=signals.time - signals.time[0],
-        q_cmd=signals.commanded.value[:, order],
-        v_cmd=servo.damping_share * signals.commanded.first[:, order],
-        feedforward=(given + moved)[:, order],
-        kp=servo.kp[order],
-        kd=servo.kd[order],
+    white = position_noise(samples, columns, trials) * np.sqrt(noise_bandwidth(rate, band))
+    rounded, count = np.zeros(n), 0
+    positions = [t.q[:, list(samples.index)] for t in samples.trials]
+    for q, trial in zip(positions, trials, strict=True):
+        marks = np.array([trial.cleaning.quantised.get(f"q.{joint}", 0.0) for joint in samples.joints])
+        coarse, count = marks > 0.0, count + len(q)
+        for place in (np.arange(_PLACES) + 0.5) / _PLACES if coarse.any() else ():
+            steps = q[:, coarse] / marks[coarse] + place
+            off = lowpass(np.round(steps) - steps, rate, band) * marks[coarse]
+            rounded[coarse] += (off**2).sum(axis=0) / _PLACES
+    rows = [q[t.rows].T for q, t in zip(positions, samples.trials, strict=True)]
+    pairs = [on_the_clock_of_the_first(repeat, samples.trials, rows) for repeat in samples.repeats]
+    apart = np.hstack([np.zeros((n, 1)) if not pairs else np.zeros((n, 0)), *(b - a for a, b in pairs)])
+    return np.asarray(
+        np.max([white, np.sqrt(rounded / count), np.sqrt(0.5 * (apart**2).mean(axis=1))], axis=0)
     )
 
 
-# How a servo follows its commands: what hangs under weight, what dry friction holds back.
-
-# Less than this is not worth a sentence [rad]: a step of a 12-bit encoder.
-_LEAST = 1.5e-3
-
-
-@dataclass(frozen=True, eq=False)
-class Tracking:
-    """Each joint's steady errors, in the order of the samples.
-
-    Attributes:
-        joints: names.
-        hangs: ``(n_joints,)`` mean of measured less commanded position [rad].
-        weighs: ``(n_joints,)`` what weight over kp, less feedforward and integral, makes one expect of it [rad].
-        dead_band: ``(n_joints,)`` how far a command has to lead before dry friction lets go [rad].
-    """
-
-    joints: tuple[str, ...]
-    hangs: Array
-    weighs: Array
-    dead_band: Array
-
-    def sentences(self) -> tuple[str, ...]:
-        """What is worth saying."""
-        said = []
-        low = [
-            f"{name} {1e3 * h:+.0f} mrad (weight over kp: {1e3 * w:+.0f})"
-            for name, h, w in zip(self.joints, self.hangs, self.weighs, strict=True)
-            if min(abs(h), abs(w)) > _LEAST and h * w > 0.0
-        ]
-        if low:
-            said.append("the arm hangs away from its commands under its weight: " + ", ".join(low))
-        held = [
-            f"{name} ±{1e3 * d:.1f} mrad"
-            for name, d in zip(self.joints, self.dead_band, strict=True)
-            if d > _LEAST
-        ]
-        if held:
-            said.append("dry friction leaves a dead band about the commands: " + ", ".join(held))
-        return tuple(said)
-
-
-def tracking(baseline: Baseline, servo: Servo, signals: dict[str, Signals], order: Sequence[int]) -> Tracking:
-    """Steady errors on the identification trials.
+def tracking_sentences(baseline: Baseline, record: ServoRecord) -> tuple[str, ...]:
+    """How a servo follows its commands in the identification trials: what hangs under weight, what friction holds.
 
     Args:
         baseline: with all accepted effects.
-        servo: the servo.
-        signals: by trial.
-        order: of the samples' joints in the log.
-
-    Returns:
-        The errors.
+        record: the log.
     """
-    samples, columns = baseline.samples, list(order)
-    kp = servo.kp[columns]
-    late, weight = [], []
+    samples, servo = baseline.samples, record.servo
+    order = record.order(samples)
+    kp, errors, weight = servo.kp[order], [], []
     for trial, rigid in zip(samples.trials, samples.split(baseline.rigid), strict=True):
-        if not trial.identification:
-            continue
-        s = signals[trial.name]
-        late.append((s.measured.value - s.commanded.value)[:, columns])
-        given = s.feedforward(servo.feedforward) + s.integral
-        weight.append(given[: len(rigid), columns] - rigid[: len(s.time)])
-    dry = np.array([max(coulomb_level(baseline.modelled, own), 0.0) for own in baseline.fit.own])
-    hangs, weighs = (np.concatenate(x).mean(axis=0) for x in (late, weight))
-    return Tracking(samples.joints, hangs, weighs / kp, dry / kp)
+        if trial.identification:
+            s = record.signals[trial.name]
+            errors.append((s.measured.value - s.commanded.value)[:, order])
+            given = s.feedforward(servo.feedforward)[: len(rigid), order]
+            weight.append((given - rigid[: len(s.time)]) / kp)
+    hangs, weighs = (np.concatenate(x).mean(axis=0) for x in (errors, weight))
+    dry = np.array([max(coulomb_level(baseline.modelled, own), 0.0) for own in baseline.fit.own]) / kp
+    low = [
+        f"{name} {1e3 * h:+.0f} mrad (weight over kp: {1e3 * w:+.0f})"
+        for name, h, w in zip(samples.joints, hangs, weighs, strict=True)
+        if min(abs(h), abs(w)) > _LEAST and h * w > 0.0
+    ]
+    held = [f"{name} ±{1e3 * d:.1f} mrad" for name, d in zip(samples.joints, dry, strict=True) if d > _LEAST]
+    said = {
+        "the arm hangs away from its commands under its weight: ": low,
+        "dry friction leaves a dead band about the commands: ": held,
+    }
+    return tuple(text + ", ".join(items) for text, items in said.items() if items)
 
 
-_HORIZON_S = 2.0
-# What each further effect has to take of some joint's squared error.
-_GAIN = 0.1
+# Whether the change that effects make to closed-loop roll-outs goes the way that the record asks for.
+
+# A change of less than this share of the roll-outs' amplitude of error is lost in it; one so much larger than what it
+# is to explain is a simulation that gets nowhere.
+_HEARD, _WILD = 0.1, 10.0
+# Standard errors by which a change has to go the right way.
+_SURE = 2.0
+# Fewer roll-outs do not tell by how much they disagree.
+_ROLLOUTS = 4
+# A change of which so little goes the right way makes things worse, however surely.
+_LITTLE = 0.1
 
 
-@dataclass(eq=False)
-class ClosedLoop:
-    """Closed-loop roll-outs, and what the result needs of them afterwards.
+@dataclass(frozen=True)
+class Witness:
+    """What roll-outs say of effects.
 
     Attributes:
-        servo: the servo.
-        signals: by trial.
-        cycle: when the servo's torques act.
-        logged: its trials as they were logged, by name.
-        out: folder for the augmented model.
-        rollout: the comparison once it is made.
-        deviation: ``(n_joints,)`` standard deviation of the positions in identification trials [rad].
-        floor: ``(n_joints,)`` what encoders and what does not repeat leave in filtered positions [rad].
-        order: joints in the log's order.
-        tracking: steady errors of the servo.
-        kept: how many of the accepted effects bring the roll-outs nearer.
-        strength: RMS of the first effect's torque over all torque's deviation, at the joint where it is most.
-        structured: joints with a gap that effects strong enough leave.
-        lags: whether the first effect is a lag and clearly no delay.
-        delay: the delay that stands in its place; None where it is no lag.
-        spans: pieces of trials that were simulated.
-        witness: what roll-outs say of the accepted effects; None where there are none.
+        slope: share of the effects' change that the error without them asks for: 1 where they are all that is missing,
+            0 where they have nothing to do with it; NaN where roll-outs with them diverge.
+        error: standard error of the slope.
+        heard: amplitude of the change over that of the error, at the joint where it is most.
     """
 
-    servo: Servo
-    signals: dict[str, Signals]
-    cycle: Cycle
-    logged: Mapping[str, Trial]
-    out: Path | None
-    rollout: Rollout | None = None
-    deviation: Array | None = None
-    floor: Array | None = None
+    slope: float
+    error: float
+    heard: float
 
-    @step("roll out in the simulator")
-    def __call__(self, attribution: Attribution, baseline: Baseline) -> Rollout:
-        """Make the roll-outs, with no effect that rebuilt torques are not exact enough for."""
-        samples = baseline.samples
-        order = [self.order.index(joint) for joint in samples.joints]
-        self.tracking = tracking(attribution.final, self.servo, self.signals, order)
-        q = samples.stacked("q")[:, list(samples.index)]
-        inside = np.concatenate([np.full(len(t.time), t.identification) for t in samples.trials])
-        self.deviation = np.maximum(q[inside].std(axis=0), 1e-9)
-        self.floor = position_floor(samples, self.logged, self.order)
-        self.strength = max((effect_strength(item) for item in attribution.accepted[:1]), default=np.inf)
-        attribution = without_faint(attribution, baseline)
-        self.structured = structured_joints(attribution, baseline.solver.equations.floor)
-        self.lags = clearly_lags(attribution)
-        self.delay = delay_for_lag(attribution, self.servo, self.signals, self.cycle, order)
-        drives: dict[str, Drive] = {
-            t.name: servo_drive(self.signals[t.name], self.servo, self.cycle, order) for t in samples.trials
-        }
-        shortest = min(float(t.time[-1]) for t in samples.trials)
-        horizon = min(_HORIZON_S, 0.4 * shortest)
-        plan = Plan(horizon, drives, "q_cmd", least_gain=_GAIN, all_effects=True, noise=self.floor)
-        try:
-            comparison = compared(attribution, baseline, plan)
-        except InputError as error:
-            self.rollout = Rollout({}, {}, _HORIZON_S, None, "q_cmd", (f"no roll-outs: {error}",))
-            return self.rollout
-        rollout, self.kept = comparison.rollout, comparison.kept
-        self.spans = spans(samples, plan)
-        if comparison.errors is not None:
-            band = min(2.0 * samples.bands.rows_hz / samples.rate_hz, 1.0)
-            self.witness = witness(*comparison.errors, band)
-        if self.out is not None:
-            self.out.mkdir(parents=True, exist_ok=True)
-            write_text(self.out / MODEL, comparison.xml)
-            rollout = replace(rollout, model=MODEL)
-        self.rollout = rollout
-        return rollout
+    @property
+    def speaks_against(self) -> bool:
+        """Whether the change is surely less than foretold, and not surely any of it the right way.
 
-    order: tuple[str, ...] = ()
-    tracking: Tracking | None = None
-    kept: int = 0
-    strength: float = np.inf
-    witness: Witness | None = None
-    lags: bool = False
-    delay: Estimate | None = None
-    structured: tuple[str, ...] = ()
-    spans: tuple[tuple[str, float, float], ...] = ()
+        A simulation that gets nowhere says nothing, nor does a change within the error.
+        """
+        if not (np.isfinite(self.slope) and _HEARD <= self.heard <= _WILD):
+            return False
+        return self.slope < 1.0 - _SURE * self.error and self.slope < max(_SURE * self.error, _LITTLE)
 
 
-# A drive that follows with a lag against torques that act as they are, but late.
+def witness(before: Array, after: Array, band: float = 1.0) -> Witness:
+    """Regress what the record asks for on what effects do.
 
-# Nats by which a lag has to lead a delay.
-_CLEAR = 30.0
+    Under feedback the positions hardly show an effect that the torques show well: how much of the error goes
+    tells little where friction, noise and the start have most of it. Whether what goes is what was foretold does.
+    Every frequency weighs by the error that there is without the effects, in octaves: slow errors of friction are
+    the largest, and would drown what a soft gear does (generalised least squares, Aitken 1936).
 
+    Args:
+        before: simulated less recorded positions without the effects ``(n_windows, n, n_joints)`` [rad].
+        after: with them.
+        band: share of the frequencies up to half the sampling rate that effects were fitted in: beyond, a filtered
+            record has next to nothing, and the start of a simulation has something.
 
-class Transport(TimeDelay):
-    """Torques act a time d after they are asked for: ``u(t) = τ(t + d)``, as the secant of the predicted torque."""
-
-    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
-        column = late(context.baseline, -theta[0]) / theta[0]
-        return Shape({j: column[:, [j]] for j in range(column.shape[1])})
-
-
-def clearly_lags(attribution: Attribution) -> bool:
-    """Whether an accepted lag of the drives, the first effect, explains clearly more than a transport delay.
-
-    The two turn the phase alike; a lag also lowers the amplitude, with the square of the frequency.
+    Returns:
+        What they say, all joints weighed by their errors without the effects.
     """
-    first = attribution.stages[0]
-    if first.accepted is None or first.accepted.name != ActuatorLag.name:
-        return False
-    search = Search(first.context, first.context.baseline.solver)
-    lag, late = _best(search, ActuatorLag()), _best(search, Transport())
-    if lag is None or late is None:
-        return False
-    base = first.context.baseline
-    residuals = [base.judged(item.fit.residual) for item in (lag, late)]
-    counts = effective_counts(residuals[0], base.samples.identification, base.samples.trial_of_row).sum(
-        axis=1
-    )
-    powers = [(r**2).mean(axis=1) for r in residuals]
-    nats = 0.5 * float((counts * np.log(powers[1] / powers[0])).sum())
-    return nats > _CLEAR
+    from scipy.fft import dct
 
-
-def _best(search: Search, effect: Effect) -> Hypothesis | None:
-    coarse = search.coarse(effect, "torque")
-    return None if coarse is None else search.refine(coarse)
+    size = np.sqrt((before**2).mean(axis=(0, 1))) + 1e-12
+    change = (after - before) / size
+    if not np.isfinite(after).all() or not change.any():
+        return Witness(np.nan, np.nan, 0.0)
+    heard = float(np.sqrt((change**2).mean(axis=(0, 1))).max())
+    # Of the cosine transform: what begins and ends apart leaks next to nothing into it.
+    count = max(round(band * before.shape[1]), 1)
+    old, new = (dct(x, axis=1, norm="ortho")[:, :count] for x in (before / size, change))
+    octave, levels = np.frexp(np.arange(count))[1], np.empty(old.shape[1:])
+    for k in np.unique(octave):
+        levels[octave == k] = np.sqrt((old[:, octave == k] ** 2).mean(axis=(0, 1))) + 1e-9
+    old, new = old / levels, new / levels
+    asked, made = (-old * new).sum(axis=(1, 2)), (new**2).sum(axis=(1, 2))
+    total, n = float(made.sum()), len(made)
+    slope = float(asked.sum()) / total
+    # Of a ratio of sums over the joints and frequencies of each roll-out (Cochran 1977, section 6.3).
+    spread = float(np.sqrt(n / max(n - 1, 1) * ((asked - slope * made) ** 2).sum()))
+    return Witness(slope, spread / total if n >= _ROLLOUTS else np.inf, heard)

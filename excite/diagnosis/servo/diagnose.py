@@ -3,43 +3,29 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.answer.absorbed import Absorbed, estimated_gains
 from excite.diagnosis.answer.answer import Diagnosis, NextExperiment, Rollout
-from excite.diagnosis.answer.candidate import Candidate, Estimate
-from excite.diagnosis.answer.gap import ChannelGap, Gap, share_closed
-from excite.diagnosis.answer.trivial import beaten
+from excite.diagnosis.answer.candidate import Estimate
+from excite.diagnosis.answer.gap import ChannelGap, Gap, beaten, share_closed
 from excite.diagnosis.arm.diagnose import diagnose_arm, diagnose_torques
 from excite.diagnosis.arm.record import TorqueRecord
-from excite.diagnosis.attribution import STRUCTURED
+from excite.diagnosis.attribution import STRUCTURED, Attribution
 from excite.diagnosis.effects.effect import Effect, Shape, Theta
 from excite.diagnosis.effects.form import Context, Form, Sizes
 from excite.diagnosis.effects.readings import EncoderOffset, TimeDelay, TorqueGain
 from excite.diagnosis.effects.registry import EFFECTS
+from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.joint_torque import Fit
-from excite.diagnosis.equations.noise_floor import spectral_floor
 from excite.diagnosis.equations.resampling import arm_samples
-from excite.diagnosis.equations.samples import ArmSamples
-from excite.diagnosis.servo.closed_loop import ClosedLoop
-from excite.diagnosis.servo.gains import known_servo
-from excite.diagnosis.servo.servo import (
-    BAND_HZ,
-    EXACT,
-    Servo,
-    Signals,
-    Witness,
-    acting,
-    error_integral,
-    read_signals,
-    servo_cycle,
-    trial_levels,
-)
+from excite.diagnosis.servo.closed_loop import EXACT, ClosedLoop, ServoRecord, Witness, roll_out
+from excite.diagnosis.servo.gains import known_servo, told_gains
+from excite.diagnosis.servo.servo import Servo, cycle_lag, read_signals, servo_floor
 from excite.diagnosis.trivial import of_positions
 from excite.errors import LogError, RobotError
 from excite.logs.log import Log, Trial
@@ -51,6 +37,8 @@ from excite.rows.kinematics import trial_rate
 
 # A log without a torque channel has none of them.
 _CHANNEL = tuple(effect.name for effect in EFFECTS.values() if effect.of_channel)
+# Effects that leave more of every joint's roll-out error are not confirmed, nor are those that make it worse.
+_CONFIRMS = 0.95
 
 
 def diagnose_commands(robot: Robot, log: Log, rng: np.random.Generator, out: Path | None = None) -> Diagnosis:
@@ -73,87 +61,55 @@ def diagnose_commands(robot: Robot, log: Log, rng: np.random.Generator, out: Pat
         LogError: no commands, gains neither stated nor to be had.
     """
     if all(trial.tau_cmd is not None for trial in log.trials):
-        return _asked(robot, log, rng, out)
-    trials = tuple(_evened(log, t) for t in log.trials)
-    controller = _controllers(log)
+        return _diagnose_asked(robot, log, rng, out)
+    joints = log.header.joints
+    trials = tuple(_resample_evenly(log, t) for t in log.trials)
+    controller = _controllers_model(log)
     signals = {t.name: read_signals(robot, log, t, controller) for t in trials}
-    fitted = {t.name: signals[t.name] for t in trials if t.role == "identification"}
-    servo = known_servo(robot, log, fitted)
+    servo = known_servo(robot, log, {t.name: signals[t.name] for t in trials if t.role == "identification"})
     # A wrong scale of a joint's torques is its gain's where that was estimated.
     guessed = (TorqueGain.name,) if any(name.startswith("kp of") for name in servo.estimated) else ()
     modelled = (*log.header.modelled, *_CHANNEL, *guessed)
-    if servo.ki is not None and servo.ki.any():
-        signals = _wound(robot, log, trials, signals, servo, servo.ki, modelled)
     asked = tuple(replace(t, tau=signals[t.name].torque(servo)) for t in trials)
     samples = arm_samples(robot, log, asked)
-    order = [log.header.joints.index(name) for name in samples.joints]
-    cycle = servo_cycle(samples, modelled, servo.kd[order], servo.rate_hz)
-    asked = tuple(replace(t, tau=acting(signals[t.name], servo, cycle)) for t in trials)
-    closed = ClosedLoop(servo, signals, cycle, {t.name: t for t in trials}, out, order=log.header.joints)
+    lag = cycle_lag(samples, modelled)
+    acting = tuple(replace(t, tau=signals[t.name].acting_torque(servo, lag)) for t in trials)
+    commands = ServoRecord(servo, signals, lag, {t.name: t for t in trials}, joints)
+    loops: list[ClosedLoop] = []
 
-    def floor_of(samples: ArmSamples) -> Array:
-        return servo_floor(samples, servo, order)
+    def simulate(attribution: Attribution, baseline: Baseline) -> Rollout:
+        loops.append(roll_out(commands, attribution, baseline, out))
+        return loops[0].rollout
 
-    library = servo_effects(servo, log.header.joints)
-    record = TorqueRecord(robot, replace(log, trials=asked), modelled, out, floor_of, library)
-    found = _judged(diagnose_torques(record, rng, closed), closed)
-    found = replace(found, absorbed=(*_gains(robot, log.header.joints, servo), *found.absorbed))
-    return _beside_neighbours(found, robot, log, closed)
-
-
-def _gains(robot: Robot, joints: tuple[str, ...], servo: Servo) -> Iterator[Absorbed]:
-    """Gains of the servo that nobody stated."""
-    for name, unit, values in (("kp", "N·m/rad", servo.kp), ("kd", "N·m·s/rad", servo.kd)):
-        guessed = [f"{name} of {joint}" in servo.estimated for joint in joints]
-        yield from estimated_gains(robot, joints, name, unit, values, guessed, servo.spread.get(name))
-
-
-def _beside_neighbours(found: Diagnosis, robot: Robot, log: Log, closed: ClosedLoop) -> Diagnosis:
-    """The diagnosis with what simple predictors of the positions reach on the same rows."""
-    rolled = closed.rollout if closed.rollout is not None and closed.rollout.after else None
-    floor = {} if rolled is None else {n: c.noise_floor for n, c in found.gap.per_channel.items()}
-    errors = of_positions(
+    record = TorqueRecord(
         robot,
-        log,
-        tuple(found.gap.per_channel),
-        closed.spans,
-        None if rolled is None else rolled.after,
-        floor,
+        replace(log, trials=acting),
+        modelled,
+        out,
+        lambda samples: servo_floor(samples, servo, commands.order(samples)),
+        servo_effects(servo, joints),
     )
-    return replace(found, trivial=errors, faults=(*found.faults, *beaten(errors)))
+    found = _judge(diagnose_torques(record, rng, simulate), commands, loops[0])
+    # What simple predictors of the positions reach on the same rows.
+    rolled = loops[0].rollout.after or None
+    floor = {name: c.noise_floor for name, c in found.gap.per_channel.items()} if rolled else {}
+    errors = of_positions(robot, log, tuple(found.gap.per_channel), loops[0].spans, rolled, floor)
+    faults = (*found.faults, *beaten(errors))
+    return replace(
+        found, absorbed=(*told_gains(robot, log, servo), *found.absorbed), trivial=errors, faults=faults
+    )
 
 
-def _controllers(log: Log) -> Robot | None:
+def _controllers_model(log: Log) -> Robot | None:
     """The robot that the log names: what the servo knew, whichever model the diagnosis starts from."""
-    if log.folder is None:
-        return None
     try:
-        return nominal_robot(log)
+        return None if log.folder is None else nominal_robot(log)
     except (LogError, RobotError):
         # One that is handed over in the place of a robot that is not there is all that is known of it.
         return None
 
 
-def _wound(
-    robot: Robot,
-    log: Log,
-    trials: tuple[Trial, ...],
-    signals: dict[str, Signals],
-    servo: Servo,
-    ki: Array,
-    modelled: tuple[str, ...],
-) -> dict[str, Signals]:
-    """The signals with the torque of the servo's integral part."""
-    grown = {k: replace(s, integral=ki * error_integral(s)) for k, s in signals.items()}
-    samples = arm_samples(robot, log, [replace(t, tau=grown[t.name].torque(servo)) for t in trials])
-    levels = trial_levels(samples, modelled)
-    order = [samples.joints.index(joint) for joint in log.header.joints]
-    # Joints without an integral part have nothing to start from.
-    has = ki != 0.0
-    return {k: replace(s, integral=s.integral + has * levels[k][order]) for k, s in grown.items()}
-
-
-def _asked(robot: Robot, log: Log, rng: np.random.Generator, out: Path | None) -> Diagnosis:
+def _diagnose_asked(robot: Robot, log: Log, rng: np.random.Generator, out: Path | None) -> Diagnosis:
     """The diagnosis from commanded torques."""
     header = log.header.model_copy(update={"torque": "motor_side"})
     trials = tuple(replace(trial, tau=trial.tau_cmd, tau_cmd=None) for trial in log.trials)
@@ -164,7 +120,7 @@ def _asked(robot: Robot, log: Log, rng: np.random.Generator, out: Path | None) -
     return replace(result, warnings=(*result.warnings, said))
 
 
-def _evened(log: Log, trial: Trial) -> Trial:
+def _resample_evenly(log: Log, trial: Trial) -> Trial:
     """The trial on an even clock."""
     rate = trial_rate(log.header, trial)
     if trial.q_cmd is None or is_uniform(trial.time, rate):
@@ -184,49 +140,50 @@ def _evened(log: Log, trial: Trial) -> Trial:
     )
 
 
-def _judged(result: Diagnosis, closed: ClosedLoop) -> Diagnosis:
+# The verdict after the roll-outs.
+
+
+def _judge(result: Diagnosis, record: ServoRecord, closed: ClosedLoop) -> Diagnosis:
     """The verdict after the roll-outs, with the gap in positions and what no torque leaves open."""
-    gap, warnings = result.gap, list(result.warnings)
-    rollout, servo = closed.rollout, closed.servo
-    warnings.append(
+    servo, rollout = record.servo, closed.rollout
+    said = [
         "the log has no torque: an error of a torque sensor cannot be seen, and where friction ends and the "
         "drive's own losses begin cannot be told"
-    )
-    warnings += closed.cycle.sentences()
-    if closed.tracking is not None:
-        warnings += closed.tracking.sentences()
-    if servo.ki is not None and servo.ki.any():
-        warnings.append(
-            "what the servo's integral part had come to when a trial began is not in the log and was taken from the "
-            "model: a constant torque, and the constant part of what a payload needs, cannot be seen"
+    ]
+    if record.lag > 0.0:
+        said.append(
+            f"torques act {1e3 * record.lag:.1f} ms after commands and positions ask for them, taken for the "
+            "servo's cycle: a lag of the drive that is as short cannot be seen"
         )
+    said += closed.sentences
     if servo.estimated:
-        warnings.append(
+        said.append(
             "not stated and estimated with the nominal masses for a scale: " + ", ".join(servo.estimated)
         )
     if not servo.follows_velocity and any(name.startswith("kd of") for name in servo.estimated):
-        warnings.append(
+        said.append(
             "the servo brakes the velocity itself by damping that is not stated: viscous friction is within it"
         )
-    if rollout is None or not rollout.before or closed.deviation is None or closed.floor is None:
-        return replace(result, warnings=tuple(warnings))
+    result = replace(result, warnings=(*result.warnings, *said))
+    if not rollout.before:
+        return result
     gap = position_gap(rollout, closed.deviation, closed.floor)
-    unaided = replace(rollout, after=rollout.before)
-    result = replace(result, gap=gap)
     unexplained = above_noise(closed.structured, gap)
+    few = result.effects[: max(closed.kept, 1)]
     faint = closed.strength < EXACT
-    if result.effects and (faint or not confirmed(gap, closed.witness)):
+    if result.effects and (faint or not is_confirmed(gap, closed.witness)):
         named = " and ".join(f"{e.effect} at {e.location}" for e in result.effects)
         but = (
             f"torques rebuilt from a servo are no more exact than its {100 * closed.strength:.1f} % of them"
             if faint
             else "closed-loop roll-outs do not confirm it"
         )
-        warnings.append(f"the servo's torques speak for {named}, {but}")
         # What is no gap without an effect so faint is none with it.
         silent = faint and not unexplained
-        result = replace(
+        return replace(
             result,
+            warnings=(*result.warnings, f"the servo's torques speak for {named}, {but}"),
+            gap=gap,
             verdict="none" if silent else "unknown",
             location=None if silent else result.location,
             effect=None,
@@ -235,32 +192,21 @@ def _judged(result: Diagnosis, closed: ClosedLoop) -> Diagnosis:
             n_tied=0,
             next_experiment=None,
         )
-    elif result.verdict in {"effect", "ambiguous"}:
+    if result.verdict in {"effect", "ambiguous"}:
         # A further effect that roll-outs know nothing of is one of the servo that was taken for another.
-        result = replace(result, effects=result.effects[: max(closed.kept, 1)])
+        result = replace(result, gap=gap, effects=few)
         guessed = any(name.startswith(("kp of", "kd of")) for name in servo.estimated)
-        if result.verdict == "effect":
-            result = with_twin(result, guessed, lags=closed.lags, delay=closed.delay)
-    elif result.verdict == "unknown" and result.location in closed.structured:
+        return with_twin(result, guessed, closed.delay) if result.verdict == "effect" else result
+    if result.verdict == "unknown" and result.location in closed.structured:
         # Where positions show no gap, what torques made of them call clear is the encoders' noise.
-        result = replace(
-            result,
-            verdict="unknown" if unexplained else "none",
-            location=unexplained[0] if unexplained else None,
-            effects=result.effects[: max(closed.kept, 1)] if unexplained else (),
-            gap=gap if unexplained else position_gap(unaided, closed.deviation, closed.floor),
-        )
-    return replace(result, warnings=tuple(warnings))
+        if unexplained:
+            return replace(result, gap=gap, location=unexplained[0], effects=few)
+        gap = position_gap(replace(rollout, after=rollout.before), closed.deviation, closed.floor)
+        return replace(result, gap=gap, verdict="none", location=None, effects=())
+    return replace(result, gap=gap)
 
 
-# Whether closed-loop roll-outs confirm what the servo's torques speak for, and what stays open without
-# torque.
-
-# Effects that leave more of every joint's roll-out error are not confirmed, nor are those that make it worse.
-_CONFIRMS = 0.95
-
-
-def confirmed(gap: Gap, said: Witness | None = None) -> bool:
+def is_confirmed(gap: Gap, said: Witness | None = None) -> bool:
     """Whether roll-outs are clearly nearer to the record, or at least do not speak against the effects.
 
     Nearer is on some joint, and no further in all. What the encoders' noise has of the error, no simulator takes
@@ -272,13 +218,9 @@ def confirmed(gap: Gap, said: Witness | None = None) -> bool:
     """
     if said is not None and not said.speaks_against:
         return True
-
-    def left(value: float, floor: float) -> float:
-        return float(np.sqrt(max(value**2 - floor**2, 0.0)))
-
-    channels = gap.per_channel.values()
     return gap.after <= gap.before and any(
-        left(c.after, c.noise_floor) < _CONFIRMS * left(c.before, c.noise_floor) for c in channels
+        max(c.after**2 - c.noise_floor**2, 0.0) < _CONFIRMS**2 * (c.before**2 - c.noise_floor**2)
+        for c in gap.per_channel.values()
     )
 
 
@@ -292,13 +234,10 @@ def position_gap(rollout: Rollout, deviation: Array, floor: Array) -> Gap:
     """
     names = list(rollout.before)
     before, after = (np.array([x[n] for n in names]) for x in (rollout.before, rollout.after))
-    floor = np.minimum(floor, np.minimum(before, after))
-    first, last, least = (float(np.sqrt(np.mean((x / deviation) ** 2))) for x in (before, after, floor))
-    channels = {
-        n: ChannelGap(float(b), float(a), float(f), "rad")
-        for n, b, a, f in zip(names, before, after, floor, strict=True)
-    }
-    return Gap(first, last, least, share_closed(first, last, least), channels)
+    parts = np.array([before, after, np.minimum(floor, np.minimum(before, after))])
+    whole = [float(x) for x in np.sqrt(np.mean((parts / deviation) ** 2, axis=1))]
+    channels = {n: ChannelGap(b, a, f, "rad") for n, (b, a, f) in zip(names, parts.T.tolist(), strict=True)}
+    return Gap(whole[0], whole[1], whole[2], share_closed(*whole), channels)
 
 
 def above_noise(joints: Sequence[str], gap: Gap) -> tuple[str, ...]:
@@ -311,36 +250,31 @@ def above_noise(joints: Sequence[str], gap: Gap) -> tuple[str, ...]:
         joints: with a rest of their torques that is no noise.
         gap: of roll-outs.
     """
-    return tuple(
-        j
-        for j in joints
-        if j in gap.per_channel
-        and gap.per_channel[j].after ** 2 > STRUCTURED * gap.per_channel[j].noise_floor ** 2
-    )
+    known = {j: gap.per_channel[j] for j in joints if j in gap.per_channel}
+    return tuple(j for j, c in known.items() if c.after**2 > STRUCTURED * c.noise_floor**2)
 
 
-def with_twin(
-    result: Diagnosis, estimated: bool, *, lags: bool = False, delay: Estimate | None = None
-) -> Diagnosis:
+def with_twin(result: Diagnosis, estimated: bool, delay: Estimate | None = None) -> Diagnosis:
     """Ambiguous where another name means the same without torque.
 
     Args:
         result: the diagnosis.
         estimated: whether gains were estimated: inertia and braking that a joint lacks, or has too
             much, are a wrong gain then.
-        lags: whether a lag is clearly no delay.
-        delay: what a delay in the place of a lag would be.
+        delay: what a delay in the place of a lag would be; None where it would be none.
     """
     first = result.effects[0]
     effect = EFFECTS[first.effect]
-    names = () if lags else effect.twins_without_torque
-    twins = [replace(first, effect=name) for name in (*names, *(effect.twins_of_a_gain if estimated else ()))]
+    twins = [replace(first, effect=name) for name in (effect.twins_of_a_gain if estimated else ())]
+    for name in effect.twins_without_torque:
+        if name != TimeDelay.name:
+            twins.append(replace(first, effect=name))
+        elif delay is not None:
+            twins.append(replace(first, effect=name, parameters={"delay": delay}))
     if not twins:
         return result
-    if delay is not None:
-        twins = [replace(t, parameters={"delay": delay}) if t.effect == TimeDelay.name else t for t in twins]
     rest = tuple(c for c in result.candidates if (c.effect, c.location) != (first.effect, first.location))
-    tied: tuple[Candidate, ...] = (first, *twins)
+    tied = (first, *twins)
     said = " and ".join(c.effect.replace("_", " ") for c in tied)
     return replace(
         result,
@@ -423,49 +357,3 @@ def servo_effects(servo: Servo, joints: tuple[str, ...]) -> tuple[Effect, ...]:
     kp = dict(zip(joints, servo.kp.tolist(), strict=True))
     followed = FollowedOffset(kp, servo.feedforward)
     return tuple((EFFECTS | {followed.name: followed}).values())
-
-
-# Noise of torques that a servo must have asked for: its encoders' noise, and what the servo makes of it.
-
-# Where the spectral floor is measured, in multiples of the rows' band.
-_ABOVE = (1.5, 3.0)
-
-
-def servo_floor(samples: ArmSamples, servo: Servo, order: list[int]) -> Array:
-    """Noise in the rows' band, ``(n_joints,)`` [N·m], of torques rebuilt from positions.
-
-    Above the band the noise is measured; below it is what the servo makes of encoders whose noise is white: it
-    grows with the frequency as ``|kp + i 2πf kd|``, by several times within a decade where kd/kp is long. A floor
-    that took it for flat would hide all that is weak. An integral part makes a random walk of it, of which each trial's
-    mean is taken off: ``ki² S T/12`` is left of it after a time T, S the density of the encoders' noise.
-
-    Args:
-        samples: trials with torques rebuilt with this servo.
-        servo: the servo.
-        order: of the samples' joints in the log.
-
-    Returns:
-        The floor.
-    """
-    rate, rows_hz = samples.rate_hz, samples.bands.rows_hz
-    f = np.linspace(0.0, 0.5 * rate, 2000)[1:]
-    kp, kd = servo.kp[order], servo.kd[order]
-    grown = kp**2 + (2.0 * np.pi * f[:, None] * kd) ** 2
-    grown *= _passed(f, BAND_HZ, rate)[:, None]
-    high = min(_ABOVE[1] * rows_hz, 0.45 * rate)
-    low = min(_ABOVE[0] * rows_hz, 0.7 * high)
-    above = np.median(grown[(f > low) & (f < high)], axis=0)
-    passed = _passed(f, rows_hz, rate)[:, None]
-    share = np.minimum((grown * passed).sum(axis=0) / (above * passed.sum()), 1.0)
-    if servo.ki is not None:
-        seconds = np.mean([t.time[-1] - t.time[0] for t in samples.trials])
-        share += servo.ki[order] ** 2 * seconds / 12.0 / (above * passed.sum() * (f[1] - f[0]))
-    return np.asarray(spectral_floor(samples) * np.sqrt(share))
-
-
-def _passed(f: Array, cutoff_hz: float, rate_hz: float) -> Array:
-    """Share of the power at ``f`` [Hz] that a fourth-order Butterworth filter run both ways lets through."""
-    if cutoff_hz >= 0.5 * rate_hz:
-        return np.ones_like(f)
-    warped = np.tan(np.pi * np.minimum(f, 0.4999 * rate_hz) / rate_hz) / np.tan(np.pi * cutoff_hz / rate_hz)
-    return 1.0 / (1.0 + warped**8) ** 2

@@ -1,30 +1,24 @@
-"""Gains and feedforward of a servo that the log does not state."""
+"""Gains and feedforward of a servo, and torque constants of motors, as far as a log does not state them."""
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.diagnosis.effects.bodies import likeliest_body, reach
-from excite.diagnosis.servo.gain_fit import (
-    CORRELATED,
-    EQUATION,
-    Rows,
-    Tried,
-    beside,
-    fitted_servo,
-    gain_rows,
-    spread_of_gains,
-    turning_rows,
-)
-from excite.diagnosis.servo.servo import FEEDFORWARDS, Servo, Signals, error_integral
+from excite.diagnosis.answer.answer import Absorbed, estimated_gains
+from excite.diagnosis.effects.bodies import level_axes
+from excite.diagnosis.servo.servo import FEEDFORWARDS, Servo, Signals
 from excite.errors import LogError
 from excite.logs.log import Log
+from excite.logs.signals.butterworth import lowpass
+from excite.regressor.kernels import inverse_dynamics, joint_torque_regressor
 from excite.robot.robot import Robot
 
 _FIT_HZ = 10.0
@@ -32,6 +26,111 @@ _FIT_HZ = 10.0
 _SLOW_HZ = 4.0
 # Differences of mean logarithms that decide nothing: for damping of the velocity itself, for none; kd/kp of none [s].
 _DOUBT, _UNDAMPED, _DAMPED_S = 0.02, 0.1, 1e-3
+_ROWS_HZ = 25.0
+_WIDTH = 6e-3
+# A priori deviation of a body's mass from nominal, and of a joint's equation, relative to its torque.
+_MASS, _EQUATION = 0.15, 0.03
+# Rows that count as one: residuals are correlated.
+_CORRELATED = 10.0
+_ROUNDS = 5
+# Stretches of a record that are left out of the gains' fit in turn.
+_STRETCHES = 10
+# A row in which a joint turns, by the share of its dry friction that speaks there; what holds one that sticks is
+# anything up to all of it. Of a Feetech servo whose 12 bits show it at rest in 53 of 655 rows a gain of 940 N·m/rad
+# came of all rows, and 180 of those in which it turns. Fewer rows than this share tell nothing more.
+_TURNING, _ENOUGH = 0.9, 0.25
+# Directions of what a model lacks that the motion does not show, relative; Gauss and Newton's steps.
+_BLIND, _STEPS = 1e-5, 12
+
+# What ``controller`` of a log says of its servo.
+
+_REMEDY = "log tau.* or tau_cmd.* with such a controller"
+# Words of ``feedforward`` and the three forms that they mean.
+_WORDS = {
+    **dict.fromkeys(("none", "off"), "none"),
+    **dict.fromkeys(("gravity", "gravity_compensation"), "gravity"),
+    **dict.fromkeys(
+        (
+            "inverse_dynamics computed_torque rigid_body rigid_body_dynamics rnea nominal nominal_model model full"
+        ).split(),
+        "inverse_dynamics",
+    ),
+}
+# Words of ``velocity_reference`` for a servo that brakes all motion, not what differs from the command's.
+_NO_REFERENCE = frozenset({"none", "zero", "0", "0.0", "off", "false"})
+
+
+@dataclass(frozen=True, eq=False)
+class StatedServo:
+    """A position servo as far as a log describes it.
+
+    Attributes:
+        kp: ``(n_joints,)`` in the log's order [N·m/rad], NaN where it is not stated.
+        kd: ``(n_joints,)`` [N·m·s/rad], NaN where it is not stated.
+        feedforwards: forms that it may have.
+        follows: whether damping acts on the velocity's error; both where that is open.
+        missing: what is not stated, in words.
+    """
+
+    kp: Array
+    kd: Array
+    feedforwards: tuple[str, ...]
+    follows: tuple[bool, ...]
+    missing: tuple[str, ...]
+
+
+def stated_servo(controller: Mapping[str, Any] | None, joints: tuple[str, ...]) -> StatedServo:
+    """Read ``controller``.
+
+    Args:
+        controller: of the log's header.
+        joints: of the log.
+
+    Raises:
+        LogError: it is no position servo, or one with an integral part; a gain is no number.
+    """
+    said = dict(controller or {})
+    mode = said.get("mode", "position")
+    if mode != "position":
+        raise LogError(f"mode {mode!r} is no position servo", field="controller.mode", remedy=_REMEDY)
+    kp, kd, ki = (_read_gains(said.get(name), name, joints) for name in ("kp", "kd", "ki"))
+    if np.nan_to_num(ki).any():
+        raise LogError(
+            "what an integral part had come to when a trial began is not in a log of commands",
+            field="controller.ki",
+            remedy=_REMEDY,
+        )
+    word = str(said.get("feedforward", "")).lower()
+    reference = str(said["velocity_reference"]).lower() if "velocity_reference" in said else None
+    missing = [
+        f"{name} of {joint}"
+        for name, gains in (("kp", kp), ("kd", kd))
+        for joint, gain in zip(joints, gains, strict=True)
+        if np.isnan(gain)
+    ]
+    return StatedServo(
+        kp,
+        kd,
+        (_WORDS[word],) if word in _WORDS else FEEDFORWARDS,
+        (True, False) if reference is None else (reference not in _NO_REFERENCE,),
+        (*missing, *(() if word in _WORDS else ("the feedforward",))),
+    )
+
+
+def _read_gains(value: Any, name: str, joints: tuple[str, ...]) -> Array:
+    """Gains by joint, in the order of the joints, or one for all, ``(n_joints,)``; NaN where there is none."""
+    try:
+        if isinstance(value, Mapping):
+            return np.array([float(value.get(joint, np.nan)) for joint in joints])
+        if isinstance(value, Sequence) and not isinstance(value, str) and len(value) == len(joints):
+            return np.array([float(gain) for gain in value])
+        return np.full(len(joints), np.nan if value is None else float(value))
+    except (TypeError, ValueError) as error:
+        raise LogError(
+            f"{value!r} has a gain that is no number",
+            field=f"controller.{name}",
+            remedy="write one number, or one for each joint",
+        ) from error
 
 
 def known_servo(robot: Robot, log: Log, trials: dict[str, Signals]) -> Servo:
@@ -39,15 +138,12 @@ def known_servo(robot: Robot, log: Log, trials: dict[str, Signals]) -> Servo:
 
     Unknown gains are fitted together with inertial parameters near the nominal ones, friction, rotor inertia and
     a constant, for every form that is not stated; the form that leaves least is taken. The scale of all torques
-    is the nominal masses'.
+    is the nominal masses'. Stated gains are fitted as well, to be compared.
 
     Args:
         robot: the nominal model.
         log: the log.
         trials: signals of its identification trials by name.
-
-    Returns:
-        The servo.
 
     Raises:
         LogError: ``controller`` says something else than a position servo, or no gain can be had.
@@ -55,16 +151,17 @@ def known_servo(robot: Robot, log: Log, trials: dict[str, Signals]) -> Servo:
     joints = log.header.joints
     stated = stated_servo(log.header.controller, joints)
     kp, kd = stated.kp, stated.kd
-    slow = np.divide(stated.ki, kp, out=np.zeros_like(kp), where=stated.ki != 0.0)
-    asked = [(t, _error(t, slow)) for t in trials.values()]
-    rows = gain_rows(robot, log, asked, _FIT_HZ)
-    tried = [fitted_servo(rows, kp, kd, kind, way) for kind in stated.feedforwards for way in stated.follows]
-    best = _best(tried)
-    if best.servo.feedforward != "inverse_dynamics" and np.isnan(np.concatenate([kp, kd])).any():
-        slower = gain_rows(robot, log, asked, _SLOW_HZ)
-        again = fitted_servo(slower, kp, kd, best.servo.feedforward, best.servo.follows_velocity)
+    unknown = np.isnan([kp, kd])
+    errors = [(s, s.commanded.value - s.measured.value) for s in trials.values()]
+    rows = gain_rows(robot, log, errors, _FIT_HZ)
+    forms = [(kind, way) for kind in stated.feedforwards for way in stated.follows]
+    best = min((fit_gains(rows, kp, kd, *form) for form in forms), key=lambda fit: fit.doubted_loss)
+    form = best.servo.feedforward, best.servo.follows_velocity
+    if form[0] != "inverse_dynamics":
+        slower = gain_rows(robot, log, errors, _SLOW_HZ)
+        again = fit_gains(slower, kp, kd, *form)
         if again.sound.sum() >= best.sound.sum():
-            rows, best = slower, again
+            rows, best = slower, again if unknown.any() else best
     if not best.sound.all():
         weak = ", ".join(j for j, sound in zip(joints, best.sound, strict=True) if not sound)
         raise LogError(
@@ -72,16 +169,243 @@ def known_servo(robot: Robot, log: Log, trials: dict[str, Signals]) -> Servo:
             field="controller",
             remedy="state controller.kp, controller.kd and controller.feedforward",
         )
-    guessed = np.isnan(np.concatenate([kp, kd])).any()
-    spread = spread_of_gains(rows, kp, kd, best.servo) if guessed else {}
-    return replace(best.servo, ki=stated.ki, estimated=stated.missing, rate_hz=stated.rate_hz, spread=spread)
+    told = np.full((2, 2, len(joints)), np.nan)
+    free = np.full(len(joints), np.nan)
+    for these, known_kp, known_kd in ((unknown, kp, kd), (~unknown, free, free)):
+        if these.any():
+            servo = best.servo if these is unknown else fit_gains(rows, known_kp, known_kd, *form).servo
+            found = np.array([[servo.kp, servo.kd], spread_of_gains(rows, known_kp, known_kd, servo)])
+            told[:, these] = found[:, these]
+    by_name = {"kp": told[:, 0], "kd": told[:, 1]}
+    return replace(best.servo, estimated=stated.missing, told=by_name)
 
 
-def _error(signals: Signals, slow: Array) -> Array:
-    """Position error and ``slow`` = ki/kp [1/s] times its integral, which has no mean here."""
-    error = signals.commanded.value - signals.measured.value
-    wound = slow * error_integral(signals)
-    return np.asarray(error + wound - wound.mean(axis=0))
+def told_gains(robot: Robot, log: Log, servo: Servo) -> list[Absorbed]:
+    """Gains as the record tells them, beside those that the log states and in units of the servo's firmware.
+
+    Args:
+        robot: the robot.
+        log: the log; ``controller.drive``, one name or one a joint, is looked up in ``firmware.csv``.
+        servo: as :func:`known_servo` has it.
+    """
+    said, joints = log.header.controller or {}, log.header.joints
+    stated, drive = stated_servo(said, joints), said.get("drive")
+    drives = drive if isinstance(drive, Mapping) else dict.fromkeys(joints, drive)
+    with Path(__file__).with_name("firmware.csv").open(encoding="utf-8", newline="") as file:
+        table = {(row["drive"], row["gain"]): row for row in csv.DictReader(file)}
+    made = []
+    for name, unit, given in (("kp", "N·m/rad", stated.kp), ("kd", "N·m·s/rad", stated.kd)):
+        values, spread = servo.told[name]
+        known = dict(zip(joints, given.tolist(), strict=True))
+        for item in estimated_gains(
+            robot, joints, name, unit, values, (values > 0.0) & np.isfinite(values), spread
+        ):
+            row = table.get((str(drives.get(item.joint)).lower(), name))
+            each = item.size.value / float(row["newton_metres_per_unit"]) if row else None
+            here = None if np.isnan(known[item.joint]) else known[item.joint]
+            made.append(replace(item, given=here, firmware=each, firmware_unit=row["unit"] if row else None))
+    return made
+
+
+# Rows that gains are fitted to, and the fit of one form of servo together with what it drives.
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """What gains are fitted to.
+
+    Attributes:
+        signals: filtered, ``(n, n_joints)`` by name.
+        bodies: columns of the inertial parameters ``(n, n_joints, p)``, each in units of its deviation a priori.
+        aside: torques of gravity of 1 m/s² along two level axes, ``(n, n_joints, 2)``.
+    """
+
+    signals: dict[str, Array]
+    bodies: Array
+    aside: Array
+
+    def without(self, left_out: NDArray[np.intp]) -> Rows:
+        """All rows but some."""
+        signals = {name: np.delete(values, left_out, axis=0) for name, values in self.signals.items()}
+        return Rows(signals, *(np.delete(values, left_out, axis=0) for values in (self.bodies, self.aside)))
+
+    @property
+    def turning(self) -> NDArray[np.bool_]:
+        """Rows in which each joint turns, ``(n, n_joints)``; all of one that hardly does."""
+        turning = np.abs(self.signals["sign"]) > _TURNING
+        return turning | (turning.mean(axis=0) < _ENOUGH)
+
+    def of_drive(self, j: int) -> Array:
+        """Friction, rotor inertia and a constant of a joint, ``(n, 4)``."""
+        columns = [self.signals[name][:, j] for name in ("sign", "v", "a")]
+        return np.column_stack([*columns, np.ones(len(self.bodies))])
+
+
+def gain_rows(robot: Robot, log: Log, trials: list[tuple[Signals, Array]], cut_hz: float) -> Rows:
+    """Rows that gains are fitted to.
+
+    Args:
+        robot: the nominal model.
+        log: the log.
+        trials: signals, and what a gain is of: position errors or currents ``(n, n_joints)``.
+        cut_hz: cut-off of the low-pass on all of them [Hz].
+    """
+    rate, edge = log.header.rate_hz, round(0.3 * log.header.rate_hz)
+    take = slice(edge, -edge, max(1, round(rate / _ROWS_HZ)))
+    index = [robot.joint_index(name) for name in log.header.joints]
+    level = robot.model.copy()
+    parts: dict[str, list[Array]] = {}
+    for s, asked in trials:
+        made = {
+            "e": asked,
+            "vc": s.commanded.first,
+            "v": s.measured.first,
+            "a": s.measured.second,
+            "sign": np.tanh(s.measured.first / _WIDTH),
+            "gravity": s.gravity,
+            "inverse_dynamics": s.dynamics,
+            "nominal": s.nominal,
+        }
+        rows = {name: lowpass(x, rate, min(cut_hz, 0.2 * rate))[take] for name, x in made.items()}
+        motion = np.zeros((3, len(rows["e"]), robot.model.nv))
+        motion[0] = robot.rest
+        motion[:, :, index] = [x[take] for x in (s.measured.value, s.measured.first, s.measured.second)]
+        rows["bodies"] = joint_torque_regressor(robot.model, *motion)[:, index]
+        aside = []
+        for axis in level_axes(robot.model.gravity.linear)[:2]:
+            level.gravity.linear = axis
+            aside.append(inverse_dynamics(level, motion[0], 0.0 * motion[0], 0.0 * motion[0])[:, index])
+        rows["aside"] = np.stack(aside, axis=2)
+        for name, values in rows.items():
+            parts.setdefault(name, []).append(values)
+    mass = np.maximum(robot.nominal_parameters.reshape(-1, 10)[:, 0], 0.02)
+    unit = _MASS * (mass[:, None] * 0.15 ** np.array([0] + [1] * 3 + [2] * 6)).ravel()
+    signals = {name: np.concatenate(values) for name, values in parts.items()}
+    bodies, aside_of_all = signals.pop("bodies") * unit, signals.pop("aside")
+    return Rows(signals, bodies, aside_of_all)
+
+
+@dataclass(frozen=True, eq=False)
+class GainFit:
+    """One form of the servo, fitted.
+
+    Attributes:
+        servo: the servo; a gain that is not to be had is not positive.
+        loss: ``(n_joints,)`` logarithm of what is left of each joint's position error; where no gain is had, of what
+            friction, rotor inertia and a constant of any size leave.
+    """
+
+    servo: Servo
+    loss: Array
+
+    @property
+    def sound(self) -> NDArray[np.bool_]:
+        """Joints with a gain."""
+        return np.asarray((self.servo.kp > 0.0) & np.isfinite(self.servo.kp))
+
+    @property
+    def doubted_loss(self) -> float:
+        """Mean loss, more for what has to leave less to be believed: damping of the velocity itself, or none."""
+        damped = self.servo.kd > _DAMPED_S * self.servo.kp
+        doubt = 0.0 if damped[self.sound].sum() > 0.5 * self.sound.sum() else _UNDAMPED
+        return float(self.loss.mean()) + (doubt if self.servo.follows_velocity else _DOUBT)
+
+
+def fit_gains(rows: Rows, kp: Array, kd: Array, kind: str, follows: bool) -> GainFit:
+    """Gains where they are not known, in turn with the inertial parameters.
+
+    Residuals are compared as position errors, torques over kp: what friction the model has not is then an error of
+    the position, and a smaller scale of all torques, gains and friction together gains nothing.
+
+    Args:
+        rows: the rows.
+        kp: gains that are known, NaN where they are not.
+        kd: alike.
+        kind: of feedforward.
+        follows: whether damping acts on the velocity's error.
+    """
+    x, turning, size = rows.signals, rows.turning, rows.bodies.shape[2]
+    rate = (x["vc"] if follows else 0.0) - x["v"]
+    before = x["nominal"] - (x[kind] if kind != "none" else 0.0)
+    joints = range(len(kp))
+    here = [turning[:, j] for j in joints]
+    drives = [rows.of_drive(j)[here[j]] for j in joints]
+    weight = _CORRELATED * (_EQUATION * np.maximum(x["nominal"].std(axis=0), 1e-9)) ** 2
+    delta: Array = np.zeros(size)
+    found = np.array([kp, kd])
+    rest, sound = before.std(axis=0), np.zeros(len(kp), dtype=np.bool_)
+    for _ in range(_ROUNDS):
+        need = before + rows.bodies @ delta
+        for j in joints:
+            # Damping of the velocity itself and viscous friction are one; it is a servo's that has no other damping.
+            drive = drives[j] if follows or np.isfinite(kd[j]) else drives[j][:, [0, 2, 3]]
+            error, asked, turned = (values[here[j], j] for values in (x["e"], need, rate))
+            found[:, j] = _gains_of_joint(error, asked, turned, drive, kp[j], kd[j])
+        sound = found[0] > 0.0
+        if not sound.any():
+            break
+        asked = found[0] * x["e"] + found[1] * rate - before
+        parts = [_beside(drives[j], rows.bodies[here[j], j], asked[here[j], j]) for j in joints]
+        gram, right = np.eye(size), np.zeros(size)
+        for j in np.flatnonzero(sound):
+            body, torque = parts[j]
+            gram += body.T @ body / weight[j]
+            right += body.T @ torque / weight[j]
+        delta = np.asarray(np.linalg.solve(gram, right), dtype=np.float64)
+        rest = np.array([(torque - body @ delta).std() for body, torque in parts])
+    bare = [
+        (x["e"][:, j] - rows.of_drive(j) @ _least_squares(rows.of_drive(j), x["e"][:, j])).std()
+        for j in joints
+    ]
+    left = np.where(sound, rest / found[0], bare)
+    return GainFit(Servo(found[0], found[1], kind, follows), np.log(np.maximum(left, 1e-15)))
+
+
+def _gains_of_joint(
+    error: Array, need: Array, rate: Array, drive: Array, kp: float, kd: float
+) -> tuple[float, float]:
+    """Gains given the torque that the bodies need, ``error = (need − kd·rate + friction)/kp``; known where not NaN."""
+    if not np.isnan(kp):
+        if np.isnan(kd):
+            kd = max(float(_least_squares(np.column_stack([rate, drive]), need - kp * error)[0]), 0.0)
+        return kp, kd
+    if np.isnan(kd):
+        slope, ratio = _least_squares(np.column_stack([need, -rate, drive]), error)[:2]
+    else:
+        slope, ratio = _least_squares(np.column_stack([need - kd * rate, drive]), error)[0], None
+    kp = 1.0 / float(slope) if slope != 0.0 else np.inf
+    return kp, kd if ratio is None else max(float(ratio), 0.0) * kp
+
+
+def spread_of_gains(rows: Rows, kp: Array, kd: Array, fitted: Servo) -> Array:
+    """Standard deviations of kp and kd by a jackknife over stretches of the record (Miller 1974), ``(2, n_joints)``.
+
+    Args:
+        rows: that the gains were fitted to.
+        kp: gains that are known, NaN where they are not.
+        kd: alike.
+        fitted: the servo of all rows, whose form is taken.
+    """
+    made = []
+    for left_out in np.array_split(np.arange(len(rows.bodies)), _STRETCHES):
+        form = fitted.feedforward, fitted.follows_velocity
+        servo = fit_gains(rows.without(left_out), kp, kd, *form).servo
+        made.append((servo.kp, servo.kd))
+    return np.asarray(np.std(made, axis=0) * np.sqrt(_STRETCHES - 1))
+
+
+def _beside(own: Array, *values: Array) -> list[Array]:
+    """What a joint's own columns leave of others."""
+    q = np.linalg.qr(own / np.maximum(np.linalg.norm(own, axis=0), 1e-12))[0]
+    return [value - q @ (q.T @ value) for value in values]
+
+
+def _least_squares(columns: Array, target: Array) -> Array:
+    size = np.maximum(np.linalg.norm(columns, axis=0), 1e-12)
+    return np.linalg.lstsq(columns / size, target, rcond=1e-10)[0] / size
+
+
+# Torque constants of motors.
 
 
 def torque_constants(
@@ -97,9 +421,6 @@ def torque_constants(
         known: ``(n_joints,)`` constants, NaN where they are not stated; those are estimated as gains are, or, where
             the bodies are given, beside what these may lack.
 
-    Returns:
-        The constants.
-
     Raises:
         LogError: one cannot be had from this motion.
     """
@@ -109,10 +430,10 @@ def torque_constants(
     still = {k: replace(s, commanded=s.measured) for k, s in trials.items()}
     rows = gain_rows(robot, log, [(still[k], currents[k]) for k in still], _FIT_HZ)
     if "rigid_body" in log.header.modelled:
-        constants = fitted_servo(rows, known, np.zeros_like(known), "none", True).servo.kp
+        constants = fit_gains(rows, known, np.zeros_like(known), "none", True).servo.kp
     else:
         told = np.array([joint not in log.header.no_torque for joint in log.header.joints])
-        constants = constants_beside_bodies(robot, rows, known, told)
+        constants = np.where(told, _constants_beside_bodies(rows, known, told), known)
     weak = [j for j, k in zip(log.header.joints, constants, strict=True) if not abs(k) > 1e-9]
     if weak:
         raise LogError(
@@ -123,348 +444,103 @@ def torque_constants(
     return constants
 
 
-def _best(tried: list[Tried]) -> Tried:
-    """The form that leaves least."""
-    return min(tried, key=lambda t: float(t.loss.mean()) + _doubt(t))
-
-
-def _doubt(tried: Tried) -> float:
-    """What a form has to leave less to be believed: damping of the velocity itself, and a servo without damping."""
-    if not tried.servo.follows_velocity:
-        return _DOUBT
-    damped = tried.servo.kd > _DAMPED_S * tried.servo.kp
-    return 0.0 if damped[tried.sound].sum() > 0.5 * tried.sound.sum() else _UNDAMPED
-
-
-# Torque constants of an arm whose bodies are given, fitted together with what its model may lack.
-#
-# Bodies that are given fix the scale of every joint's current. A load that nobody knew of asks for more of it
-# where it is heavy: alone, constants would take that up, and what is left of its torques would look like
-# anything else. So they are fitted beside a body at each link, and beside gravity aside of a tilted base, as
-# long as that is worth its numbers.
-
-_STEPS, _NEAR = 40, 1e-5
-# Directions of a body that the motion does not show, relative.
-_BLIND = 1e-9
-# How often what was found first is fitted again beside what was found later.
-_AGAIN = 3
-
-
 @dataclass(frozen=True, eq=False)
-class _Joint:
-    """One joint's rows.
+class _ConstantFit:
+    """Torque constants beside what a model may lack at some places.
 
     Attributes:
-        current: ``(n,)`` [A].
-        nominal: ``(n,)`` torque of the bodies as given [N·m].
-        beside: ``(n, 4)`` columns of its drive.
-        lacking: by place, ``(n, p)`` torques of what the model may lack.
-        known: torque constant, NaN where it is not stated.
-    """
-
-    current: Array
-    nominal: Array
-    beside: Array
-    lacking: tuple[Array, ...]
-    known: float
-
-    @property
-    def stated(self) -> bool:
-        """Whether its constant is."""
-        return not np.isnan(self.known)
-
-    def asked(self, sizes: Sequence[Array]) -> Array:
-        """Torque of the bodies with what is lacking, ``(n,)`` [N·m]."""
-        torque = self.nominal
-        for columns, size in zip(self.lacking, sizes, strict=True):
-            torque = torque + columns @ size if size.any() else torque
-        return torque
-
-    def per_torque(self, asked: Array) -> tuple[float, float]:
-        """Current per torque [A/(N·m)] where the bodies ask for so much, and the deviation of the current left [A]."""
-        columns = self.beside if self.stated else np.column_stack([asked, self.beside])
-        target = self.current - asked / self.known if self.stated else self.current
-        scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-12)
-        x = np.linalg.lstsq(columns / scale, target, rcond=1e-10)[0] / scale
-        found = 1.0 / self.known if self.stated else float(x[0])
-        return found, max(float((target - columns @ x).std()), 1e-12)
-
-    def rest_of_torques(self, asked: Array, columns: Array) -> tuple[Array, Array]:
-        """Columns and what they have to explain, where torques are a constant times currents, which is linear."""
-        if self.stated:
-            return _projected(self.beside, columns, self.known * self.current - asked)
-        return _projected(np.column_stack([self.current, self.beside]), columns, -asked)
-
-    def rest_of_currents(self, asked: Array, columns: Array, per_torque: float) -> tuple[Array, Array]:
-        """The same where currents are torques over a constant, as it is."""
-        if self.stated:
-            return _projected(self.beside, per_torque * columns, self.current - asked / self.known)
-        return _projected(np.column_stack([asked, self.beside]), per_torque * columns, self.current)
-
-
-@dataclass(frozen=True, eq=False)
-class _Fit:
-    """Constants beside what the model may lack.
-
-    Attributes:
-        sizes: by place.
         per_torque: ``(n_joints,)`` current per torque [A/(N·m)].
-        sigma: ``(n_joints,)`` deviation of the currents that is left [A].
-        least: ``(n_joints,)`` deviation below which equations are not believed [A].
-        n_told: numbers that the motion shows of what was fitted last.
+        sigma: deviation of the currents that is left [A].
+        least: deviation below which equations are not believed [A].
+        rank: numbers of what is lacking that the motion shows.
     """
 
-    sizes: tuple[Array, ...]
     per_torque: Array
     sigma: Array
     least: Array
-    n_told: int = 0
+    rank: int
+
+    def nats_over(self, other: _ConstantFit, counts: Array) -> float:
+        """Evidence for it over a fit with less (Schwarz 1978)."""
+        left = (other.sigma**2 + self.least**2) / (self.sigma**2 + self.least**2)
+        return 0.5 * float(counts @ np.log(left) - (self.rank - other.rank) * np.log(counts.sum()))
 
 
-def constants_beside_bodies(robot: Robot, rows: Rows, known: Array, told: NDArray[np.bool_]) -> Array:
-    """Torque constants ``(n_joints,)`` [N·m/A] of an arm with given bodies.
+def _constants_beside_bodies(rows: Rows, known: Array, told: NDArray[np.bool_]) -> Array:
+    """Torque constants ``(n_joints,)`` [N·m/A] of an arm with given bodies, which fix the scale of every current.
+
+    A load that nobody knew of asks for more current where it is heavy: alone, constants would take that up. So they
+    are fitted beside a body at each link, and gravity aside of a tilted base, one place more as long as that is worth
+    its numbers.
 
     Args:
-        robot: the nominal model.
         rows: with currents for ``e``.
-        known: ``(n_joints,)`` constants, NaN where they are not stated.
-        told: ``(n_joints,)`` joints whose currents mean something.
+        known: constants, NaN where they are not stated.
+        told: joints whose currents mean something.
     """
-    joints = _joints(rows, known, told)
-    masses = [float(inertia.mass) for inertia in list(robot.model.inertias)[1:]]
-    search = _Search(joints, masses, reach(robot.model))
-    chosen: list[int] = []
-    best = search.made([np.zeros(block.shape[1]) for block in joints[0].lacking])
-    while True:
-        rest = [k for k in range(len(best.sizes)) if k not in chosen]
-        tried = [search.fitted(best, k) for k in rest]
-        gains = [search.gain(best, fit) for fit in tried]
-        if not gains or max(gains) <= 0.0:
+    lacking = [*np.split(rows.bodies, rows.bodies.shape[2] // 10, axis=2), rows.aside]
+    used = np.flatnonzero(told)
+    counts = rows.turning[:, used].sum(axis=0) / _CORRELATED
+    best, chosen = _fit_constants(rows, known, used, []), list[int]()
+    while len(chosen) < len(lacking):
+        others = [k for k in range(len(lacking)) if k not in chosen]
+        tried = [_fit_constants(rows, known, used, [lacking[i] for i in (*chosen, k)]) for k in others]
+        nats = [fit.nats_over(best, counts) - np.log(len(lacking)) for fit in tried]
+        if max(nats) <= 0.0:
             break
-        place = int(np.argmax(gains))
-        chosen.append(rest[place])
-        best = tried[place]
-        for _ in range(_AGAIN if len(chosen) > 1 else 0):
-            for k in chosen:
-                best = search.fitted(best, k)
+        chosen.append(others[int(np.argmax(nats))])
+        best = tried[int(np.argmax(nats))]
     constants = known.copy()
-    constants[told] = 1.0 / best.per_torque
+    constants[used] = 1.0 / best.per_torque
     return constants
 
 
-def _joints(rows: Rows, known: Array, told: NDArray[np.bool_]) -> list[_Joint]:
-    """Joints whose currents mean something, each in the rows in which it turns; bodies first, gravity aside last."""
-    x, turning = rows.signals, turning_rows(rows.signals["sign"])
-    bodies, made = rows.bodies / rows.unit, []
-    for j in np.flatnonzero(told):
-        here = turning[:, j]
-        links = np.split(bodies[here, j], bodies.shape[2] // 10, axis=1)
-        lacking = (*links, rows.aside[here, j])
-        drive = beside(x, int(j))[here]
-        made.append(_Joint(x["e"][here, j], x["nominal"][here, j], drive, lacking, float(known[j])))
-    return made
+def _fit_constants(
+    rows: Rows, known: Array, used: NDArray[np.intp], lacking: Sequence[Array]
+) -> _ConstantFit:
+    """``i = g (τ_nominal + C x) + drive`` of all joints together by Gauss and Newton's steps.
 
-
-@dataclass(frozen=True, eq=False)
-class _Search:
-    """Fits of constants beside what is lacking at one place after the other.
-
-    Attributes:
-        joints: their rows.
-        masses: by link [kg].
-        reach: largest distance of a body's parts from the joint that carries it [m].
+    The first one is for torques that are constants times currents, which is linear: nearly right, but for the noise of
+    the currents.
     """
+    turning = rows.turning
+    here = {j: turning[:, j] for j in used}
+    current, nominal = ({j: rows.signals[name][here[j], j] for j in used} for name in ("e", "nominal"))
+    drive = {j: rows.of_drive(j)[here[j]] for j in used}
+    columns = {
+        j: np.hstack([np.zeros((len(current[j]), 0)), *(c[here[j], j] for c in lacking)]) for j in used
+    }
 
-    joints: list[_Joint]
-    masses: list[float]
-    reach: float
+    def at_size(x: Array, rank: int) -> _ConstantFit:
+        found = []
+        for j in used:
+            asked, stated = nominal[j] + columns[j] @ x, known[j]
+            own = drive[j] if stated == stated else np.column_stack([asked, drive[j]])
+            target = current[j] - (asked / stated if stated == stated else 0.0)
+            per = 1.0 / stated if stated == stated else float(_least_squares(own, target)[0])
+            left = max(float(_beside(own, target)[0].std()), 1e-12)
+            found.append((per, left, _EQUATION * abs(per) * float(asked.std())))
+        per_torque, sigma, least = np.array(found).T
+        return _ConstantFit(per_torque, sigma, least, rank)
 
-    def gain(self, before: _Fit, after: _Fit) -> float:
-        """Nats of a fit over one with less, less the price of what was fitted last."""
-        counts = np.array([len(joint.current) for joint in self.joints]) / CORRELATED
-        left = (before.sigma**2 + after.least**2) / (after.sigma**2 + after.least**2)
-        price = 0.5 * after.n_told * np.log(counts.sum()) + np.log(len(after.sizes))
-        return 0.5 * float(counts @ np.log(left)) - float(price)
-
-    def made(self, sizes: Sequence[Array], n_told: int = 0) -> _Fit:
-        """Constants at some sizes of what is lacking."""
-        asked = [joint.asked(sizes) for joint in self.joints]
-        found = [joint.per_torque(torque) for joint, torque in zip(self.joints, asked, strict=True)]
-        per_torque, sigma = (np.array(values) for values in zip(*found, strict=True))
-        least = EQUATION * np.abs(per_torque) * np.array([float(torque.std()) for torque in asked])
-        return _Fit(tuple(sizes), per_torque, sigma, least, n_told)
-
-    def fitted(self, begun: _Fit, place: int) -> _Fit:
-        """Constants beside what is lacking at a place and what was found at others."""
-        sizes = list(begun.sizes)
-        sizes[place] = np.zeros(len(sizes[place]))
-        parts = [joint.rest_of_torques(joint.asked(sizes), joint.lacking[place]) for joint in self.joints]
-        own = np.array([max(float(y.std()), 1e-12) for _, y in parts])
-        # Of torques it is linear, and nearly right: noise of the currents makes constants smaller. A load of many times
-        # what a wrist weighs is told by the joints before it, whose own torques are the largest.
-        found = [self._from(begun, place, parts, sigma) for sigma in (own, np.full(len(own), own.max()))]
-        return max(found, key=lambda fit: self.gain(begun, fit))
-
-    def _from(self, begun: _Fit, place: int, parts: list[tuple[Array, Array]], sigma: Array) -> _Fit:
-        """The same by Gauss and Newton's steps, the first one for what ``parts`` leave at deviations ``sigma``."""
-        sizes, now = list(begun.sizes), begun
-        sizes[place] = np.zeros(len(sizes[place]))
-        for _ in range(_STEPS):
-            sizes[place], n_told = self._size(place, parts, sigma, sizes[place])
-            now, last = self.made(sizes, n_told), now
-            if np.allclose(now.per_torque, last.per_torque, rtol=_NEAR, atol=0.0):
-                break
-            sigma = now.sigma
-            parts = [
-                joint.rest_of_currents(joint.asked(sizes), joint.lacking[place], g)
-                for joint, g in zip(self.joints, now.per_torque, strict=True)
-            ]
-        return now
-
-    def _size(
-        self, place: int, parts: Sequence[tuple[Array, Array]], sigma: Array, size: Array
-    ) -> tuple[Array, int]:
-        """What is lacking at a place, and how many of its numbers the motion shows: of bodies one that can exist."""
-        columns = np.concatenate([block / s for (block, _), s in zip(parts, sigma, strict=True)])
-        rest = np.concatenate([y / s for (_, y), s in zip(parts, sigma, strict=True)])
-        information = columns.T @ columns
-        target = information @ size + columns.T @ rest
-        scale = np.sqrt(np.diag(information))
-        scale = np.where(scale > 0.0, scale, 1.0)
-        n_told = int(np.linalg.matrix_rank(information / np.outer(scale, scale), _BLIND, hermitian=True))
-        if place < len(self.masses):
-            found = likeliest_body(information, target, self.reach, self.masses[place])
-            return (np.zeros(len(size)) if found is None else found), n_told
-        inverse = np.linalg.pinv(information / np.outer(scale, scale), _BLIND, hermitian=True)
-        return np.asarray(inverse @ (target / scale) / scale), n_told
-
-
-def _projected(own: Array, lacking: Array, target: Array) -> tuple[Array, Array]:
-    """What a joint's own columns leave of others, and of a target."""
-    q = np.linalg.qr(own / np.maximum(np.linalg.norm(own, axis=0), 1e-12))[0]
-    return lacking - q @ (q.T @ lacking), target - q @ (q.T @ target)
-
-
-# What ``controller`` of a log says about its servo.
-
-_REMEDY = "log tau.* or tau_cmd.* with such a controller"
-# Words of ``feedforward`` and the three forms that they mean.
-_WORDS = {
-    "none": "none",
-    "off": "none",
-    "gravity": "gravity",
-    "gravity_compensation": "gravity",
-    "inverse_dynamics": "inverse_dynamics",
-    "computed_torque": "inverse_dynamics",
-    "rigid_body": "inverse_dynamics",
-    "rigid_body_dynamics": "inverse_dynamics",
-    "rnea": "inverse_dynamics",
-    "nominal": "inverse_dynamics",
-    "nominal_model": "inverse_dynamics",
-    "model": "inverse_dynamics",
-    "full": "inverse_dynamics",
-}
-# Words of ``velocity_reference`` for a servo that brakes all motion, not what differs from the command's.
-_NO_REFERENCE = frozenset({"none", "zero", "0", "0.0", "off", "false"})
-
-
-@dataclass(frozen=True, eq=False)
-class Stated:
-    """A position servo as far as a log describes it.
-
-    Attributes:
-        kp: ``(n_joints,)`` in the log's order [N·m/rad], NaN where it is not stated.
-        kd: ``(n_joints,)`` [N·m·s/rad], NaN where it is not stated.
-        ki: ``(n_joints,)`` [N·m/(rad·s)], 0 where it is not stated.
-        feedforwards: forms that it may have.
-        follows: whether damping acts on the velocity's error; both where that is open.
-        missing: what is not stated, in words.
-        rate_hz: of the servo, None where it is not stated [Hz].
-    """
-
-    kp: Array
-    kd: Array
-    ki: Array
-    feedforwards: tuple[str, ...]
-    follows: tuple[bool, ...]
-    missing: tuple[str, ...]
-    rate_hz: float | None = None
-
-
-def stated_servo(controller: Mapping[str, Any] | None, joints: tuple[str, ...]) -> Stated:
-    """Read ``controller``.
-
-    Args:
-        controller: of the log's header.
-        joints: of the log.
-
-    Returns:
-        What it says.
-
-    Raises:
-        LogError: it is no position servo; a gain or the rate is no number; ki is stated without kp.
-    """
-    said = dict(controller or {})
-    mode = said.get("mode", "position")
-    if mode != "position":
-        raise LogError(f"mode {mode!r} is no position servo", field="controller.mode", remedy=_REMEDY)
-    kp, kd, ki = (_gains(said.get(name), name, joints) for name in ("kp", "kd", "ki"))
-    ki = np.nan_to_num(ki)
-    if np.isnan(kp[ki != 0.0]).any():
-        raise LogError(
-            "an integral part without kp cannot be told from a slow effect",
-            field="controller.ki",
-            remedy="state controller.kp, or log tau_cmd.*",
-        )
-    word = str(said.get("feedforward", "")).lower()
-    reference = str(said["velocity_reference"]).lower() if "velocity_reference" in said else None
-    missing = [
-        f"{name} of {joint}"
-        for name, gains in (("kp", kp), ("kd", kd))
-        for joint, gain in zip(joints, gains, strict=True)
-        if np.isnan(gain)
-    ]
-    if word not in _WORDS:
-        missing.append("the feedforward")
-    return Stated(
-        kp,
-        kd,
-        ki,
-        (_WORDS[word],) if word in _WORDS else FEEDFORWARDS,
-        (True, False) if reference is None else (reference not in _NO_REFERENCE,),
-        tuple(missing),
-        _rate(said.get("rate_hz")),
-    )
-
-
-def _rate(value: Any) -> float | None:
-    """The servo's rate [Hz]; None where it is not stated."""
-    if value is None:
-        return None
-    try:
-        rate = float(value)
-    except (TypeError, ValueError):
-        rate = 0.0
-    if not 0.0 < rate < np.inf:
-        raise LogError(
-            f"{value!r} is no rate",
-            field="controller.rate_hz",
-            remedy="write cycles per second, or leave it out",
-        )
-    return rate
-
-
-def _gains(value: Any, name: str, joints: tuple[str, ...]) -> Array:
-    """Gains by joint, in the order of the joints, or one for all, ``(n_joints,)``; NaN where there is none."""
-    try:
-        if isinstance(value, Mapping):
-            return np.array([float(value.get(joint, np.nan)) for joint in joints])
-        if isinstance(value, Sequence) and not isinstance(value, str) and len(value) == len(joints):
-            return np.array([float(gain) for gain in value])
-        return np.full(len(joints), np.nan if value is None else float(value))
-    except (TypeError, ValueError) as error:
-        raise LogError(
-            f"{value!r} has a gain that is no number",
-            field=f"controller.{name}",
-            remedy="write one number, or one for each joint",
-        ) from error
+    x = np.zeros(columns[used[0]].shape[1])
+    fit = at_size(x, 0)
+    for step in range(_STEPS if len(x) else 0):
+        parts = []
+        for k, j in enumerate(used):
+            asked, stated = nominal[j] + columns[j] @ x, not np.isnan(known[j])
+            if step:
+                own, target = asked, current[j] - (asked / known[j] if stated else 0.0)
+                made = fit.per_torque[k] * columns[j]
+            else:
+                own, target = current[j], (known[j] * current[j] if stated else 0.0) - nominal[j]
+                made = columns[j]
+            made, target = _beside(drive[j] if stated else np.column_stack([own, drive[j]]), made, target)
+            sigma = fit.sigma[k] if step else max(float(target.std()), 1e-12)
+            parts.append((made / sigma, target / sigma))
+        matrix, right = (np.concatenate(part) for part in zip(*parts, strict=True))
+        size = np.maximum(np.linalg.norm(matrix, axis=0), 1e-12)
+        change, _, rank, _ = np.linalg.lstsq(matrix / size, right, rcond=_BLIND)
+        x = x + change / size
+        fit = at_size(x, int(rank))
+    return fit

@@ -1,28 +1,45 @@
-"""Inertial parameters and drive terms that a simulator accepts, as near to a fit as its rows can tell."""
+"""An arm's simulator with effects in it: the nearest plant that can exist, as a MuJoCo model and as a description."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.answer.candidate import RobotChanges
+from excite.diagnosis.answer.candidate import RobotChanges, in_words
 from excite.diagnosis.attribution import Attribution
-from excite.diagnosis.effects.form import Form
+from excite.diagnosis.effects.form import Draft, Form, Noted
+from excite.diagnosis.effects.friction import PRESLIDING, BuildUp
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.baseline_fit import model_phi
 from excite.diagnosis.equations.dry_friction.friction_sign import sign_of_motion
 from excite.diagnosis.equations.known_drives import known_terms
-from excite.diagnosis.equations.own_columns import ARMATURE, CONSTANT, COULOMB, VISCOUS, OwnTerm, own_terms
-from excite.diagnosis.simulator.model_text import MODEL, Found, found_effects
+from excite.diagnosis.equations.own_columns import ARMATURE, CONSTANT, COULOMB, VISCOUS, own_terms
+from excite.diagnosis.simulator.model_text import (
+    MODEL,
+    AugmentedModel,
+    Found,
+    found_effects,
+    refused,
+    write_note,
+)
 from excite.identification.inertia import pseudo_inertia_matrices
 from excite.regressor.kernels import joint_torque_regressor
 from excite.robot.links import carried_link
+from excite.simulation.mjcf import World, build_spec
+from excite.simulation.true_parameters import Drives
+
+if TYPE_CHECKING:
+    import mujoco
 
 _ROWS = 500
+_TIMESTEP = 1e-3
+_NO_LIMIT = 1e6
+# Terms of a plant's drives, in order.
+_DRIVES = (VISCOUS, COULOMB, ARMATURE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,74 +47,53 @@ class Plant:
     """A rigid-body arm with friction and rotor inertia.
 
     Attributes:
-        phi: ``(10·n_segments,)`` inertial parameters, every segment a physical body.
-        viscous: ``(n_joints,)`` viscous friction [N·m·s/rad], not negative.
-        coulomb: ``(n_joints,)`` Coulomb friction [N·m], not negative.
-        armature: ``(n_joints,)`` rotor inertia [kg·m²], not negative.
+        phi: ``(10·n_segments,)`` inertial parameters.
+        drives: ``(3, n_joints)`` viscous friction [N·m·s/rad], Coulomb friction [N·m], rotor inertia [kg·m²].
         bias: ``(n_joints,)`` constant of the torque channels [N·m].
         mismatch: RMS over rows and joints of the torque by which it differs from the fit, each joint in units of
             the fit's own residual.
     """
 
     phi: Array
-    viscous: Array
-    coulomb: Array
-    armature: Array
+    drives: Array
     bias: Array
     mismatch: float = 0.0
 
 
-def fitted_plant(baseline: Baseline) -> Plant:
-    """The plant as fitted: possibly no physical one."""
-    terms = own_terms(baseline.modelled)
-    values = np.array([o[: len(terms)] for o in baseline.fit.own]).reshape(baseline.n_joints, len(terms))
-
-    def of(term: OwnTerm) -> Array:
-        return values[:, terms.index(term)] if term in terms else np.zeros(len(values))
-
-    known = {item.term: item.values for item in known_terms(baseline.samples, baseline.modelled)}
-    viscous, coulomb, armature = (of(term) + known.get(term, 0.0) for term in (VISCOUS, COULOMB, ARMATURE))
-    return Plant(baseline.phi, viscous, coulomb, armature, of(CONSTANT))
-
-
 def plant_with(baseline: Baseline, forms: Iterable[tuple[str, Form]]) -> Plant:
-    """The plant as fitted, with the bodies and drives of effects.
+    """The plant as fitted, with the bodies and drives of effects: possibly no physical one.
 
     A torque channel's factor is told from the bodies' torque; what is its joint's alone was fitted to readings.
 
     Args:
         baseline: the baseline as fitted together with the effects.
         forms: places and forms of the effects.
-
-    Returns:
-        The plant, possibly no physical one.
     """
-    plant, several = fitted_plant(baseline), tuple(forms)
-    factor = np.ones(baseline.n_joints)
-    for location, form in several:
-        if form.reads != 1.0:
-            factor[baseline.samples.joints.index(location)] *= form.reads
-    drives = {name: getattr(plant, name) / factor for name in ("viscous", "coulomb", "armature")}
-    plant = replace(plant, **drives)
-    for location, form in several:
-        plant = _with_effect(plant, baseline, location, form)
-    return plant
+    samples, terms = baseline.samples, own_terms(baseline.modelled)
+    own = np.array([o[: len(terms)] for o in baseline.fit.own]).reshape(baseline.n_joints, len(terms)).T
+    values = dict(zip(terms, own, strict=True))
+    known = {item.term: item.values for item in known_terms(samples, baseline.modelled)}
+    nothing = np.zeros(baseline.n_joints)
+    drives = np.array([values.get(term, nothing) + known.get(term, 0.0) for term in _DRIVES])
+    bias, phi = values.get(CONSTANT, nothing).copy(), baseline.phi.copy()
+    changes = [(location, form) for location, form in forms if form.absent is None]
+    joints = [(samples.joints.index(place), form) for place, form in changes if place in samples.joints]
+    for j, form in joints:
+        drives[:, j] /= form.reads
+    for j, form in joints:
+        drives[:, j] += form.viscous, form.coulomb, form.armature
+        bias[j] += form.bias
+    links = _links(baseline)
+    for place, form in changes:
+        if form.body is not None:
+            phi.reshape(-1, 10)[links.index(place)] += form.body
+    return Plant(phi, drives, bias)
 
 
-def _with_effect(plant: Plant, baseline: Baseline, location: str, form: Form) -> Plant:
-    """The plant with an effect's bodies and drives."""
-    samples = baseline.samples
-    changed: dict[str, Any] = {}
-    for name in ("viscous", "coulomb", "armature", "bias"):
-        if getattr(form, name) != 0.0:
-            changed[name] = getattr(plant, name).copy()
-            changed[name][samples.joints.index(location)] += getattr(form, name)
-    if form.body is not None:
-        model = samples.robot.model
-        k = [carried_link(model, joint) for joint in range(1, model.njoints)].index(location)
-        changed["phi"] = plant.phi.copy()
-        changed["phi"][10 * k : 10 * k + 10] += form.body
-    return replace(plant, **changed) if changed else plant
+def _links(baseline: Baseline) -> list[str]:
+    """The links whose bodies the inertial parameters are, in order."""
+    model = baseline.samples.robot.model
+    return [carried_link(model, joint) for joint in range(1, model.njoints)]
 
 
 def physical_plant(baseline: Baseline, wanted: Plant, gravity: Array | None = None) -> Plant:
@@ -111,52 +107,125 @@ def physical_plant(baseline: Baseline, wanted: Plant, gravity: Array | None = No
     Returns:
         The plant, ``wanted`` itself where that is physical.
     """
-    model = baseline.samples.robot.model
-    n_phi, n = len(wanted.phi), baseline.n_joints
-    nominal_phi = np.concatenate([model.inertias[k].toDynamicParameters() for k in range(1, model.njoints)])
-    set_of = PhysicalBodies(nominal_phi, _drive_units(baseline, wanted))
-    drives = np.concatenate([wanted.viscous, wanted.coulomb, wanted.armature])
-    wish = set_of.coordinates(np.concatenate([wanted.phi, drives]))
-    if set_of.holds(wish):
+    nominal, n = model_phi(baseline.samples), len(wanted.phi)
+    units = np.maximum(np.abs(wanted.drives).max(axis=1, initial=0.0), 1e-3)
+    bodies = PhysicalBodies(nominal, np.repeat(units, baseline.n_joints))
+    wish = bodies.coordinates(np.concatenate([wanted.phi, wanted.drives.ravel()]))
+    if bodies.holds(wish):
         return wanted
-    middle = set_of.coordinates(np.concatenate([nominal_phi, np.maximum(drives, 0.0)]))
-    rows = _rows(baseline, gravity).reshape(-1, len(wish)) @ set_of.map
-    z, off = nearest_bodies(set_of, rows, wish, middle)
-    found = set_of.map @ z
-    viscous, coulomb, armature = found[n_phi:].reshape(3, n)
-    return Plant(found[:n_phi], viscous, coulomb, armature, wanted.bias, off)
-
-
-def _drive_units(baseline: Baseline, wanted: Plant) -> Array:
-    """Sizes of viscous, Coulomb and rotor terms, ``(3·n_joints,)``."""
-    sizes = [np.abs(v).max(initial=0.0) for v in (wanted.viscous, wanted.coulomb, wanted.armature)]
-    return np.repeat(np.maximum(np.array(sizes), 1e-3), baseline.n_joints)
+    middle = bodies.coordinates(np.concatenate([nominal, np.maximum(wanted.drives, 0.0).ravel()]))
+    rows = _rows(baseline, gravity).reshape(-1, len(wish)) @ bodies.map
+    z, off = nearest_bodies(bodies, rows, wish, middle)
+    found = bodies.map @ z
+    return Plant(found[:n], found[n:].reshape(3, -1), wanted.bias, off)
 
 
 def _rows(baseline: Baseline, gravity: Array | None) -> Array:
     """Torque per unit of every parameter in units of each joint's residual, ``(n_rows, n_joints, n)``."""
-    s = baseline.samples
-    q, v, a = (
-        np.concatenate([getattr(t, name)[t.rows] for t in s.trials if t.identification])
-        for name in ("q", "v", "a")
-    )
-    take = slice(None, None, max(1, len(q) // _ROWS))
-    q, v, a = q[take], v[take], a[take]
-    index = list(s.index)
-    n = len(index)
-    model = s.robot.model
+    s, index = baseline.samples, list(baseline.samples.index)
+    inside = [k for k, trial in enumerate(s.trials) if trial.identification]
+
+    def at_rows(values: Sequence[Array]) -> Array:
+        stacked = np.concatenate([values[k][s.trials[k].rows] for k in inside])
+        return stacked[:: max(1, len(stacked) // _ROWS)]
+
+    q, v, a = (at_rows([getattr(t, name) for t in s.trials]) for name in ("q", "v", "a"))
+    model, n = s.robot.model, len(index)
     if gravity is not None:
         model = model.copy()
         model.gravity.linear = gravity
-    bodies = joint_torque_regressor(model, q, v, a)[:, index]
     drives = np.zeros((len(q), n, 3, n))
     for j, i in enumerate(index):
-        signs = s.split(sign_of_motion(s, j, baseline.signs[j]))
-        dry = np.concatenate([x[t.rows] for x, t in zip(signs, s.trials, strict=True) if t.identification])
-        drives[:, j, 0, j], drives[:, j, 1, j] = v[:, i], dry[take]
-        drives[:, j, 2, j] = a[:, i]
-    rows = np.concatenate([bodies, drives.reshape(len(q), n, 3 * n)], axis=2)
-    return rows / baseline.fit.sigma[None, :, None]
+        dry = at_rows(s.split(sign_of_motion(s, j, baseline.signs[j])))
+        drives[:, j, :, j] = np.column_stack([v[:, i], dry, a[:, i]])
+    bodies = joint_torque_regressor(model, q, v, a)[:, index]
+    return np.concatenate([bodies, drives.reshape(len(q), n, -1)], axis=2) / baseline.fit.sigma[None, :, None]
+
+
+# The MuJoCo model, and notes on what XML cannot say.
+
+
+def augmented_model(baseline: Baseline, effects: Sequence[Found]) -> AugmentedModel:
+    """The simulator with effects; without any, the fitted or trusted baseline.
+
+    Args:
+        baseline: the baseline as fitted together with them.
+        effects: the effects.
+
+    Raises:
+        InputError: the robot has joints that cannot be simulated, or MuJoCo refuses the bodies.
+    """
+    joints, robot = baseline.samples.joints, baseline.samples.robot
+    forms = [item.form(joints) for item in effects]
+    wanted = plant_with(baseline, zip((item.location for item in effects), forms, strict=True))
+    plant = physical_plant(baseline, wanted, _turned(np.array(robot.model.gravity.linear), forms))
+    draft = Draft(joints, _draft(baseline, plant))
+    draft.spec.option.gravity = _turned(np.array(draft.spec.option.gravity), forms)
+    for noted in _presliding(baseline):
+        write_note(draft.spec, noted)
+    for form in forms:
+        if form.elements is not None:
+            form.elements(draft)
+        for noted in form.notes:
+            write_note(draft.spec, noted)
+    for form in forms:
+        if form.finish is not None:
+            form.finish(draft)
+    try:
+        draft.spec.compile()
+    except ValueError as error:
+        raise refused(error) from error
+    formless = (item.formless for item in effects)
+    said = (*(text for text in formless if text is not None), *unphysical(plant.mismatch, "residual"))
+    return AugmentedModel(draft.spec.to_xml(), said)
+
+
+def _turned(gravity: Array, forms: Sequence[Form]) -> Array:
+    """Gravity ``(3,)`` as effects turn it [m/s²]."""
+    for form in forms:
+        gravity = gravity if form.gravity is None else form.gravity(gravity)
+    return gravity
+
+
+def _presliding(baseline: Baseline) -> list[Noted]:
+    """What is noted of the baseline's own friction: where it builds up over a deflection."""
+    if not COULOMB.asked(baseline.modelled):
+        return []
+    noted = []
+    for j, (joint, sign) in enumerate(zip(baseline.samples.joints, baseline.signs, strict=True)):
+        if sign.bent:
+            damped = (baseline.bristle_damping(j), sign.damped_below) if sign.damped else (None, None)
+            noted.append(Noted(PRESLIDING, joint, BuildUp(sign.breakaway, *damped)))
+    return noted
+
+
+def _draft(baseline: Baseline, plant: Plant) -> mujoco.MjSpec:
+    """Bodies, friction and rotor inertia, a motor for each joint."""
+    robot, index = baseline.samples.robot, list(baseline.samples.index)
+    every = np.zeros((4, robot.n_joints))
+    every[:, index] = *plant.drives, plant.bias
+    viscous, coulomb, armature, bias = every
+    nothing = np.zeros(robot.n_joints)
+    drives = Drives(
+        kp=nothing + 1.0,
+        kd=nothing,
+        torque_limit=nothing + _NO_LIMIT,
+        viscous=viscous,
+        coulomb=coulomb,
+        bearing_viscous=nothing,
+        bearing_coulomb=nothing,
+        armature=armature,
+        rate_hz=1.0 / _TIMESTEP,
+    )
+    spec = build_spec(robot, plant.phi, drives, World(timestep=_TIMESTEP))
+    for number, name in enumerate(robot.joint_names):
+        motor = spec.actuator(name)
+        motor.forcelimited = False
+        motor.gainprm[0] = 1.0
+        motor.biasprm[:3] = [-bias[number], 0.0, 0.0]
+        # Positions are the record's: a range would push where the model's is narrower.
+        spec.joint(name).limited = False
+    return spec
 
 
 # Bodies that can exist, as near to fitted inertial parameters as rows of a regressor can tell.
@@ -284,40 +353,31 @@ def robot_changes(attribution: Attribution, baseline: Baseline) -> tuple[RobotCh
         baseline: the baseline before it.
     """
     effects = found_effects(attribution)
-    made = [_changes(baseline, ())]
-    for count in range(1, len(effects) + 1):
-        last = count == len(effects)
-        beside = attribution.final if last else attribution.stages[count].context.baseline
-        made.append(_changes(beside, effects[:count]))
-    return tuple(made)
+    beside = [baseline, *(stage.context.baseline for stage in attribution.stages[1 : len(effects)])]
+    beside += [attribution.final] if effects else []
+    return tuple(_changes(each, effects[:count]) for count, each in enumerate(beside))
 
 
 def _changes(baseline: Baseline, effects: Sequence[Found]) -> RobotChanges:
-    samples = baseline.samples
-    forms = [item.form(samples.joints) for item in effects]
-    wanted = plant_with(baseline, ((item.location, form) for item, form in zip(effects, forms, strict=True)))
-    said = [line for item, form in zip(effects, forms, strict=True) for line in _beyond(item, form)]
-    links = {item.location for item, form in zip(effects, forms, strict=True) if form.body is not None}
-    plant = physical_plant(baseline, wanted) if links else wanted
-    drives = [
+    samples, links = baseline.samples, _links(baseline)
+    pairs = [(item, item.form(samples.joints)) for item in effects]
+    plant = plant_with(baseline, ((item.location, form) for item, form in pairs))
+    loaded = {item.location for item, form in pairs if form.body is not None}
+    if loaded:
+        plant = physical_plant(baseline, plant)
+    viscous, coulomb, armature = (
         {name: max(float(v), 0.0) for name, v in zip(samples.joints, values, strict=True)}
-        for values in (plant.viscous, plant.coulomb, plant.armature)
-    ]
-    viscous, coulomb, armature = drives
-    return RobotChanges(viscous, coulomb, armature, _bodies(baseline, plant, links), beyond=tuple(said))
-
-
-def _bodies(baseline: Baseline, plant: Plant, links: Collection[str]) -> dict[str, Array]:
-    """What each of these links has more than the nominal model, which stands where bodies have effects."""
-    model = baseline.samples.robot.model
-    change = (plant.phi - model_phi(baseline.samples)).reshape(-1, 10)
-    names = [carried_link(model, k) for k in range(1, model.njoints)]
-    return {name: row for name, row in zip(names, change, strict=True) if name in links}
+        for values in plant.drives
+    )
+    change = (plant.phi - model_phi(samples)).reshape(-1, 10)
+    bodies = {name: row for name, row in zip(links, change, strict=True) if name in loaded}
+    beyond = tuple(line for item, form in pairs for line in _beyond(item, form))
+    return RobotChanges(viscous, coulomb, armature, bodies, beyond)
 
 
 def _beyond(item: Found, form: Form) -> list[str]:
     """Parts of an effect that a description has no place for."""
-    what = _named(item.effect.name, item.location)
+    what = in_words(item.effect.name, item.location)
     if form.absent is not None:
         return [f"{what}: in no file, {form.absent}"]
     said = []
@@ -334,8 +394,4 @@ def _beyond(item: Found, form: Form) -> list[str]:
 
 def in_no_description(effect: str, location: str) -> str:
     """The sentence for an effect that a simulator has and no description of a robot."""
-    return f"{_named(effect, location)}: it stands in {MODEL} alone"
-
-
-def _named(effect: str, location: str) -> str:
-    return f"{effect.replace('_', ' ')} at {location}"
+    return f"{in_words(effect, location)}: it stands in {MODEL} alone"

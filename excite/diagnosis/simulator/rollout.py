@@ -1,23 +1,99 @@
-"""Runs an augmented model: MuJoCo for what its XML says, this runner for the effects noted in it."""
+"""Roll-outs of an arm's augmented model: MuJoCo for what its XML says, a runner for the effects noted in it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.effects.bristle import Bristle
 from excite.diagnosis.effects.form import DEFLECTION, JointStep, Note
+from excite.diagnosis.equations.samples import ArmSamples
 from excite.diagnosis.simulator.model_text import load_model, read_notes
-from excite.diagnosis.simulator.rollout_windows import Drive, LoggedTorque, Past, PositionServo, Window
+from excite.logs.signals.butterworth import central_differences, lowpass
 from excite.mujoco_warnings import has_diverged, without_log_file
 
 if TYPE_CHECKING:
     import mujoco
+
+# What a simulation starts from and what drives it.
+
+
+@dataclass(frozen=True, eq=False)
+class Past:
+    """The record before a window: what bristles, filters and soft gears remember.
+
+    Attributes:
+        time: ``(n,)`` of the trial [s], evenly spaced; the last one is the window's start.
+        q: ``(n, n_joints)`` positions [rad].
+        v: ``(n, n_joints)`` velocities [rad/s].
+    """
+
+    time: Array
+    q: Array
+    v: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Window:
+    """A piece of a record to be simulated.
+
+    Attributes:
+        q: ``(n_joints,)`` positions at its start [rad].
+        v: velocities at its start [rad/s].
+        load: torque that the links need at its start [N·m]; sets how far soft and loose gears are deflected of which
+            that is not told.
+        time: ``(n_steps,)`` of the steps [s] since the trial's start.
+        session_s: time of its start within the session [s].
+        growth: by joint, how far friction that drifts has come at its start; from the session's clock where it
+            is not given.
+        past: the record before it; without it the robot was at rest.
+        deflected: by joint, how far a soft or loose gear is deflected at its start [rad] and how fast it moves
+            [rad/s]; it rests under its load where that is not given.
+    """
+
+    q: Array
+    v: Array
+    load: Array
+    time: Array
+    session_s: float
+    growth: Mapping[str, float] = field(default_factory=dict)
+    past: Past | None = None
+    deflected: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """Torques of a trial's motors, ``torque(t) − kp q − kd v``; the record's own, no feedback, where kp is None.
+
+    Attributes:
+        time: ``(n,)`` [s].
+        torque: ``(n, n_joints)`` in the zero position at rest [N·m].
+        kp: ``(n_joints,)`` [N·m/rad].
+        kd: ``(n_joints,)`` [N·m·s/rad].
+    """
+
+    time: Array
+    torque: Array
+    kp: Array | None = None
+    kd: Array | None = None
+
+    def at_times(self, times: Array) -> Array:
+        """Rows of the torque at times of the trial, the first and last one beyond, ``(n, n_joints)``."""
+        k = np.clip(np.searchsorted(self.time, times) - 1, 0, len(self.time) - 2)
+        share = np.clip((times - self.time[k]) / (self.time[k + 1] - self.time[k]), 0.0, 1.0)[:, None]
+        return (1.0 - share) * self.torque[k] + share * self.torque[k + 1]
+
+    def answer(self, torque: Array, q: Array, v: Array) -> Array:
+        """What the motors are asked for at positions and velocities, all ``(…, n_joints)``."""
+        return torque if self.kp is None or self.kd is None else torque - self.kp * q - self.kd * v
+
+
+# Runs of a loaded model.
 
 
 class Simulator:
@@ -48,19 +124,25 @@ class Simulator:
         self._friction = self.model.dof_frictionloss.copy()
         self._damping = self.model.dof_damping.copy()
         every = read_notes(self.model)
-        self._notes = [(joints.index(item.place), item.note) for item in every if item.place in joints]
         self._delay = sum(item.note.late_by for item in every)
-        within = float(self.model.actuator_dynprm[self._motor[0], 0]) if self.model.na else None
-        self._lag = MotorLag(sum(item.note.filter_before for item in every), within)
+        self._filter_s = sum(item.note.filter_before for item in every)
         self._logged = np.zeros(len(joints))
-        for j, note in self._notes:
-            self._logged[j] += note.log_offset
-        self._stepwise = any(note.every_step for _, note in self._notes)
         self._steps = tuple(JointStep(partial(self._carried_by, j)) for j in range(len(joints)))
-        # Joints of which a note may ask.
-        self._asked = sorted({j for j, _ in self._notes})
-        self._dry = JointFriction(self._notes, self._steps)
-        self.runs: list[Run] = []
+        # By joint, its notes with the bristles of each, and the bristles that hold all of its dry friction.
+        self._notes: dict[int, list[tuple[Note, Bristle | None]]] = {}
+        self._whole: dict[int, Bristle] = {}
+        for item in every:
+            if item.place not in joints:
+                continue
+            j, note, bristle = joints.index(item.place), item.note, item.note.bristle()
+            self._logged[j] += note.log_offset
+            if bristle is not None and note.takes_all:
+                self._whole[j], bristle, self._steps[j].bends = bristle, None, True
+            self._notes.setdefault(j, []).append((note, bristle))
+        for j, whole in self._whole.items():
+            whole.static = next((n.static for n, own in self._notes[j] if n.static and own is None), None)
+        self._stepwise = any(note.every_step for notes in self._notes.values() for note, _ in notes)
+        self.runs: list[mujoco.MjData] = []
         self._load = np.zeros((0, len(joints)))
         self._borne: Array | None = None
 
@@ -79,387 +161,311 @@ class Simulator:
             drives: of them, all of one kind.
             keep: steps from one position to the next.
         """
-        model = self.model
-        model.opt.timestep = float(windows[0].time[1] - windows[0].time[0])
+        import mujoco
+
+        self.model.opt.timestep = float(windows[0].time[1] - windows[0].time[0])
         while len(self.runs) < len(windows):
-            self.runs.append(Run(model))
-        runs = self.runs[: len(windows)]
+            self.runs.append(mujoco.MjData(self.model))
         self._load = np.array([window.load for window in windows])
-        for run, window in zip(runs, windows, strict=True):
-            self._reset(run, window)
-        self._dry.start(windows)
-        for j in self._asked:
-            known = [window.growth.get(self.joints[j]) for window in windows]
-            told = [growth for growth in known if growth is not None]
-            self._steps[j].growth = np.array(told) if len(told) == len(known) else None
-        open_loop = isinstance(drives[0], LoggedTorque)
-        delay = self._delay if open_loop else 0.0
-        begun = [self._lag.begun(w, d, delay) for w, d in zip(windows, drives, strict=True)]
-        if model.na:
-            for run, (_, lagged) in zip(runs, begun, strict=True):
-                run.data.act[:] = lagged[: model.na]
-        filtered = np.array([first for first, _ in begun])
-        offered = np.stack([d.offers(w.time + delay) for w, d in zip(windows, drives, strict=True)], axis=1)
+        for run, window in zip(self.runs, windows, strict=False):
+            self._put(run, window)
+        self._start_notes(windows)
+        late = self._delay if drives[0].kp is None else 0.0
+        filtered = np.array(
+            [self._start_filters(*pair, late) for pair in zip(self.runs, windows, drives, strict=False)]
+        )
+        asked = np.stack([d.at_times(w.time + late) for w, d in zip(windows, drives, strict=True)], axis=1)
         with without_log_file():
-            if open_loop and not self._stepwise:
-                model.dof_damping[:] = self._damping
-                controls = self._controls(offered, filtered)
-                kept = np.array(
-                    [self._open_loop(r, w, c, keep) for r, w, c in zip(runs, windows, controls, strict=True)]
-                )
+            if drives[0].kp is None and not self._stepwise:
+                kept = self._run_open(windows, asked, filtered, keep)
             else:
-                kept = self._step_by_step(runs, windows, drives, offered, filtered, keep)
-        for path, run in zip(kept, runs, strict=True):
-            if has_diverged(run.data):
+                kept = self._run_stepwise(windows, drives[0], asked, filtered, keep)
+        for path, run in zip(kept, self.runs, strict=False):
+            if has_diverged(run):
                 path[-1] = np.nan
         return kept
 
-    def _reset(self, run: Run, window: Window) -> None:
+    def _put(self, run: mujoco.MjData, window: Window) -> None:
         """Put a run where its window begins; gears start as they are said to swing, or where their load puts them."""
         import mujoco
 
-        data = run.data
-        mujoco.mj_resetData(self.model, data)
-        data.qpos[self._qpos], data.qvel[self._dof] = window.q, window.v
-        for j, note in self._notes:
-            resting = note.deflection(float(window.load[j]))
-            if resting is None:
-                continue
-            joint = self.model.joint(self.joints[j] + DEFLECTION)
-            angle, speed = window.deflected.get(self.joints[j], (resting, 0.0))
-            data.qpos[joint.qposadr[0]], data.qvel[joint.dofadr[0]] = angle, speed
+        mujoco.mj_resetData(self.model, run)
+        run.qpos[self._qpos], run.qvel[self._dof] = window.q, window.v
+        for j, notes in self._notes.items():
+            for note, _ in notes:
+                resting = note.deflection(float(window.load[j]))
+                if resting is not None:
+                    joint = self.model.joint(self.joints[j] + DEFLECTION)
+                    angle, speed = window.deflected.get(self.joints[j], (resting, 0.0))
+                    run.qpos[joint.qposadr[0]], run.qvel[joint.dofadr[0]] = angle, speed
 
-    def _step_by_step(
-        self,
-        runs: Sequence[Run],
-        windows: Sequence[Window],
-        drives: Sequence[Drive],
-        offered: Array,
-        filtered: Array,
-        keep: int,
+    def _start_notes(self, windows: Sequence[Window]) -> None:
+        """Bristles are bent as the record before each window did; drifts have come as far as that is known."""
+        for j in self._notes:
+            told = [window.growth[self.joints[j]] for window in windows if self.joints[j] in window.growth]
+            self._steps[j].growth = np.array(told) if len(told) == len(windows) else None
+        for j, bristle in self._bristles():
+            bristle.start(
+                [
+                    (np.zeros(0), 0.0)
+                    if (past := window.past) is None
+                    else (np.ascontiguousarray(past.v[:, j]), float(past.time[1] - past.time[0]))
+                    for window in windows
+                ]
+            )
+
+    def _bristles(self) -> list[tuple[int, Bristle]]:
+        own = [(j, own) for j, notes in self._notes.items() for _, own in notes if own is not None]
+        return [*self._whole.items(), *own]
+
+    def _start_filters(self, run: mujoco.MjData, window: Window, drive: Drive, late: float) -> Array:
+        """What the filter before the motors has come to at a window's start, ``(n_joints,)``; sets the model's own."""
+        past = window.past
+        if past is None or not self.model.na:
+            one = two = drive.answer(drive.at_times(window.time[:1] + late)[0], window.q, window.v)
+        else:
+            period = float(past.time[1] - past.time[0])
+            within = float(self.model.actuator_dynprm[self._motor[0], 0])
+            first, second = _step_share(period, self._filter_s), _step_share(period, within)
+            one = two = drive.answer(drive.at_times(past.time[:1] + late)[0], past.q[0], past.v[0])
+            # Half a period on: the command of an interval, not of its start.
+            times = past.time[:-1] + 0.5 * period + late
+            for torque in drive.answer(drive.at_times(times), past.q[:-1], past.v[:-1]):
+                one = one + first * (torque - one)
+                two = two + second * (one - two)
+        run.act[:] = two[: self.model.na]
+        return one
+
+    def _run_open(self, windows: Sequence[Window], asked: Array, filtered: Array, keep: int) -> Array:
+        """:meth:`run_all` where nothing has to be looked at on the way: all steps at once."""
+        import mujoco
+        from mujoco.rollout import rollout
+
+        model, whole = self.model, mujoco.mjtState.mjSTATE_FULLPHYSICS
+        model.dof_damping[:] = self._damping
+        control = np.zeros((asked.shape[1], len(asked), model.nu))
+        share = _step_share(model.opt.timestep, self._filter_s)
+        for k, torque in enumerate(asked):
+            filtered = filtered + share * (torque - filtered)
+            control[:, k, self._motor] = filtered
+        kept, start = [], np.empty(mujoco.mj_stateSize(model, whole))
+        for run, window, told in zip(self.runs, windows, control, strict=False):
+            mujoco.mj_getState(model, run, start, whole)
+            states, _ = rollout(model, run, start, told)
+            # A state is the time, then the positions.
+            kept.append(np.vstack([window.q, states[0][keep - 1 :: keep][:, 1 + self._qpos]]))
+        return np.array(kept)
+
+    def _run_stepwise(
+        self, windows: Sequence[Window], drive: Drive, asked: Array, filtered: Array, keep: int
     ) -> Array:
         """:meth:`run_all` where something has to be looked at on the way.
 
         Args:
-            runs: the runs, reset.
-            windows, drives: of them.
-            offered: ``(n_steps, n_runs, n_joints)`` torques of the motors in the zero position at rest [N·m].
+            windows: the windows.
+            drive: one of the drives; they differ by their torques alone.
+            asked: ``(n_steps, n_runs, n_joints)`` torques of the motors in the zero position at rest [N·m].
             filtered: ``(n_runs, n_joints)`` what the filter before the motors has come to [N·m].
             keep: as there.
         """
         import mujoco
 
-        model, share = self.model, self._lag.share(self.model.opt.timestep)
-        open_loop = isinstance(drives[0], LoggedTorque)
-        driven = [self._damped(drive) for drive in drives]
-        held = np.array([damping for _, damping in driven])
-        # Trials have several windows each: what answers is asked once for all of them.
-        rows = {id(drive): [k for k, d in enumerate(drives) if d is drive] for drive in drives}
-        answering = [(driven[of[0]][0], of) for of in rows.values()]
-        trial_s = np.array([float(window.time[0]) for window in windows])
-        session_s = np.array([window.session_s for window in windows])
-        friction, damping = model.dof_frictionloss, model.dof_damping
-        control = np.zeros((len(runs), model.nu))
-        answer = np.empty_like(filtered)
-        kept = [np.array([window.q for window in windows])]
-        acting = Acting(np.tile(self._friction, (len(runs), 1)), held, np.zeros_like(held))
-        position, velocity = motion(runs, self._qpos, self._dof)
+        model, runs = self.model, self.runs[: len(windows)]
+        share = _step_share(model.opt.timestep, self._filter_s)
+        damping, kd = self._damping.copy(), np.zeros(len(self.joints)) if drive.kd is None else drive.kd
+        if drive.kp is not None and not model.na:
+            # The implicit step damps for the servo; behind a lag the servo damps late, which is no part of it.
+            damping[self._dof] += kd * model.actuator_gainprm[self._motor, 0]
+            drive = Drive(drive.time, drive.torque, drive.kp, np.zeros_like(kd))
+        q, v = np.array([window.q for window in windows]), np.array([window.v for window in windows])
+        kept = [q]
+        clocks = [(float(window.time[0]), window.session_s) for window in windows]
+        # To ask MuJoCo for an array takes as long as a step.
+        states = [(run, run.qpos, run.qvel, run.ctrl, run.qfrc_applied) for run in runs]
+        friction, damped = model.dof_frictionloss, model.dof_damping
+        friction[:], damped[:] = self._friction, damping
         for step, elapsed in enumerate((windows[0].time - windows[0].time[0]).tolist()):
-            if open_loop:
-                answer = offered[step]
-            else:
-                for drive, of in answering:
-                    answer[of] = drive.answer(offered[step, of], position[of] - self._logged, velocity[of])
-            filtered = filtered + share * (answer - filtered)
-            control[:, self._motor] = filtered
-            if self._stepwise:
-                for j in self._asked:
-                    at = self._steps[j]
-                    at.q, at.v = position[:, j], velocity[:, j]
-                    at.trial_s, at.session_s = trial_s + elapsed, session_s + elapsed
-                acting = self._acting(velocity, held)
-            for k, run in enumerate(runs):
-                friction[:], damping[:] = acting.friction[k], acting.damping[k]
-                run.applied[:], run.ctrl[:] = acting.applied[k], control[k]
-                mujoco.mj_step(model, run.data)
-            position, velocity = motion(runs, self._qpos, self._dof)
-            if self._dry.bristles:
-                self._dry.move(velocity, model.opt.timestep)
+            filtered = filtered + share * (drive.answer(asked[step], q - self._logged, v) - filtered)
+            acting = self._acting(q, v, np.array(clocks) + elapsed, damping) if self._stepwise else None
+            for k, (run, _, _, control, applied) in enumerate(states):
+                control[self._motor] = filtered[k]
+                if acting is not None:
+                    friction[:], damped[:], applied[:] = acting[:, k]
+                mujoco.mj_step(model, run)
+            q = np.array([state[1] for state in states])[:, self._qpos]
+            v = np.array([state[2] for state in states])[:, self._dof]
+            for j, bristle in self._bristles():
+                bristle.move(v[:, j], model.opt.timestep)
             if (step + 1) % keep == 0:
-                kept.append(position)
+                kept.append(q)
         return np.stack(kept, axis=1)
 
-    def _damped(self, drive: Drive) -> tuple[Drive, Array]:
-        """A drive without the damping that the implicit step may do for it, and the damping of that step, ``(nv,)``."""
-        # Behind a lag the servo damps late: that is no part of the implicit step.
-        if not isinstance(drive, PositionServo) or self.model.na:
-            return drive, self._damping
-        held = self._damping.copy()
-        held[self._dof] += drive.kd * self.model.actuator_gainprm[self._motor, 0]
-        return replace(drive, undamped=True), held
-
-    def _controls(self, torques: Array, filtered: Array) -> Array:
-        """What the motors are told at every step where nothing is fed back, ``(n_runs, n_steps, nu)``."""
-        share = self._lag.share(self.model.opt.timestep)
-        control = np.zeros((torques.shape[1], len(torques), self.model.nu))
-        if share == 1.0:
-            control[:, :, self._motor] = torques.swapaxes(0, 1)
-            return control
-        for k, torque in enumerate(torques):
-            filtered = filtered + share * (torque - filtered)
-            control[:, k, self._motor] = filtered
-        return control
-
-    def _open_loop(self, run: Run, window: Window, control: Array, keep: int) -> Array:
-        """:meth:`run` where nothing has to be looked at on the way: all steps at once."""
-        import mujoco
-        from mujoco.rollout import rollout
-
-        whole = mujoco.mjtState.mjSTATE_FULLPHYSICS
-        start = np.empty(mujoco.mj_stateSize(self.model, whole))
-        mujoco.mj_getState(self.model, run.data, start, whole)
-        states, _ = rollout(self.model, run.data, start, control)
-        # A state is the time, then the positions.
-        return np.vstack([window.q, states[0][keep - 1 :: keep][:, 1 + self._qpos]])
-
-    def _acting(self, velocity: Array, held: Array) -> Acting:
-        """Friction and torques of the coming step, at speeds ``(n_runs, n_joints)``.
+    def _acting(self, q: Array, v: Array, clocks: Array, damping: Array) -> Array:
+        """Dry friction, damping and torques of the coming step, ``(3, n_runs, nv)``.
 
         Args:
-            velocity: of the joints [rad/s].
-            held: ``(n_runs, nv)`` damping that does not change.
+            q: ``(n_runs, n_joints)`` positions [rad].
+            v: velocities [rad/s].
+            clocks: ``(n_runs, 2)`` time since the trial's and since the session's start [s].
+            damping: ``(nv,)`` that does not change [N·m·s/rad].
         """
-        acting = Acting(np.tile(self._friction, (len(held), 1)), held.copy(), np.zeros_like(held))
+        n, step = len(v), self.model.opt.timestep
+        made = np.zeros((3, n, len(damping)))
+        made[0], made[1] = self._friction, damping
         self._borne = None
-        for rubbing in self._dry.acting(self._friction[self._dof], velocity, self.model.opt.timestep):
-            dof = self._dof[rubbing.joint]
-            acting.friction[:, dof] = rubbing.level
-            acting.damping[:, dof] += rubbing.damping
-            acting.applied[:, dof] = rubbing.force
-        for j, note in self._notes:
-            acting.applied[:, self._dof[j]] += note.torque(self._steps[j])
-        return acting
+        for j, notes in self._notes.items():
+            at, dof = self._steps[j], self._dof[j]
+            at.q, at.v, at.trial_s, at.session_s = q[:, j], v[:, j], clocks[:, 0], clocks[:, 1]
+            level, held = np.full(n, self._friction[dof]), []
+            for note, bristle in notes:
+                if bristle is not None:
+                    held.append((bristle, note.held(level)))
+                level, viscous = note.friction(level, at)
+                made[1, :, dof] += viscous
+                made[2, :, dof] += note.torque(at)
+            level = np.maximum(level, 0.0)
+            if j in self._whole:
+                held, level = [(self._whole[j], level), *held], np.zeros(n)
+            made[0, :, dof] = level
+            for bristle, size in held:
+                force, more = bristle.force(np.maximum(size, 0.0), v[:, j], step)
+                made[1, :, dof] += more
+                made[2, :, dof] += force
+        return made
 
     def _carried_by(self, j: int) -> Array:
+        """Torque that a joint's gear carries, ``(n_runs,)``: of the last step's motor, less friction and rotor."""
         # All notes of a step ask for the last one's torques, and few notes ask.
         if self._borne is None:
-            now = [run.carried() for run in self.runs[: len(self._load)]]
-            self._borne = self._load if self.runs[0].data.time == 0.0 else np.array(now)[:, self._dof]
+            runs = self.runs[: len(self._load)]
+            self._borne = self._load
+            if runs[0].time > 0.0:
+                rotor = self.model.dof_armature
+                now = [
+                    r.qfrc_actuator + r.qfrc_passive + r.qfrc_constraint + r.qfrc_applied - rotor * r.qacc
+                    for r in runs
+                ]
+                self._borne = np.array(now)[:, self._dof]
         return np.asarray(self._borne[:, j])
 
 
-# Friction of simulated joints at every step, as notes and bristles have it.
-
-
-@dataclass(eq=False)
-class _Part:
-    """A note of a joint's friction.
-
-    Attributes:
-        joint: index of the joint.
-        note: the note.
-        bristle: bristles of its own; None where it has none, or where they hold all of the joint's dry friction.
-    """
-
-    joint: int
-    note: Note
-    bristle: Bristle | None = None
-
-
-class Rubbing(NamedTuple):
-    """Friction of a joint over a step, in every run: all but the joint ``(n_runs,)``.
-
-    Attributes:
-        joint: index of the joint.
-        level: dry friction that no bristles hold [N·m].
-        damping: viscous friction and damping of bristles, beside the joint's constant damping [N·m·s/rad].
-        force: torque of bristles [N·m].
-    """
-
-    joint: int
-    level: Array
-    damping: Array
-    force: Array
-
-
-class JointFriction:
-    """Friction levels of all joints at every step, and the bristles of those that have some.
-
-    Attributes:
-        bristles: by joint, those of all joints.
-    """
-
-    def __init__(self, notes: Sequence[tuple[int, Note]], steps: Sequence[JointStep]):
-        """Pick what is friction from a model's notes.
-
-        Args:
-            notes: all notes, each with the index of its joint.
-            steps: the joints; which of them bend is noted there.
-        """
-        self._steps = steps
-        every = [_Part(j, note) for j, note in notes if note.rubs]
-        # Bristles that hold all of a joint's dry friction.
-        self._whole: dict[int, Bristle] = {}
-        for part in every:
-            bristle = part.note.bristle()
-            if bristle is not None and part.note.takes_all:
-                self._whole[part.joint] = bristle
-            else:
-                part.bristle = bristle
-        for part in every:
-            if part.bristle is None and part.note.static is not None and part.joint in self._whole:
-                self._whole[part.joint].static = part.note.static
-        for j in self._whole:
-            steps[j].bends = True
-        own = ((part.joint, part.bristle) for part in every if part.bristle is not None)
-        self.bristles = (*self._whole.items(), *own)
-        self._by_joint: dict[int, list[_Part]] = {}
-        for part in every:
-            self._by_joint.setdefault(part.joint, []).append(part)
-
-    def start(self, windows: Sequence[Window]) -> None:
-        """Begin a window in every run, bristles bent as the record before it did."""
-        for j, bristle in self.bristles:
-            bristle.start([_before(window.past, j) for window in windows])
-
-    def acting(self, level: Array, v: Array, step: float) -> Iterator[Rubbing]:
-        """What rubs at each joint that a note is about, over the coming step.
-
-        Args:
-            level: constant levels of dry friction, ``(n_joints,)`` [N·m].
-            v: speeds of the joints, ``(n_runs, n_joints)`` [rad/s].
-            step: length of the step [s].
-        """
-        for j, parts in self._by_joint.items():
-            here, viscous = np.full(len(v), level[j]), np.zeros(len(v))
-            held: list[tuple[Bristle, Array]] = []
-            for part in parts:
-                if part.bristle is not None:
-                    held.append((part.bristle, part.note.held(here)))
-                here, more = part.note.friction(here, self._steps[j])
-                viscous = viscous + more
-            here = np.maximum(here, 0.0)
-            force = damping = np.zeros(len(v))
-            whole = self._whole.get(j)
-            if whole is not None:
-                force, damping = whole.force(here, v[:, j], step)
-                here = np.zeros(len(v))
-            for bristle, size in held:
-                f, d = bristle.force(np.maximum(size, 0.0), v[:, j], step)
-                force, damping = force + f, damping + d
-            yield Rubbing(j, here, viscous + damping, force)
-
-    def move(self, v: Array, step: float) -> None:
-        """Bend all bristles by the step that was made at speeds of all joints, ``(n_runs, n_joints)`` [rad/s]."""
-        for j, bristle in self.bristles:
-            bristle.move(v[:, j], step)
-
-
-def _before(past: Past | None, j: int) -> tuple[Array, float]:
-    """Speeds of a joint in the record before a window, and the period of these [s]."""
-    if past is None:
-        return np.zeros(0), 0.0
-    return np.ascontiguousarray(past.v[:, j]), float(past.time[1] - past.time[0])
-
-
-# The lag of simulated motors: a filter before them, and one that the model has in them.
-
-
-@dataclass(frozen=True)
-class MotorLag:
-    """First-order filters of what motors are told.
-
-    Attributes:
-        before: time constant of the filter before the motors [s]; 0 without one.
-        within: of the one that the model has [s]; None without one.
-    """
-
-    before: float
-    within: float | None
-
-    def share(self, step: float) -> float:
-        """Share of what it is told that the filter before the motors follows in a step [s]."""
-        return _share(step, self.before)
-
-    def begun(self, window: Window, drive: Drive, delay: float) -> tuple[Array, Array]:
-        """What the filters have come to at a window's start, before the motors and in them, ``(n_joints,)`` [N·m].
-
-        Args:
-            window: with the record before it; without that the motors have been told the same for long.
-            drive: what tells them.
-            delay: by which that is read later [s].
-        """
-        past = window.past
-        if past is None or self.within is None:
-            now = drive.answer(drive.offers(window.time[:1] + delay)[0], window.q, window.v)
-            return now, now
-        period = float(past.time[1] - past.time[0])
-        first, second = _share(period, self.before), _share(period, self.within)
-        one = two = drive.answer(drive.offers(past.time[:1] + delay)[0], past.q[0], past.v[0])
-        # Half a period on: the command of an interval, not of its start.
-        times = past.time[:-1] + 0.5 * period + delay
-        for torque in drive.answer(drive.offers(times), past.q[:-1], past.v[:-1]):
-            one = one + first * (torque - one)
-            two = two + second * (one - two)
-        return one, two
-
-
-def _share(period: float, time_constant: float) -> float:
+def _step_share(period: float, time_constant: float) -> float:
     """Share of a step that a first-order filter follows within a period."""
     return float(-np.expm1(-period / time_constant)) if time_constant > 0.0 else 1.0
 
 
-# MuJoCo's state of a run, and what acts in a step of several of them.
+# Which pieces of a record are simulated.
+
+HORIZON_S = 0.5
+_TOTAL_S = 16.0
+_STEP_S = 1.25e-3
+_START_HZ = 10.0
+_EDGE_S = 0.3
+_PAST_S = 2.0
+# Where torques were beyond their range all pieces without such are simulated, or this share with the fewest.
+_KNOWN = 0.25
 
 
-class Run:
-    """State of a run of a model, and MuJoCo's own arrays in it, which to ask for takes as long as a step.
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """How roll-outs are run.
 
     Attributes:
-        data: the state.
-        qpos: ``(nq,)`` positions in it.
-        qvel: ``(nv,)`` velocities.
-        ctrl: ``(nu,)`` what the motors are told.
-        applied: ``(nv,)`` torques that are applied [N·m].
+        horizon_s: length of one [s].
+        drives: by name of the trial, where its torques come from.
+        driven_by: the same in words.
+        total_s: simulated time at most: roll-outs are spread evenly over longer records [s].
+        growth: by joint, how far friction that drifts has come, one ``(n,)`` a trial.
+        deflections: by joint, deflection of a soft or loose gear and its speed, one ``(n, 2)`` a trial.
+        fitted: simulate the identification trials, not the validation trials.
+        least_gain: share of some joint's squared error that each effect after the first has to take away.
+        all_effects: whether errors with all effects are wanted where some do not help.
+        noise: ``(n_joints,)`` standard deviation of the filtered positions' noise [rad or m]; None where it is unknown.
     """
 
-    def __init__(self, model: mujoco.MjModel):
-        """Make the state of a run of a model."""
-        import mujoco
-
-        self.data = mujoco.MjData(model)
-        self.qpos, self.qvel, self.ctrl = self.data.qpos, self.data.qvel, self.data.ctrl
-        self.applied = self.data.qfrc_applied
-        self._forces = (self.data.qfrc_actuator, self.data.qfrc_passive, self.data.qfrc_constraint)
-        self._armature, self._acceleration = model.dof_armature, self.data.qacc
-
-    def carried(self) -> Array:
-        """Torques that the gears carry, ``(nv,)``: what the last step's motors gave less friction and rotors [N·m]."""
-        motor, passive, constraint = self._forces
-        return motor + passive + constraint + self.applied - self._armature * self._acceleration
+    horizon_s: float
+    drives: Mapping[str, Drive]
+    driven_by: str
+    total_s: float = _TOTAL_S
+    growth: Mapping[str, list[Array]] = field(default_factory=dict)
+    deflections: Mapping[str, list[Array]] = field(default_factory=dict)
+    fitted: bool = False
+    least_gain: float = 0.0
+    all_effects: bool = False
+    noise: Array | None = None
 
 
-def motion(runs: Sequence[Run], positions: Array, velocities: Array) -> tuple[Array, Array]:
-    """Positions [rad] and velocities [rad/s] of joints in all runs, ``(n_runs, n_joints)`` each.
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A window with the torques that drive it and the positions that were recorded.
+
+    Attributes:
+        window: where it starts.
+        drive: what drives it.
+        recorded: ``(n_kept, n_joints)`` [rad].
+        keep: steps between recorded positions.
+        trial: index of its trial.
+        first: sample of the trial at which it starts.
+    """
+
+    window: Window
+    drive: Drive
+    recorded: Array
+    keep: int
+    trial: int
+    first: int
+
+
+def cut_pieces(samples: ArmSamples, rigid: Array, plan: Plan) -> list[Piece]:
+    """Windows of the trials that the plan asks for, of all trials where there are no such ones.
 
     Args:
-        runs: the runs.
-        positions: ``(n_joints,)`` places of the joints' positions in the state.
-        velocities: of their velocities.
+        samples: the samples.
+        rigid: ``(n_samples, n_joints)`` torque that the gears carry, for their deflection [N·m].
+        plan: horizon and drives.
     """
-    q, v = np.array([run.qpos for run in runs]), np.array([run.qvel for run in runs])
-    return q[:, positions], v[:, velocities]
+    rate, trials = samples.rate_hz, samples.trials
+    n, edge = round(plan.horizon_s * rate), round(_EDGE_S * rate)
+    wanted = [k for k, t in enumerate(trials) if t.identification == plan.fitted] or list(range(len(trials)))
+    starts = [(k, i) for k in wanted for i in range(edge, len(trials[k].time) - edge - n, n)]
+    if starts and any(trial.beyond is not None for trial in trials):
+        # Nobody knows what drove the robot where a torque was beyond its range.
+        guessed = np.array(
+            [
+                0.0 if (b := trials[k].beyond) is None else b[i : i + n + 1].any(axis=1).mean()
+                for k, i in starts
+            ]
+        )
+        starts = [starts[p] for p in np.flatnonzero(guessed <= np.quantile(guessed, _KNOWN))]
+    most = max(1, int(plan.total_s / plan.horizon_s))
+    pick = np.unique(np.linspace(0, len(starts) - 1, min(most, len(starts))).round().astype(int))
+    loads, cut, index = samples.split(rigid), min(_START_HZ, 0.2 * rate), list(samples.index)
+    smooth = {
+        k: central_differences(lowpass(trials[k].q[:, index], rate, cut), rate)
+        for k in {starts[p][0] for p in pick}
+    }
+    period = 1.0 / rate
+    keep = max(1, int(np.ceil(period / _STEP_S - 1e-9)))
+    step = period / keep
+    found = []
+    for k, i in (starts[p] for p in pick):
+        trial, t0 = trials[k], float(trials[k].time[i])
+        half = t0 - 0.5 * step
+        before = slice(max(0, i - round(_PAST_S * rate)), i + 1)
 
-
-class Acting(NamedTuple):
-    """What acts in a step of several runs, each ``(n_runs, nv)``.
-
-    Attributes:
-        friction: levels of dry friction [N·m].
-        damping: [N·m·s/rad].
-        applied: torques beside the motors' [N·m].
-    """
-
-    friction: Array
-    damping: Array
-    applied: Array
+        window = Window(
+            smooth[k].value[i],
+            np.array([np.interp(half, trial.time, column) for column in smooth[k].first.T]),
+            loads[k][i],
+            np.asarray(t0 + step * np.arange(n * keep), dtype=np.float64),
+            float(trial.session_s[i]),
+            {joint: float(values[k][i]) for joint, values in plan.growth.items()},
+            Past(trial.time[before], smooth[k].value[before], trial.v[before][:, index]),
+            {
+                joint: (float(values[k][i, 0]), float(np.interp(half, trial.time, values[k][:, 1])))
+                for joint, values in plan.deflections.items()
+            },
+        )
+        recorded = trial.q[i : i + n + 1][:, index]
+        found.append(Piece(window, plan.drives[trial.name], recorded, keep, k, i))
+    return found

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from excite.diagnosis.answer.answer import HELD, doubt_of_share, left_elsewhere, named_beside_closed
-from excite.diagnosis.answer.budget import NOT_REPEATED
-from excite.diagnosis.answer.gap import closed_in_words, of_positions
+from excite.diagnosis.answer.gap import NOT_REPEATED, closed_in_words, of_positions
 from excite.display import span
 from excite.report.conclusions import VERDICTS
 from excite.report.folder import Document, Findings

@@ -21,8 +21,8 @@ from excite.diagnosis.equations.joint_torque import Fit
 from excite.diagnosis.equations.noise_floor import spectral_floor
 from excite.diagnosis.equations.resampling import arm_samples
 from excite.diagnosis.simulator.model_text import Found
-from excite.diagnosis.simulator.rollout_compare import errors
-from excite.diagnosis.simulator.rollout_windows import Drive, LoggedTorque, Plan
+from excite.diagnosis.simulator.rollout import Drive, Plan
+from excite.diagnosis.simulator.rollout_compare import rollout_errors
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log, LogHeader, Trial
 from excite.logs.robot import nominal_robot
@@ -124,8 +124,8 @@ class Case:
         """RMS by which roll-outs of a model are off the record, driven by the torques that it then needs [rad]."""
         base = self.context.baseline
         samples, torque = base.samples, base.total + (self.torques if extra is None else extra)
-        drives: dict[str, Drive] = {
-            trial.name: LoggedTorque(trial.time, part)
+        drives = {
+            trial.name: Drive(trial.time, part)
             for trial, part in zip(samples.trials, samples.split(torque), strict=True)
         }
         told = self.effect.told(self.context, self.location, self.theta)
@@ -137,7 +137,7 @@ class Case:
             growth={} if told.growth is None else {self.location: told.growth},
             deflections={} if told.deflection is None else {self.location: told.deflection},
         )
-        off = errors(xml, samples, base.rigid, plan)
+        off = rollout_errors(xml, samples, base.rigid, plan)
         return np.sqrt((off**2).mean(axis=(0, 1)))
 
 

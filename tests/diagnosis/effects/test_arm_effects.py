@@ -29,8 +29,8 @@ from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.baseline import Baseline, Derived
 from excite.diagnosis.equations.dry_friction.friction_sign import SignChange
 from excite.diagnosis.servo.diagnose import LoggedOffset
+from excite.diagnosis.simulator.augmented_plant import augmented_model
 from excite.diagnosis.simulator.model_text import Found, read_notes
-from excite.diagnosis.simulator.rollout_compare import augmented_model, baseline_model
 from excite.logs.vocabulary import EFFECTS as WORDS
 from tests.diagnosis.effects.arm_record import Case, baseline, forms, place
 
@@ -156,7 +156,7 @@ def test_a_model_with_it_follows_the_record_that_its_columns_say(name: str) -> N
     made = case(FORMS[name])
     base, found = made.context.baseline, made.found
     model = augmented_model(fitted_beside(base, found), [found])
-    plain = baseline_model(base).xml
+    plain = augmented_model(base, ()).xml
     if found.formless is not None:
         assert found.form(base.samples.joints).absent in Beyond
         assert found.formless in model.warnings
@@ -230,7 +230,7 @@ def test_an_effect_without_a_form_is_said_to_have_none() -> None:
     assert item.formless is not None and item.formless.startswith("formless has no form in a simulator")
     model = augmented_model(base, [item])
     assert model.warnings == (item.formless,)
-    assert model.xml == baseline_model(base).xml
+    assert model.xml == augmented_model(base, ()).xml
 
 
 def test_only_what_an_effect_leaves_to_a_runner_is_noted() -> None:
