@@ -21,7 +21,7 @@ from excite.identification.estimators.projection import (
     Projector,
     distance_to_optimum,
 )
-from excite.identification.orthogonal import row_space
+from excite.identification.regression import row_space
 
 Mask = NDArray[np.bool_]
 
