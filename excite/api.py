@@ -30,9 +30,9 @@ SPACES: dict[str, dict[str, str]] = {
         "CampaignSettings": "excite.campaign.journal",
         "load_bounds": "excite.identification.physical.bounds_file",
         "write_bounds_template": "excite.identification.physical.bounds_file",
-        "identify_sessions": "excite.identification.sessions.compare",
-        "split_sessions": "excite.identification.sessions.compare",
-        "write_ranges": "excite.identification.sessions.compare",
+        "identify_sessions": "excite.identification.sessions",
+        "split_sessions": "excite.identification.sessions",
+        "write_ranges": "excite.identification.sessions",
         "save_findings": "excite.campaign.result",
     },
     "models": {

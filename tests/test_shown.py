@@ -19,7 +19,7 @@ from excite.diagnosis.answer.gap import Budget, ChannelBudget, ChannelGap, Gap, 
 from excite.display import Shown, Tabled
 from excite.documents.campaign import Campaign, Iteration
 from excite.errors import ExciteError
-from excite.identification.judgement import judgement as poor
+from excite.identification import judgement as poor
 from excite.logs.log import Trial
 from tests.export.identified import identification_of
 from tests.export.models.identified_folder import known

@@ -11,8 +11,7 @@ from scipy.linalg import solve_triangular
 from excite.arrays import Array
 from excite.excitation.precision import determined_columns, excitable_parameters, nominal_values
 from excite.formats.number import check_number
-from excite.identification.judgement.forecast import ParameterOutlook
-from excite.identification.judgement.judgement import said_rsd
+from excite.identification.judgement import ParameterOutlook, said_rsd
 from excite.identification.noise import EquationNoise, equation_noise, trial_grids, upper_triangle
 from excite.identification.parameter_statistics import EssentialParameters, essential_parameters
 from excite.identification.problem import IdentificationProblem, build_problem

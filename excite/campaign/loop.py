@@ -33,7 +33,7 @@ from excite.excitation.conditioning import (
 )
 from excite.folder_lock import claim_folder
 from excite.identification.identify import identify
-from excite.identification.judgement.forecast import Forecast
+from excite.identification.judgement import Forecast
 from excite.identification.result import Identification
 from excite.logs.header_blocks import Role
 from excite.logs.load_with_robot import join_logs

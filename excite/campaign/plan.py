@@ -46,8 +46,7 @@ from excite.excitation.selection import (
 from excite.excitation.state_bound import bound_log_det, d_efficiency
 from excite.excitation.targets import NEGLIGIBLE, asked_parameters
 from excite.formats.number import check_count, check_number, check_seed
-from excite.identification.judgement.forecast import Forecast
-from excite.identification.judgement.judgement import PATIENCE
+from excite.identification.judgement import PATIENCE, Forecast
 from excite.motion.files import save_motion
 from excite.motion.motion import Motion
 from excite.parallel.engine import in_order

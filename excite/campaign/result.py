@@ -20,7 +20,7 @@ from excite.documents.document import read_document
 from excite.errors import LogError
 from excite.excitation.conditioning import UnexcitedParameter
 from excite.identification.adaptation import with_terms_of
-from excite.identification.judgement.judgement import PATIENCE
+from excite.identification.judgement import PATIENCE
 from excite.identification.parameter_statistics import BaseParameter
 from excite.identification.preparation import prepare_trial
 from excite.identification.problem import IdentificationProblem, build_problem

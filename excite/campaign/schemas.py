@@ -19,8 +19,8 @@ from excite.export.export import ExportReport
 from excite.export.models.simulator_model import SimulatorModel
 from excite.finding import Examination
 from excite.human.measure import MeasuredPerson
+from excite.identification.inertia import NAMES
 from excite.identification.physical.bounds_file import SCHEMA as BOUNDS_SCHEMA
-from excite.identification.physical.coordinates import NAMES
 from excite.identification.result import Identification
 from excite.logs.log import LogHeader
 from excite.logs.signals.trace import SignalTrace

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from excite.export.models.model_format import Lost
     from excite.export.models.simulator_model import SimulatorModel
     from excite.export.models.subject import Change
-    from excite.identification.sessions.compare import Sessions
+    from excite.identification.sessions import Sessions
     from excite.logs.signals.trace import SignalTrace
     from excite.robot.robot import Robot
 

@@ -10,8 +10,7 @@ from typing import Annotated
 
 from excite.display import Row, Tabled, count
 from excite.excitation.conditioning import Conditioning
-from excite.identification.judgement.forecast import Forecast
-from excite.identification.judgement.judgement import said_rsd
+from excite.identification.judgement import Forecast, said_rsd
 from excite.identification.result import Identification
 from excite.results import (
     ADDED,

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from excite.excitation.conditioning import ConditionNumbers
 from excite.finding import Finding
-from excite.identification.judgement.forecast import Forecast, ParameterOutlook
+from excite.identification.judgement import Forecast, ParameterOutlook
 from excite.results import (
     LEFT_OUT,
     Assumed,

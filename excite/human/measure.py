@@ -37,7 +37,7 @@ from excite.human.segments import JOINT_NAMES, NAMES, Subject
 from excite.human.skeleton import base_pose, joint_angles, near_singular, place_segments
 from excite.human.trial_poses import TrialPoses, trial_poses
 from excite.human.weights import AddedMass, WornWeight
-from excite.identification.judgement.judgement import ChannelFit
+from excite.identification.judgement import ChannelFit
 from excite.logs.files import save_log
 from excite.logs.header_blocks import Role, SensorHeader, TrialHeader
 from excite.logs.log import Log, LogHeader, Trial

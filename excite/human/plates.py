@@ -19,7 +19,7 @@ from excite.human.recording import PlateRecording, Recording
 from excite.human.segments import NAMES, SIDES
 from excite.human.skeleton import Placement
 from excite.human.trial_poses import runs_of
-from excite.identification.judgement.judgement import ChannelFit, channel_fit
+from excite.identification.judgement import ChannelFit, channel_fit
 from excite.logs.log import Log
 from excite.logs.robot import robot_in_log
 from excite.logs.signals.butterworth import central_differences, lowpass, settling_samples

@@ -45,7 +45,7 @@ from excite.identification.estimators.settings import (
     share_limits,
 )
 from excite.identification.identified_parameters import identified_parameters
-from excite.identification.judgement.judgement import channel_fits, check_consistency, mass_report
+from excite.identification.judgement import channel_fits, check_consistency, mass_report
 from excite.identification.parameter_statistics import (
     base_parameter_table,
     essential_parameter_table,

@@ -17,12 +17,12 @@ from excite.identification.estimators.estimator import Estimate
 from excite.identification.estimators.registry import DEFAULT_METHOD
 from excite.identification.identified_parameters import IdentifiedParameters
 from excite.identification.inertia import FILE_ORDER
-from excite.identification.judgement.judgement import POOR_RSD, ChannelFit, Consistency, TotalMassReport
+from excite.identification.judgement import POOR_RSD, ChannelFit, Consistency, TotalMassReport
 from excite.identification.parameter_statistics import BaseParameter, ParameterUncertainty
 from excite.identification.physical.bounds import BoundsReport
 from excite.identification.physical.retrieval import Certificate
 from excite.identification.regression import prior_std
-from excite.identification.sessions.compare import Sessions
+from excite.identification.sessions import Sessions
 from excite.identification.statistics import BaseStatistics
 from excite.regressor.columns import PARAMETERS
 from excite.results import (

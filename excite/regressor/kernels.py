@@ -7,7 +7,7 @@ Every function takes a pinocchio model, or a :class:`~excite.regressor.tree.Kine
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +16,7 @@ import pinocchio as pin
 from excite.arrays import Array, Moved
 from excite.errors import InputError
 from excite.regressor import force_loops, motion_loops, row_loops
-from excite.regressor.tree import KinematicTree, read_tree
+from excite.regressor.tree import FREE_FLYER, KinematicTree, read_tree
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,6 +91,39 @@ def inverse_dynamics(
         tree.structure, tree.gravity, q, v, a, phi, room, block, *load_of(tree), out
     )
     return out
+
+
+def placement_gradient(
+    model: pin.Model | KinematicTree, joint: str, q: Array, v: Array, a: Array, phi: Array | None = None
+) -> Array:
+    """Derivative of :func:`inverse_dynamics` with a joint's position in its parent.
+
+    Forces are of second degree in that position: a central difference has no error of its own, whatever its step.
+
+    Args:
+        model: the robot's model.
+        joint: name of a joint, not that of a floating base.
+        q: ``(n, nq)`` configurations.
+        v: ``(n, nv)`` velocities.
+        a: ``(n, nv)`` accelerations.
+        phi: ``(10·n_segments,)`` inertial parameters; the model's own if None.
+
+    Returns:
+        ``(n, nv, 3)`` [N·m/m or N/m], along the axes of the parent's frame.
+
+    Raises:
+        InputError: wrong shape, or no such joint.
+    """
+    tree = read_tree(model)
+    place = tree.names.index(joint) if joint in tree.names else 0
+    if place == 0 or tree.kinds[place] == FREE_FLYER:
+        raise InputError(f"no joint {joint!r} that could be moved", remedy="name one of the model's joints")
+    ends = []
+    for step in (*np.eye(3), *-np.eye(3)):
+        translations = tree.translations.copy()
+        translations[place] += step
+        ends.append(inverse_dynamics(replace(tree, translations=translations), q, v, a, phi))
+    return np.stack([0.5 * (ends[axis] - ends[axis + 3]) for axis in range(3)], axis=2)
 
 
 def base_link_regressor(

@@ -10,8 +10,7 @@ from statistics import median
 from typing import NamedTuple
 
 from excite.display import count
-from excite.identification.judgement.forecast import Forecast
-from excite.identification.judgement.judgement import POOR_RSD
+from excite.identification.judgement import POOR_RSD, Forecast
 from excite.logs.log import LogHeader
 from excite.report.folder import Document, Findings
 from excite.report.html import format_number

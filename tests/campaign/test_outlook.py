@@ -11,7 +11,7 @@ import pytest
 import excite
 from excite.campaign.expected import is_predictable, predict_statistics
 from excite.campaign.plan import Plan
-from excite.identification.judgement.forecast import Forecast
+from excite.identification.judgement import Forecast
 from excite.identification.noise import equation_noise, trial_grids
 from excite.identification.problem import build_problem
 from excite.logs.header_blocks import TrialHeader

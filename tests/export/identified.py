@@ -7,7 +7,7 @@ import numpy as np
 from excite.arrays import Array
 from excite.identification.changed_segments import Changes
 from excite.identification.identified_parameters import IdentifiedParameters
-from excite.identification.judgement.judgement import TotalMassReport, check_consistency
+from excite.identification.judgement import TotalMassReport, check_consistency
 from excite.identification.parameter_statistics import ParameterUncertainty
 from excite.identification.result import Identification
 from excite.robot.robot import Robot

@@ -23,7 +23,7 @@ from excite.identification.estimators.conic import (
 from excite.identification.estimators.estimator import SolveStatus
 from excite.identification.estimators.scaled_problem import pullback_metric
 from excite.identification.inertia import central_inertia_matrices, inertia_matrices, pseudo_inertia_matrices
-from excite.identification.judgement.judgement import check_consistency
+from excite.identification.judgement import check_consistency
 from excite.identification.problem import IdentificationProblem
 from excite.robot.loading import load_robot
 from tests.identification.estimated import estimated

@@ -10,7 +10,7 @@ from excite.identification.constraints.linear import LinearConstraints, stack_co
 from excite.identification.estimators.hqp import icosphere_corners, quadratic_rows
 from excite.identification.estimators.projection import distance_to_optimum
 from excite.identification.inertia import inertia_matrices, pseudo_inertia_matrices
-from excite.identification.judgement.judgement import check_consistency, correlation
+from excite.identification.judgement import check_consistency, correlation
 from tests.identification.dual_active_set import project
 
 

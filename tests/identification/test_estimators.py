@@ -18,7 +18,7 @@ from excite.identification.estimators.least_squares import LeastSquares, LsSetti
 from excite.identification.estimators.method_settings import estimator_settings
 from excite.identification.estimators.registry import ESTIMATORS, find_estimator
 from excite.identification.inertia import inertia_matrices
-from excite.identification.judgement.judgement import check_consistency
+from excite.identification.judgement import check_consistency
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import condense_problem, iterate_weights, prior_std
 from tests.identification.synthetic import modified_g1_parameters, segment_index, wrench_problem

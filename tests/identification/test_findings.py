@@ -13,7 +13,7 @@ from excite.identification.estimators.method_settings import estimator_settings
 from excite.identification.estimators.registry import find_estimator
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.identify import identify
-from excite.identification.judgement.judgement import TotalMassReport
+from excite.identification.judgement import TotalMassReport
 from excite.identification.problem import build_problem
 from excite.identification.result import (
     Identification,

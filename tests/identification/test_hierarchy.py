@@ -11,7 +11,7 @@ from excite.identification.constraints.linear import LinearConstraints
 from excite.identification.estimators.estimator import SolveStatus
 from excite.identification.estimators.hierarchy import Level, solve_hierarchy
 from excite.identification.estimators.projection import ActiveSetProjector, ProjectionAnswer
-from excite.identification.orthogonal import row_space
+from excite.identification.regression import row_space
 from tests.identification.dual_active_set import project
 
 N = 6
@@ -49,12 +49,6 @@ def test_both_solvers_agree_and_one_goes_on_from_where_it_stood(seed, n_equal):
     if found is not None:
         np.testing.assert_allclose(found.z, expected.z, atol=1e-9)
         np.testing.assert_allclose(found.multipliers, expected.multipliers, atol=1e-7)
-
-
-def test_active_set_says_when_there_is_no_point():
-    matrix = np.vstack([np.eye(N)[0], -np.eye(N)[0]])
-    rows = LinearConstraints(matrix, np.array([1.0, 1.0]), ("a", "b"))
-    assert ActiveSetProjector()(np.zeros(N), rows) is None
 
 
 def test_row_space_splits_a_matrix():

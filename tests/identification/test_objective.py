@@ -22,14 +22,12 @@ from excite.identification.estimators.estimator import (
     plain_models,
 )
 from excite.identification.estimators.hqp import HqpSettings
-from excite.identification.estimators.projection import ProjectionAnswer, distance_to_optimum
 from excite.identification.estimators.registry import ESTIMATORS
 from excite.identification.estimators.scaled_problem import Ridge, ridge, scaled_parameters
 from excite.identification.estimators.settings import EstimatorSettings, PullSettings
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import Regression, condense_problem, iterate_weights, prior_std
 from excite.robot.loading import load_robot
-from tests.identification.dual_active_set import project
 from tests.identification.synthetic import arm_problem
 
 
@@ -146,42 +144,6 @@ def test_constraints_and_cones_mean_the_same_in_its_coordinates(problem, objecti
         seen = block[np.abs(value) > 1e-12]
         assert (seen > 0.0).all() and np.allclose(seen, seen[0])
     assert np.allclose(np.linalg.norm(turned.matrix, axis=(1, 2)), 1.0)
-
-
-# --- Projections
-
-
-def boxed(n: int = 6) -> tuple[np.ndarray, LinearConstraints]:
-    rng = np.random.default_rng(3)
-    matrix = rng.normal(size=(7, n))
-    matrix /= np.linalg.norm(matrix, axis=1, keepdims=True)
-    return rng.normal(size=n), LinearConstraints(matrix, 0.3 + 0.1 * rng.normal(size=7), ("row:x",) * 7, 2)
-
-
-def test_a_projection_and_its_multipliers_are_stationary():
-    target, constraints = boxed()
-    answer = project(target, constraints)
-    assert answer is not None
-    slack = constraints.matrix @ answer.z - constraints.bound
-    assert np.allclose(slack[:2], 0.0, atol=1e-12) and (slack >= -1e-12).all()
-    assert np.allclose(answer.z - target, constraints.matrix.T @ answer.multipliers, atol=1e-12)
-    assert (answer.multipliers[2:] >= 0.0).all() and (answer.multipliers[:2] < 0.0).any()
-    assert np.allclose(answer.multipliers * slack, 0.0, atol=1e-12)
-    assert distance_to_optimum(target, constraints, answer) < 1e-7
-    free = project(target, stack_constraints([], len(target)))
-    assert free is not None and np.array_equal(free.z, target) and len(free.multipliers) == 0
-
-
-def test_the_distance_of_a_feasible_point_is_no_less_than_its_way_to_the_optimum():
-    target, constraints = boxed()
-    answer = project(target, constraints)
-    # Another feasible point is the projection of another target; the multipliers stay those of the first.
-    elsewhere = project(target + np.random.default_rng(0).normal(size=len(target)), constraints)
-    assert constraints.violations(elsewhere.z)[2:].max() < 1e-12
-    away = np.linalg.norm(elsewhere.z - answer.z)
-    assert away > 1e-2
-    moved = ProjectionAnswer(elsewhere.z, answer.multipliers)
-    assert distance_to_optimum(target, constraints, moved) >= away * (1.0 - 1e-9)
 
 
 # --- What is recomputed of an answer

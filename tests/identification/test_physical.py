@@ -11,10 +11,10 @@ import pytest
 from excite.errors import InputError, NoSolutionError
 from excite.identification.estimators.estimator import SolveStatus
 from excite.identification.estimators.physical import PhysicalRetrieval, PhysicalSettings, feasible_set
-from excite.identification.judgement.judgement import check_consistency
+from excite.identification.inertia import physical_parameters, standard_parameters
+from excite.identification.judgement import check_consistency
 from excite.identification.physical import retrieval as relaxation_module
 from excite.identification.physical.bounds import InertiaRules
-from excite.identification.physical.coordinates import physical_parameters, standard_parameters
 from excite.identification.physical.feasible_set import base_objective, essential_objective
 from excite.identification.physical.retrieval import Relaxation, RetrievalSettings
 from tests.reproduction import iiwa

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from excite.errors import InputError
-from excite.identification.sessions.pooling import between_variance, pool_estimates
+from excite.identification.sessions import between_variance, pool_estimates
 
 K = 6
 

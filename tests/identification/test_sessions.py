@@ -11,8 +11,8 @@ import pytest
 import yaml
 
 from excite.errors import LogError
-from excite.identification.changed_segments import NEVER_NEGATIVE
-from excite.identification.sessions.compare import identify_sessions, split_sessions, write_ranges
+from excite.identification.problem import NEVER_NEGATIVE
+from excite.identification.sessions import identify_sessions, split_sessions, write_ranges
 from excite.logs.log import Log
 from excite.robot.loading import load_robot
 from excite.rows.settings import ProblemSettings

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.optimize import minimize
 
 from excite.identification.constraints.cones import Cones, triangle_of
 from excite.identification.constraints.linear import LinearConstraints, stack_constraints
@@ -20,12 +19,8 @@ from excite.identification.estimators.conic import (
     refine_answer,
     stack_rows,
 )
-from excite.identification.estimators.hierarchy import (
-    SemiProjection,
-    completed,
-    pursue,
-    semi_project,
-)
+from excite.identification.estimators.estimator import SolveStatus
+from excite.identification.estimators.hierarchy import LevelFailed, SemiProjection, semi_project
 from excite.identification.estimators.projection import ActiveSetProjector
 from excite.robot.loading import load_robot
 from tests.identification.dual_active_set import project
@@ -131,69 +126,18 @@ def test_only_a_ray_proves_that_there_is_no_point():
 # --- Projections where some coordinates do not count
 
 
-def semi_problem(seed: int, n_equal: int = 1, rows: int = 9) -> SemiProjection:
-    rng = np.random.default_rng(seed)
-    return SemiProjection(
-        rng.normal(size=4),
-        rng.normal(size=(rows, 4)),
-        rng.normal(size=(rows, 3)),
-        0.5 + 0.2 * rng.normal(size=rows),
-        n_equal,
-    )
-
-
-def semi_optimum(problem: SemiProjection) -> np.ndarray:
-    """By sequential quadratic programming, which shares no code with what is tested."""
-    e, k = problem.n_equal, len(problem.target)
-
-    def slack(x: np.ndarray) -> np.ndarray:
-        return problem.counted @ x[:k] + problem.free @ x[k:] - problem.bound
-
-    done = minimize(
-        lambda x: 0.5 * np.sum((x[:k] - problem.target) ** 2),
-        np.zeros(k + problem.free.shape[1]),
-        constraints=[
-            {"type": "eq", "fun": lambda x: slack(x)[:e]},
-            {"type": "ineq", "fun": lambda x: slack(x)[e:]},
-        ],
-        method="SLSQP",
-        options={"maxiter": 500, "ftol": 1e-15},
-    )
-    assert done.success or slack(done.x)[e:].min() > -1e-6
-    return done.x[:k]
-
-
-@pytest.mark.parametrize("n_equal", [0, 1, 2])
-def test_free_coordinates_do_not_count(n_equal):
-    bound = 0
-    for seed in range(6):
-        problem = semi_problem(seed, n_equal)
-        rough = semi_project(problem, np.zeros(3), project)
-        assert rough is not None
-        exact = completed(problem, rough)
-        assert exact.gap <= rough.gap
-        assert exact.violation < 1e-9 and exact.distance < 1e-5
-        assert np.allclose(exact.p, semi_optimum(problem), atol=1e-4)
-        assert (exact.multipliers[n_equal:] > -1e-9).all()
-        bound += bool((exact.multipliers[n_equal:] > 1e-6).any())
-    assert bound > 2
-
-
-def test_a_wrong_guess_of_active_rows_is_exchanged():
-    settled = 0
-    for seed in range(8):
-        problem = semi_problem(seed, 1)
-        for guess in (np.zeros(9, bool), np.arange(9) < 3):
-            found = pursue(problem, guess, np.zeros(3))
-            if found is not None:
-                settled += 1
-                assert found.violation < 1e-9
-                assert np.allclose(found.p, semi_optimum(problem), atol=1e-4)
-    assert settled >= 10
-
-
-def test_a_projector_that_finds_nothing_is_passed_on():
-    assert semi_project(semi_problem(0), np.zeros(3), lambda target, rows: None) is None
+def test_free_rows_that_exclude_each_other_and_a_projector_that_finds_nothing_have_no_answer():
+    shut = SemiProjection(np.zeros(1), np.zeros((2, 1)), np.array([[1.0], [-1.0]]), np.array([1.0, 0.0]), 0)
+    open_to_one = replace(shut, bound=np.array([1.0, -2.0]))
+    for problem, projector in (
+        (shut, project),
+        (shut, ActiveSetProjector()),
+        (open_to_one, lambda target, rows: None),
+    ):
+        with pytest.raises(LevelFailed) as caught:
+            semi_project(problem, np.zeros(1), projector)
+        assert caught.value.status is SolveStatus.INFEASIBLE
+    assert semi_project(open_to_one, np.zeros(1), ActiveSetProjector()).p == pytest.approx([0.0])
 
 
 # --- Active sets that grow
@@ -267,24 +211,3 @@ def test_after_a_failure_it_starts_anew():
     found = projector(np.zeros(5), one)
     assert found is not None and found.z == pytest.approx([1.0, 0.0, 0.0, 0.0, 0.0])
     assert projector(np.zeros(5), apart) is None
-
-
-def test_free_coordinates_move_to_the_nearest_point_with_room():
-    """``n₁ ≥ 1`` and ``n₁ + n₂ ≥ 4``: of all points of both the nearest to the start, not their corner."""
-    counted = np.array([[1.0], [0.0], [0.0]])
-    free = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]])
-    problem = SemiProjection(np.zeros(1), counted, free, np.array([2.0, 1.0, 4.0]), 0)
-    first = np.array([True, False, False])
-    for start, end in (([0.0, 0.0], [2.0, 2.0]), ([0.0, 5.0], [1.0, 5.0]), ([3.0, 3.0], [3.0, 3.0])):
-        found = pursue(problem, first, np.array(start))
-        assert found is not None
-        assert found.p == pytest.approx([2.0]) and found.n == pytest.approx(end, abs=1e-9)
-        assert found.multipliers == pytest.approx([2.0, 0.0, 0.0]) and found.violation < 1e-10
-
-
-def test_no_room_where_free_rows_exclude_each_other():
-    free = np.array([[1.0], [-1.0]])
-    shut = SemiProjection(np.zeros(1), np.zeros((2, 1)), free, np.array([1.0, 0.0]), 0)
-    assert pursue(shut, np.zeros(2, bool), np.zeros(1)) is None
-    assert semi_project(shut, np.zeros(1), project) is None
-    assert semi_project(shut, np.zeros(1), ActiveSetProjector()) is None

@@ -68,6 +68,10 @@ def arm() -> IdentificationProblem:
         ("wls", "weight_iterations", 101, "settings: weight_iterations: is 101; choose 0 … 100"),
         ("robust", "huber", 0.01, "settings: huber: is 0.01; choose 0.1 … 100"),
         ("robust", "huber", True, "settings: huber: is True; choose 0.1 … 100"),
+        ("adaptive", "alpha", 0.0, "settings: alpha: is 0.0; choose 1e-12 … 1e+12"),
+        ("adaptive", "inertia_floor", None, "settings: inertia_floor: is None; choose 0 … 0.9"),
+        ("adaptive", "inertia_floor", 0.91, "settings: inertia_floor: is 0.91; choose 0 … 0.9"),
+        ("adaptive", "terms", "none", "settings: terms: is 'none'; choose chosen or stated"),
         ("ls", "ls_reference", "one", "settings: ls_reference: is 'one'; choose zero or nominal"),
         (
             "lmi",

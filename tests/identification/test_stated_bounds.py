@@ -7,8 +7,8 @@ import pytest
 
 from excite.identification.constraints.linear import speaks_of, stated_bounds
 from excite.identification.estimators.settings import BodySettings
+from excite.identification.inertia import NAMES, standard_parameters
 from excite.identification.physical.bounds import KnownBounds
-from excite.identification.physical.coordinates import NAMES, standard_parameters
 from excite.identification.physical.default_bounds import default_bounds
 from excite.identification.problem import IdentificationProblem
 from tests.reproduction import iiwa

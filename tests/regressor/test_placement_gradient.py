@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 from excite.errors import InputError
-from excite.regressor.placement_gradient import placement_gradient
+from excite.regressor.kernels import placement_gradient
 from tests.regressor.conftest import Sampled, odd_tree, sample
 
 
@@ -33,7 +33,8 @@ def test_it_is_the_difference_quotient_at_every_joint(sampled: Sampled) -> None:
     for joint in range(first, sampled.model.njoints):
         found = placement_gradient(few.model, few.model.names[joint], few.q, few.v, few.a)
         truth = _quotient(few, joint)
-        assert np.abs(found - truth).max() <= 1e-9 * np.abs(truth).max()
+        # Zero but for the rounding of torques of some hundred newton metres is zero.
+        assert np.abs(found - truth).max() <= 1e-9 * np.abs(truth).max() + 1e-12
 
 
 def test_it_follows_other_parameters_than_the_models_own() -> None:

@@ -14,7 +14,7 @@ from excite.formats.registry import format_of
 from excite.identification.estimators.method_settings import estimator_settings
 from excite.identification.estimators.registry import find_estimator
 from excite.identification.problem import build_problem
-from excite.identification.sessions.compare import Sessions, identify_sessions, split_sessions
+from excite.identification.sessions import Sessions, identify_sessions, split_sessions
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log
 from excite.logs.robot import nominal_robot

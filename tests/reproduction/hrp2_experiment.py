@@ -14,7 +14,7 @@ from excite.campaign.experiment import Experiment
 from excite.excitation.conditioning import MotionFactor, motion_factor, stack_factors
 from excite.identification.estimators.registry import find_estimator
 from excite.identification.identify import identify
-from excite.identification.judgement.judgement import ChannelFit, channel_fits, check_consistency
+from excite.identification.judgement import ChannelFit, channel_fits, check_consistency
 from excite.identification.problem import IdentificationProblem, build_problem
 from excite.identification.result import Identification
 from excite.logs.log import Log

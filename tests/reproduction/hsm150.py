@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from excite.identification.sessions.compare import Sessions, identify_sessions, split_sessions
+from excite.identification.sessions import Sessions, identify_sessions, split_sessions
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log
 from excite.logs.robot import nominal_robot

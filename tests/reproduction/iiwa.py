@@ -16,9 +16,9 @@ import numpy as np
 from excite.arrays import Array
 from excite.formats.documents import read_yaml
 from excite.identification.estimators.settings import BodySettings
+from excite.identification.inertia import NAMES, physical_parameters, standard_parameters
 from excite.identification.physical.bounds import InertiaRules, PhysicalBounds
 from excite.identification.physical.bounds_file import load_bounds
-from excite.identification.physical.coordinates import NAMES, physical_parameters, standard_parameters
 from excite.identification.physical.default_bounds import default_bounds
 from excite.identification.physical.feasible_set import FeasibleSet
 from excite.identification.problem import IdentificationProblem

@@ -12,7 +12,7 @@ import numpy as np
 import yaml
 
 from excite.identification.identify import identify
-from excite.identification.judgement.judgement import ChannelFit
+from excite.identification.judgement import ChannelFit
 from excite.logs.header_blocks import FootHeader, TrialHeader
 from excite.logs.log import Log, LogHeader, Trial
 from excite.robot.loading import load_robot

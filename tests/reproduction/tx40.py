@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from excite.identification.judgement.judgement import ChannelFit
+from excite.identification.judgement import ChannelFit
 from excite.identification.problem import build_problem
 from excite.identification.regression import condense_problem, iterate_weights
 from excite.identification.statistics import base_statistics

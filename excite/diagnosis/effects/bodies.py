@@ -21,8 +21,7 @@ from excite.diagnosis.equations.units import slides
 from excite.doctor.doubt import Doubt
 from excite.identification.inertia import pseudo_inertia_matrices
 from excite.identification.physical.cone_program import TRIANGLE, ConeProgram, solve_cone_program
-from excite.regressor.kernels import joint_torque_regressor
-from excite.regressor.placement_gradient import placement_gradient
+from excite.regressor.kernels import joint_torque_regressor, placement_gradient
 from excite.robot.links import carried_link
 
 # The directions in which a tilt of the base turns gravity.

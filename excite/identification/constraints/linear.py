@@ -15,13 +15,14 @@ from excite.errors import InputError
 from excite.identification.estimators.settings import BoxSettings, EstimatorSettings, SymmetrySettings
 from excite.identification.inertia import (
     COLUMNS,
+    NAMES,
     ROWS,
+    STEINER,
     central_inertia_matrices,
     parameters_of_pseudo_inertia,
     pseudo_inertia_matrices,
 )
 from excite.identification.physical.bounds import KnownBounds, PhysicalBounds
-from excite.identification.physical.coordinates import NAMES, STEINER
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import Regression, least_squares, minimum_norm
 from excite.robot.robot import Robot

@@ -145,6 +145,8 @@ def refine_answer(problem: ConicProblem, answer: ConicAnswer) -> ConicAnswer:
     From an interior-point answer they converge quadratically to rounding where the constraints are not
     redundant; a shorter step is taken where the full one does not help. The answer whose recomputed
     distance to the optimum is smaller is returned.
+    The default method compares solves with one another: with clarabel's own answers, at tolerances of 1e-12, it
+    chose other settings for a simulated Jaco2.
     """
     matrix, offset = stack_rows(problem)
     gram = matrix @ matrix.T

@@ -20,13 +20,13 @@ from excite.identification.estimators.estimator import (
 from excite.identification.estimators.scaled_problem import ridge, scaled_parameters
 from excite.identification.estimators.settings import EstimatorSettings, PullSettings
 from excite.identification.noise import estimate_noise
-from excite.identification.orthogonal import row_space
 from excite.identification.problem import IdentificationProblem, row_blocks
 from excite.identification.regression import (
     Regression,
     iterate_weights,
     least_squares,
     prior_std,
+    row_space,
 )
 from excite.rows.settings import number, word
 

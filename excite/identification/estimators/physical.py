@@ -16,8 +16,8 @@ from excite.identification.estimators.estimator import (
     no_solution,
 )
 from excite.identification.estimators.settings import EstimatorSettings, StatedBoundsSettings
+from excite.identification.inertia import NAMES, physical_parameters
 from excite.identification.physical.bounds import PhysicalBounds
-from excite.identification.physical.coordinates import NAMES, physical_parameters
 from excite.identification.physical.default_bounds import default_bounds, tie_total_mass, with_drives
 from excite.identification.physical.feasible_set import FeasibleSet, base_objective, essential_objective
 from excite.identification.physical.retrieval import RetrievalSettings, retrieve_parameters

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.errors import InputError
-from excite.identification.inertia import inertia_matrices
-from excite.identification.physical.coordinates import DIAGONAL, NAMES, OFF_DIAGONAL, physical_parameters
+from excite.identification.inertia import DIAGONAL, NAMES, OFF_DIAGONAL, inertia_matrices, physical_parameters
 from excite.results import Name, Stated, Unbounded, named, stated
 
 

@@ -14,8 +14,8 @@ from excite.atomic import write_text
 from excite.errors import InputError
 from excite.formats.documents import read_yaml
 from excite.identification.estimators.settings import BodySettings
+from excite.identification.inertia import NAMES
 from excite.identification.physical.bounds import InertiaRules, Interval, KnownBounds
-from excite.identification.physical.coordinates import NAMES
 from excite.identification.physical.default_bounds import default_bounds, derived_boxes
 from excite.robot.quantities import MAX_INERTIA
 from excite.robot.robot import Robot

@@ -18,8 +18,8 @@ from excite.identification.constraints.linear import (
     within_bounds,
 )
 from excite.identification.estimators.settings import BodySettings, ParameterBoundsSettings
+from excite.identification.inertia import DIAGONAL, physical_parameters
 from excite.identification.physical.bounds import InertiaRules, PhysicalBounds
-from excite.identification.physical.coordinates import DIAGONAL, physical_parameters
 from excite.identification.problem import NEVER_NEGATIVE
 from excite.identification.regression import Regression, prior_std
 from excite.robot.robot import Robot

@@ -17,10 +17,10 @@ from scipy.linalg import block_diag, qr_delete, solve_triangular
 
 from excite.arrays import Array
 from excite.errors import NoSolutionError
+from excite.identification.inertia import DIAGONAL, STEINER, second_moments
 from excite.identification.parameter_statistics import RSD_ABOVE
 from excite.identification.physical.bounds import PhysicalBounds, least_density_moments
 from excite.identification.physical.cone_program import ConeProgram, solve_cone_program
-from excite.identification.physical.coordinates import DIAGONAL, STEINER, second_moments
 
 # How far inside the set answers are drawn, in scaled units: above rounding, of no weight in the objective.
 _INSIDE = 1e-10

@@ -10,9 +10,8 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.display import percent
-from excite.identification.inertia import COLUMNS, ROWS
+from excite.identification.inertia import COLUMNS, ROWS, STEINER
 from excite.identification.physical.cone_program import ConeProgram, solve_cone_program
-from excite.identification.physical.coordinates import STEINER
 from excite.identification.physical.feasible_set import FeasibleSet, TorqueObjective
 from excite.results import Stated, Unbounded
 from excite.rows.settings import check_settings, number

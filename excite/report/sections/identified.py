@@ -11,7 +11,7 @@ import numpy as np
 
 from excite.display import count, span
 from excite.export.models.parameters import find_differences
-from excite.identification.judgement.judgement import said_rsd
+from excite.identification.judgement import said_rsd
 from excite.logs.signals.trace import SignalTrace, trace_from_json
 from excite.report.comparisons import MassComparison
 from excite.report.folder import Document, Findings

@@ -1,1 +1,0 @@
-"""How good an identification is: validation, precision, what changed against the nominal model."""

@@ -1,1 +1,0 @@
-"""Several sessions of one robot, compared."""
