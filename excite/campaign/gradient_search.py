@@ -33,7 +33,7 @@ class GradientDesign(CandidateSearch):
     Of an arm all joints are designed, of a robot on force sensors those that no foot needs.
 
     Of parameters that are asked for by name it is how far they are from the target that counts, else the
-    log-determinant.
+    log-determinant; what motions that were run already tell is known.
     """
 
     name = GRADIENT
@@ -68,7 +68,11 @@ class GradientDesign(CandidateSearch):
                 f"no random motion of {robot.name} is safe, from which one could be designed",
                 remedy="ask for more candidates",
             )
-        shared = Shared((rows, first_information(rows, kept), _criterion(rows, asked), asked.robust))
+        known = first_information(rows, kept)
+        for motion in asked.before:
+            sampled = motion.resampled(robot, SEARCH_HZ)
+            known = known + rows.information(sampled.q, sampled.v, sampled.a)
+        shared = Shared((rows, known, _criterion(rows, asked), asked.robust))
         sets = sets_within(kept, asked.budget_s)
         made: list[Motion] = []
         for designs in in_order(_design, sets, jobs=asked.jobs, shared=shared, stage="design"):

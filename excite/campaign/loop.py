@@ -157,10 +157,13 @@ class _State:
 
     def _plan_anew(self, number: int, targets: Sequence[str]) -> PlannedMotions:
         count = self.settings.n_candidates if number == 1 else max(1, self.settings.n_candidates // 4)
+        # For minutes what is lacking is asked for itself, of what the first plan said they reach.
+        missed = self.iterations[-1].missed if self.aims and self.iterations else ()
         made = plan(
             self.robot,
             n_candidates=count,
             targets=targets,
+            parameters=[one.parameter for one in missed],
             seed=np.random.SeedSequence(self.settings.seed, spawn_key=(_PLAN_STREAM, number)),
             target_rsd=self.settings.target_rsd,
             minutes=self.settings.minutes,

@@ -87,6 +87,7 @@ class Rule:
         asked: parameters to reach, for the choice by ``targets``: see
             :func:`~excite.excitation.targets.asked_parameters`.
         target_rsd: relative standard deviation to reach with them [percent].
+        before: motions that were run already, which the choice adds to where it weighs rows by their noise.
     """
 
     name: str
@@ -94,6 +95,7 @@ class Rule:
     limits: Mapping[str, float] = field(default_factory=dict)
     asked: tuple[str, ...] = ()
     target_rsd: float = TARGET_RSD
+    before: tuple[Motion, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,21 +201,19 @@ def _select_standing(
     return Choice(left, chosen, tuple(sorted(others)), tuple(fallen.values()), carried)
 
 
-def selection_candidates(
-    robot: Robot, pool: Pool, base: BaseParameters, rule: Rule | None = None
-) -> Candidates:
+def selection_candidates(robot: Robot, pool: Pool, base: BaseParameters, rule: Rule) -> Candidates:
     """What a rule of selection chooses from, within its bounds."""
 
-    def weighted() -> OnDisk[MotionFactor]:
+    def weighted() -> tuple[Sequence[MotionFactor], Sequence[MotionFactor]]:
         noise, motions = row_noise(robot), pool.motions
         files = tuple(pool.folder.path / f"{name}.weighted" for name in pool.names)
         for index, path in enumerate(files):
             # A choice without those that fell finds the others' there.
             if not path.exists():
                 write_value(motion_factor(robot, motions[index], row_std=noise), path)
-        return OnDisk(files, pool.folder)
+        before = [motion_factor(robot, motion, row_std=noise) for motion in rule.before]
+        return OnDisk[MotionFactor](files, pool.folder), before
 
-    rule = rule or Rule(BEST_THREE)
     return Candidates(
         robot=robot,
         ranking=pool.ranking,
@@ -277,8 +277,10 @@ def plan(
         target_rsd: relative standard deviation that the plan says how much motion it would take to reach [percent].
         minutes: at the robot: motions are chosen within them for what is asked, of an arm among those designed by
             gradients. The plan says which parameters they reach.
-        parameters: asked for, such as ``elbow_joint:friction`` or ``forearm_link:com``; all, if empty.
-        before: motions that were run already; what is to be expected counts them too.
+        parameters: asked for, such as ``elbow_joint:friction``, ``forearm_link:com`` or ``Ixx(forearm_link)``; all, if
+            empty.
+        before: motions that were run already: what they tell is known to the choice for minutes and to the design, and
+            what is to be expected counts them too.
         robust: plan for all robots of the set that the description states under ``uncertainty`` (or of its default):
             torque, zero-moment point and friction keep their limits whichever of them is there.
         seed: of all random numbers.
@@ -318,7 +320,7 @@ def plan(
     folder = TemporaryFolder()
     judged = Judged(generator, asked, root, Keeper(folder.path, prefix), TURNS if n_candidates is None else 1)
     stages = judged.seconds
-    rule = Rule(selection, budget_s, asked=tuple(parameters), target_rsd=target_rsd)
+    rule = Rule(selection, budget_s, asked=tuple(parameters), target_rsd=target_rsd, before=tuple(before))
     report, base, choice = _judge_and_choose(judged, rule, folder)
     refusals = judged.refusals(report, choice.fallen)
     with add_seconds(stages, "choose"):

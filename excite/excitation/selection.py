@@ -45,15 +45,16 @@ class Information:
     Attributes:
         single: ``(n_motions, k, k)`` of each candidate, k the rank of all together.
         back: ``(n_base, k)`` from these coordinates to the base parameters.
+        before: ``(k, k)`` of what is known already.
     """
 
     single: Array
     back: Array
+    before: Array
 
     def of(self, chosen: Sequence[int]) -> Array:
-        """Information of several candidates together, ``(k, k)``."""
-        start = _START * np.eye(self.single.shape[1])
-        return np.asarray(start + self.single[list(chosen)].sum(axis=0))
+        """Information of several candidates and of what was before them together, ``(k, k)``."""
+        return np.asarray(self.before + self.single[list(chosen)].sum(axis=0))
 
 
 class Criterion(Protocol):
@@ -109,17 +110,20 @@ class TotalDeviation:
 
 
 @one_blas_thread
-def candidate_information(factors: Sequence[MotionFactor], base: BaseParameters) -> Information:
+def candidate_information(
+    factors: Sequence[MotionFactor], base: BaseParameters, before: Sequence[MotionFactor] = ()
+) -> Information:
     """Information of candidates on the base parameters, whitened by that of all of them.
 
     Args:
         factors: one a candidate.
         base: structural base parameters.
+        before: of motions that were run already.
 
     Raises:
         InputError: no factor, factors that do not fit together, or base parameters of other columns.
     """
-    whole = stack_factors(factors)
+    whole = stack_factors([*factors, *before])
     if base.names != whole.columns.names:
         raise InputError(
             "base parameters of other columns than the motion's", source=", ".join(whole.motions)
@@ -131,11 +135,13 @@ def candidate_information(factors: Sequence[MotionFactor], base: BaseParameters)
     _, values, vectors = np.linalg.svd(whole.matrix[:, columns] / length, full_matrices=False)
     kept = values > RANK_TOLERANCE * values[0]
     back = (vectors[kept] / values[kept, None]).T / length[:, None]
-    single = np.empty((len(factors), back.shape[1], back.shape[1]))
-    for place, factor in enumerate(factors):
-        rows = factor.matrix[:, columns] @ back
-        single[place] = rows.T @ rows
-    return Information(single, back)
+
+    def squared(some: Sequence[MotionFactor]) -> Array:
+        rows = (factor.matrix[:, columns] @ back for factor in some)
+        return np.array([one.T @ one for one in rows]).reshape(len(some), *2 * back.shape[1:])
+
+    known = _START * np.eye(back.shape[1]) + squared(before).sum(axis=0)
+    return Information(squared(factors), back, known)
 
 
 @one_blas_thread
@@ -448,7 +454,8 @@ class Candidates:
         factors: R factor of each.
         durations: ``(n_motions,)`` [s].
         base: structural base parameters.
-        weighted: the same factors with rows divided by their noise; made on demand, as few rules need them.
+        weighted: the same factors with rows divided by their noise, and those of motions that were run already; made
+            on demand, as few rules need them.
         budget_s: total duration that a greedy choice stays within [s]; as long as the best three take, if None.
         limits: by segment, the condition number that is good enough.
         asked: targets such as ``joint:friction``; all parameters, if empty.
@@ -461,12 +468,17 @@ class Candidates:
     factors: Sequence[MotionFactor]
     durations: Array
     base: BaseParameters
-    weighted: Callable[[], Sequence[MotionFactor]]
+    weighted: Callable[[], tuple[Sequence[MotionFactor], Sequence[MotionFactor]]]
     budget_s: float | None = None
     limits: Mapping[str, float] = field(default_factory=dict)
     asked: tuple[str, ...] = ()
     target_rsd: float = 15.0
     rows_hz: float = 10.0
+
+    def known(self) -> Information:
+        """Information of the candidates, and of what was run before them, over the noise."""
+        own, before = self.weighted()
+        return candidate_information(own, self.base, before)
 
 
 def by_best_three(candidates: Candidates) -> Selection:
@@ -487,7 +499,7 @@ def by_rsd(candidates: Candidates) -> Selection:
     A parameter's deviation is taken relative to its value in the model, or to 0.01 where that is smaller.
     """
     base = candidates.base
-    known = candidate_information(candidates.weighted(), base)
+    known = candidates.known()
     scale = np.maximum(np.abs(nominal_values(candidates.robot, base)), NEGLIGIBLE)
     return _select_greedily(candidates, known, TotalDeviation(known.back, scale))
 
@@ -495,7 +507,7 @@ def by_rsd(candidates: Candidates) -> Selection:
 def by_targets(candidates: Candidates) -> Selection:
     """Greedy by what is asked for, within the budget; values below 0.01 are no target unless named."""
     base = candidates.base
-    known = candidate_information(candidates.weighted(), base)
+    known = candidates.known()
     criterion = ReachedTargets.of(
         candidates.robot,
         base,

@@ -31,7 +31,7 @@ def asked_parameters(targets: Sequence[str], names: Sequence[str]) -> tuple[str,
     """Names of base parameters that targets such as ``elbow_joint:friction`` or ``forearm_link:com`` mean.
 
     Args:
-        targets: joint or link, a colon, and one of ``KINDS``; all parameters, if empty.
+        targets: joint or link, a colon, and one of ``KINDS``, or a name itself; all parameters, if empty.
         names: of the base parameters' own columns.
 
     Raises:
@@ -42,6 +42,9 @@ def asked_parameters(targets: Sequence[str], names: Sequence[str]) -> tuple[str,
         return tuple(names)
     found: list[str] = []
     for target in targets:
+        if target in names:
+            found.append(target)
+            continue
         owner, colon, kind = target.rpartition(":")
         if not colon:
             raise InputError(

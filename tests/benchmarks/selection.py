@@ -6,7 +6,7 @@ import numpy as np
 
 import excite
 from excite.campaign.expected import predict_statistics
-from excite.campaign.plan import selection_candidates
+from excite.campaign.plan import Rule, selection_candidates
 from excite.excitation.conditioning import compute_conditioning
 from excite.excitation.selection import SELECTIONS, Candidates, select_motions
 from tests.benchmarks.table import Row
@@ -21,7 +21,7 @@ def rows() -> list[Row]:
     for name, count in _ROBOTS:
         robot = excite.load_robot(name)
         plan = excite.plan(robot, n_candidates=count, seed=1, jobs=2)
-        pool = selection_candidates(robot, plan.pool, plan.conditioning.base)
+        pool = selection_candidates(robot, plan.pool, plan.conditioning.base, Rule("best_three"))
         found = {}
         for rule in SELECTIONS:
             chosen = list(select_motions(rule, pool).indices)

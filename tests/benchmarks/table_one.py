@@ -45,7 +45,7 @@ def rows() -> list[Row]:
     pool = _pool(robot)
     rule = Rule("segments", _SECONDS, dict(zip(segments, bars.tolist(), strict=True)))
     choice = choose_motions(robot, pool, base, rule, 2, silent)
-    best = select_motions("best_three", selection_candidates(robot, choice.pool, base)).indices
+    best = select_motions("best_three", selection_candidates(robot, choice.pool, base, rule)).indices
     chosen = choice.selection.indices
     found, three = (_conditions(robot, choice.pool, base, segments, pick) for pick in (chosen, best))
     steps = ladder(robot, base, choice.pool.motions.only(chosen))

@@ -156,6 +156,7 @@ def test_targets_by_name() -> None:
         "coulomb(elbow)",
         "m(arm)",
     )
+    assert asked_parameters(("my(arm)",), names) == ("my(arm)",)
     with pytest.raises(InputError, match="no colon"):
         asked_parameters(("elbow",), names)
     with pytest.raises(InputError, match="no motion tells 'elbow:mass' by itself; ask for elbow:friction"):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -50,7 +52,7 @@ def candidates(panda: Robot, base: BaseParameters) -> Candidates:
         factors=factors,
         durations=np.array([motion.duration for motion in motions]),
         base=base,
-        weighted=lambda: [motion_factor(panda, motion, 25.0, row_std=noise) for motion in motions],
+        weighted=lambda: ([motion_factor(panda, motion, 25.0, row_std=noise) for motion in motions], ()),
     )
 
 
@@ -70,6 +72,13 @@ def log_det(candidates: Candidates, chosen: list[int]) -> float:
     return compute_conditioning(
         candidates.robot, [candidates.factors[i] for i in chosen], candidates.base
     ).log_det
+
+
+def total_deviation(candidates: Candidates, factors: Sequence[MotionFactor]) -> float:
+    """Sum of relative standard deviations of motions together."""
+    scale = np.maximum(np.abs(nominal_values(candidates.robot, candidates.base)), 0.01)
+    whole = stack_factors(factors).matrix[:, candidates.base.independent]
+    return float((np.linalg.norm(np.linalg.pinv(whole), axis=1) / scale).sum())
 
 
 @pytest.mark.parametrize("budget_s", [8.0, 13.0, 20.0])
@@ -96,19 +105,24 @@ def test_as_good_as_trying_every_choice(candidates: Candidates) -> None:
 
 
 def test_the_choice_by_rsd_has_the_least_of_the_three(candidates: Candidates) -> None:
-    weighted = candidates.weighted()
-    scale = np.maximum(np.abs(nominal_values(candidates.robot, candidates.base)), 0.01)
-
-    def total(factors: list[MotionFactor]) -> float:
-        whole = stack_factors(factors).matrix[:, candidates.base.independent]
-        return float((np.linalg.norm(np.linalg.pinv(whole), axis=1) / scale).sum())
-
+    weighted, _ = candidates.weighted()
     totals = {}
     for rule in SELECTIONS:
         chosen = select_motions(rule, candidates).indices
         assert chosen == select_motions(rule, candidates).indices
-        totals[rule] = total([weighted[i] for i in chosen])
+        totals[rule] = total_deviation(candidates, [weighted[i] for i in chosen])
     assert totals["rsd"] <= min(totals.values())
+
+
+def test_what_was_run_before_counts_in_the_choice(candidates: Candidates) -> None:
+    weighted, _ = candidates.weighted()
+    short = replace(candidates, budget_s=13.0)
+    first = select_motions("rsd", short).indices
+    known = [weighted[i] for i in first]
+    then = select_motions("rsd", replace(short, weighted=lambda: (weighted, known))).indices
+    assert then != first
+    totals = [total_deviation(candidates, [*known, *(weighted[i] for i in more)]) for more in (then, first)]
+    assert totals[0] < totals[1]
 
 
 def test_gradients_are_those_of_the_criteria(candidates: Candidates) -> None:
