@@ -84,6 +84,7 @@ class Asked:
         budget_s: time at the robot that motions are chosen for [s]; None where nobody says.
         parameters: that are asked for in it, such as ``forearm_link:com``; all, if empty.
         target_rsd: relative standard deviation to reach with them [percent].
+        before: motions that were run already, whose information counts.
     """
 
     robot: Robot
@@ -96,6 +97,7 @@ class Asked:
     budget_s: float | None = None
     parameters: Sequence[str] = ()
     target_rsd: float = TARGET_RSD
+    before: Sequence[Motion] = ()
 
 
 class CandidateSearch(ABC):

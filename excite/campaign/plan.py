@@ -315,7 +315,7 @@ def plan(
     check_count(count, "n_candidates", 1, MAX_CANDIDATES)
     root = check_seed(seed)
     asked = Asked(
-        robot, count, targets, series, jobs, progress, robust, budget_s, tuple(parameters), target_rsd
+        robot, count, targets, series, jobs, progress, robust, budget_s, tuple(parameters), target_rsd, before
     )
     folder = TemporaryFolder()
     judged = Judged(generator, asked, root, Keeper(folder.path, prefix), TURNS if n_candidates is None else 1)
