@@ -22,7 +22,6 @@ from excite.diagnosis.floating.search.refinement import (
     nominal_fit,
     refine,
 )
-from excite.logs.columns import WRENCH_AXES
 from excite.logs.signals.spectrum import welch_spectrum
 
 # Curves of the wrench on the base.
@@ -43,8 +42,8 @@ def trial_curves(problem: Problem, before: Fitted, after: Fitted) -> Curves:
     return Curves(
         trial=record.trials[chosen],
         validation=record.validation[chosen],
-        channels=tuple(WRENCH_AXES),
-        units=UNITS,
+        channels=tuple(problem.nominal.channels),
+        units=tuple(problem.nominal.channels.values()),
         time=np.arange(len(measured)) / record.rate_hz,
         measured=measured,
         before=measured - explained_state(problem, before).residual[span],
@@ -53,8 +52,6 @@ def trial_curves(problem: Problem, before: Fitted, after: Fitted) -> Curves:
 
 
 # How far the gap shrinks on the validation trials, wrench component by component.
-
-UNITS = ("N",) * 3 + ("N·m",) * 3
 
 
 def residual_of(problem: Problem, fitted: Fitted) -> Array:
@@ -98,9 +95,9 @@ def gap_of(problem: Problem, before: Fitted, after: Fitted, rng: np.random.Gener
             float(np.sqrt((old[:, i] ** 2).mean())),
             float(np.sqrt((new[:, i] ** 2).mean())),
             float(floor[i]),
-            UNITS[i],
+            unit,
         )
-        for i, axis in enumerate(WRENCH_AXES)
+        for i, (axis, unit) in enumerate(problem.nominal.channels.items())
     }
     return Gap(start, end, noise_size, share, channels, interval)
 
@@ -235,7 +232,7 @@ def left_by_parameters(
 
 def _in_samples(problem: Problem, fitted: Fitted) -> Array:
     """``(n, 6, p + k)`` minus the derivative of the residual by the baseline's and the effects' scaled parameters."""
-    parts = [explained_state(problem, fitted).regressor[:, :, problem.index] * problem.scales]
+    parts = [problem.error_columns]
     state = problem.state(fitted.delta)
     for item, theta in zip(fitted.placed, fitted.theta, strict=True):
         effect, place = item.effect, item.location
@@ -279,7 +276,7 @@ def locate(problem: Problem, fitted: Fitted) -> tuple[Where, ...]:
     total = max(float(power.sum()), 1e-300)
     features = _features(problem, state)
     lines = []
-    for i, axis in enumerate(WRENCH_AXES):
+    for i, axis in enumerate(problem.nominal.channels):
         dependence = {what: _explained(columns, residual[:, i]) for what, columns in features.items()}
         best = max(dependence, key=lambda what: dependence[what])
         lines.append(

@@ -111,9 +111,7 @@ class _Atom:
         return self.item.last.effect.name, self.item.last.location
 
 
-def _likeliest(
-    ranker: Ranker, baseline: Fitted, current: Fitted, pool: Sequence[_Atom]
-) -> Fitted:
+def _likeliest(ranker: Ranker, baseline: Fitted, current: Fitted, pool: Sequence[_Atom]) -> Fitted:
     """The likeliest model of what is in a pool, fitted together, in noise as loud as the best one leaves."""
     atoms = sorted(pool, key=lambda atom: atom.group)
     if not atoms:
@@ -205,7 +203,9 @@ def _steps(ranker: Ranker, accepted: Fitted) -> tuple[Step, ...]:
     for k, item in enumerate(accepted.placed):
         others = _without(problem, accepted, k)
         ranked = ranker(others)
-        own = [r for r in ranked if (r.last.effect.word, r.last.location) == (item.effect.word, item.location)]
+        own = [
+            r for r in ranked if (r.last.effect.word, r.last.location) == (item.effect.word, item.location)
+        ]
         choice = own[0].choice if own else 0.0
         turned = [i for i in range(len(accepted.placed)) if i != k] + [k]
         placed, theta, std = (
@@ -213,7 +213,9 @@ def _steps(ranker: Ranker, accepted: Fitted) -> tuple[Step, ...]:
         )
         whole = replace(accepted, placed=placed, theta=theta, std=std)
         rest = [r for r in ranked if r not in own]
-        ranked = by_evidence([(r.fitted, r.choice) for r in (Ranked(whole, 0.0, choice), *rest)], others, problem)
+        ranked = by_evidence(
+            [(r.fitted, r.choice) for r in (Ranked(whole, 0.0, choice), *rest)], others, problem
+        )
         mine = next(r for r in ranked if r.fitted is whole)
         steps.append((mine, *(r for r in ranked if r is not mine)))
     return tuple(steps)
