@@ -228,7 +228,10 @@ def diagnose_log(
     if call.out is not None:
         document |= stated_origin(robot or "", log, call.out)
         summary += f"\nreport: {_save_diagnosis(result, document, call.out)}"
-    call.emit_result(summary, document, then=_next_of_diagnosis(robot, log, apply, document))
+    # Effects of a base that moves are written into no robot.
+    written = bool(result.changes) or not result.effects
+    then = _next_of_diagnosis(robot, log, apply, document) if written else ""
+    call.emit_result(summary, document, then=then)
 
 
 def _next_of_diagnosis(robot: str | None, log: Path, apply: Path | None, document: dict[str, Any]) -> str:

@@ -43,8 +43,9 @@ class ExternalForce(FloatingEffect):
     seen_by = frozenset(Reads)
 
     def locations(self, state: State) -> tuple[str, ...]:
-        """Links; the base alone where joints' torques would carry it as well."""
-        return links(state) if state.record.robot.sensors else links(state)[:1]
+        """Links; the base alone, if its feet hold it, where joints' torques would carry it as well."""
+        robot = state.record.robot
+        return links(state) if robot.sensors else links(state)[: bool(robot.feet)]
 
     def parameters(self, state: State, location: str) -> tuple[Parameter, ...]:
         """Mean force in the world, stiffness across it, the point in the link's frame, and what is added along it."""

@@ -151,8 +151,8 @@ def prepare_record(log: Log, robot: Robot | None = None) -> FloatingRecord:
         LogError: the log has a fixed base, or lacks base pose or wrenches.
     """
     header = log.header
-    if header.base != "floating":
-        raise LogError("has no floating base", source=log.folder, field="base")
+    if not header.free_base:
+        raise LogError("has no free base", source=log.folder, field="base")
     robot = nominal_robot(log) if robot is None else robot_in_log(robot, header, log.folder)
     settings = ProblemSettings()
     filters = Filters(CUTOFF_HZ, CUTOFF_HZ, 4, ROW_RATE_HZ)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.diagnosis.effects.friction import CoulombFriction, ViscousFriction
@@ -33,7 +34,8 @@ class TorqueState(State):
     With ``[0; τ] = M a + h − Aᵣ f`` of base and joints, the rows ``N = [1, X]`` with ``Aᵣ_b + Xᵀ Aᵣ_j = 0`` hold no
     contact force: each leg's torques tell its foot's force, and what is left at the base must be none. Rows of joints
     that carry no foot stand for themselves. ``N`` spans the null space of the contacts (Mistry, Buchli and Schaal
-    2010) and, unlike an orthonormal basis of it, follows the posture smoothly.
+    2010) and, unlike an orthonormal basis of it, follows the posture smoothly. What hangs in a harness has the rows of
+    its joints alone.
 
     Attributes:
         drives: ``(n_terms, n_joints)`` parameters of each drive's terms, as :func:`drive_shapes` has them.
@@ -50,7 +52,7 @@ class TorqueState(State):
     @cached_property
     def contacts(self) -> Array:
         """``(n, nv, k)`` generalised forces per unit of each force or moment that a foot can transmit."""
-        parts = []
+        parts = [np.zeros((len(self.q), self.tree.nv, 0))]
         for foot in self.record.robot.feet:
             if foot.radius > 0.0:
                 up = -self.tree.gravity / np.linalg.norm(self.tree.gravity)
@@ -87,28 +89,37 @@ class TorqueState(State):
         """Joints between the base and a link, by index in the tree."""
         return [] if joint <= 1 else [joint, *self._chain(int(self.tree.parents[joint]))]
 
+    @property
+    def free(self) -> NDArray[np.int64]:
+        """Joints that carry no foot."""
+        return np.flatnonzero(~(self.contacts[:, 6:] != 0.0).any(axis=(0, 2)))
+
+    @property
+    def n_base(self) -> int:
+        """Number of rows of the base: none where something else than its feet holds it."""
+        return 6 if self.record.robot.feet else 0
+
     @cached_property
     def levers(self) -> dict[str, Array]:
-        """``(n, 6 + n_free, n_joints)``: the joints' torques in each row."""
-        base, joints = self.contacts[:, :6], self.contacts[:, 6:]
-        free = np.flatnonzero(np.abs(joints).max(axis=(0, 2)) == 0.0)
-        inverse = np.linalg.pinv(joints.transpose(0, 2, 1), rcond=_STRETCHED)
-        rows = np.zeros((len(self.q), 6 + len(free), joints.shape[1]))
-        rows[:, :6] = -(inverse @ base.transpose(0, 2, 1)).transpose(0, 2, 1)
-        rows[:, 6 + np.arange(len(free)), free] = 1.0
+        """``(n, n_base + n_free, n_joints)``: the joints' torques in each row."""
+        n, free, joints = self.n_base, self.free, self.contacts[:, 6:].transpose(0, 2, 1)
+        rows = np.zeros((len(self.q), n + len(free), joints.shape[2]))
+        if n:
+            inverse = np.linalg.pinv(joints, rcond=_STRETCHED)
+            rows[:, :n] = -(inverse @ self.contacts[:, :6].transpose(0, 2, 1)).transpose(0, 2, 1)
+        rows[:, n + np.arange(len(free)), free] = 1.0
         return {TORQUE: rows}
 
     def at_base(self, force: Array, point: Array) -> Array:
         """As of any state, zero in the rows of joints."""
-        wrench = super().at_base(force, point)
-        free = self.levers[TORQUE].shape[1] - 6
-        return np.concatenate([wrench, np.zeros((len(wrench), free, *wrench.shape[2:]))], axis=1)
+        wrench = super().at_base(force, point)[:, : self.n_base]
+        return np.concatenate([wrench, np.zeros((len(wrench), len(self.free), *wrench.shape[2:]))], axis=1)
 
     def _in_rows(self, forces: Array) -> Array:
         """Rows ``(n, c, …)`` of generalised forces ``(n, nv, …)``."""
         flat = forces.reshape(*forces.shape[:2], -1)
         rows = self.levers[TORQUE] @ flat[:, 6:]
-        rows[:, :6] += flat[:, :6]
+        rows[:, : self.n_base] += flat[:, : self.n_base]
         return rows.reshape(*rows.shape[:2], *forces.shape[2:])
 
     @cached_property
@@ -136,9 +147,8 @@ class TorqueState(State):
     @property
     def channels(self) -> dict[str, str]:
         """The base's wrench, then joints that carry no foot."""
-        free = np.flatnonzero(np.abs(self.contacts[:, 6:]).max(axis=(0, 2)) == 0.0)
-        names = self.record.robot.joint_names
-        return super().channels | {names[j]: "N·m" for j in free}
+        base = super().channels if self.n_base else {}
+        return base | {self.record.robot.joint_names[j]: "N·m" for j in self.free}
 
     @cached_property
     def white_noise(self) -> Array:
@@ -183,6 +193,8 @@ def drive_shapes(state: State) -> dict[str, Array]:
 
 def check_legs(state: TorqueState) -> None:
     """LogError where legs have fewer joints than their feet transmit forces."""
+    if not state.n_base:
+        return
     left = state.contacts[:, :6] + state.levers[TORQUE][:, :6] @ state.contacts[:, 6:]
     if np.median(np.abs(left).max(axis=(1, 2))) > _STRETCHED * np.abs(state.contacts[:, :6]).max():
         raise LogError(

@@ -61,7 +61,8 @@ def search(ranker: Ranker, baseline: Fitted) -> tuple[Step, ...]:
     problem, current, models = ranker.problem, baseline, [baseline]
     pool: dict[int, _Atom] = {}
     for _ in range(_TURNS):
-        for beside in (current, *(_without(problem, current, k) for k in range(len(current.placed)))):
+        rests = [_without(problem, current, k) for k in range(len(current.placed))]
+        for beside in (current, *rests, *(_rival(ranker(rest), current) for rest in rests if rest.placed)):
             for item in ranker(beside)[:_PER_MODEL]:
                 pool.setdefault(id(item), _Atom.of(ranker.coarse, item))
         current = _needed(problem, _likeliest(ranker, baseline, current, [*pool.values()]), baseline)
@@ -70,6 +71,12 @@ def search(ranker: Ranker, baseline: Fitted) -> tuple[Step, ...]:
         if known:
             break
     return _steps(ranker, current)
+
+
+def _rival(ranked: Sequence[Ranked], current: Fitted) -> Fitted:
+    """The likeliest of what stands in an effect's place under a name that the model has not; the model if none."""
+    names = {item.effect.name for item in current.placed}
+    return next((item.fitted for item in ranked if item.last.effect.name not in names), current)
 
 
 def _places(fitted: Fitted) -> set[tuple[str, str]]:
