@@ -245,20 +245,20 @@ def _in_samples(problem: Problem, fitted: Fitted) -> Array:
 
 
 def held_out_gain(problem: Problem, without: Fitted, candidate: Fitted) -> float:
-    """What a further effect takes away from the validation trials' sum of squares, fitted to the others.
+    """Nats by which a further effect, learnt from the other trials, makes the validation trials likelier.
 
-    Positive infinity where there are no validation trials: nothing speaks against it.
+    The predictive likelihood of one part given another is the evidence of all less that of the other, so that what
+    few trials leave open of all parameters is no reproach to either model. Positive infinity where there are no
+    validation trials: nothing speaks against it.
     """
     if not problem.validation.any() or problem.validation.all():
         return float("inf")
     restricted = problem.identification_only
-    baseline = nominal_fit(restricted)
-    powers = []
+    baseline, nats = nominal_fit(restricted), []
     for fitted in (without, candidate):
         alone = refine(restricted, fitted.placed, fitted.theta, fitted) if fitted.placed else baseline
-        rows = problem.rows(explained_state(problem, alone))
-        powers.append(float((rows[problem.validation] ** 2).sum()))
-    return powers[0] - powers[1]
+        nats.append(0.5 * (alone.power - fitted.power) + alone.price - fitted.price)
+    return nats[1] - nats[0]
 
 
 # Where a gap lies: wrench component by component.
