@@ -301,19 +301,11 @@ class Problem:
         ]
 
 
-def solve(gram: Array, right: Array, overdispersion: float = 1.0) -> LinearFit:
-    """Ridge solution with unit prior, and its evidence, from normal equations.
-
-    Args:
-        gram: ``(k, k)``.
-        right: ``(k,)``.
-        overdispersion: variance of the noise over that expected.
-    """
-    information = np.eye(len(gram)) + gram / overdispersion
-    factor = scipy.linalg.cho_factor(information)
-    theta = scipy.linalg.cho_solve(factor, right / overdispersion)
-    gain = 0.5 * float(right @ theta) / overdispersion
-    price = float(np.log(np.diag(factor[0])).sum())
+def solve(gram: Array, right: Array) -> LinearFit:
+    """Ridge solution with unit prior, and its evidence, from normal equations ``gram (k, k)`` and ``right (k,)``."""
+    factor = scipy.linalg.cho_factor(np.eye(len(gram)) + gram)
+    theta = scipy.linalg.cho_solve(factor, right)
+    gain, price = 0.5 * float(right @ theta), float(np.log(np.diag(factor[0])).sum())
     return LinearFit(theta, scipy.linalg.cho_solve(factor, np.eye(len(gram))), gain, gain - price)
 
 
