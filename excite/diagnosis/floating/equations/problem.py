@@ -339,7 +339,7 @@ def build_problem(record: FloatingRecord) -> Problem:
     blocks, scales, index = (
         [np.vstack([made, np.zeros((n_unloaded, len(free.scales)))])],
         [free.scales],
-        [free.index],
+        [free.at],
     )
     feet = np.flatnonzero(unloaded.scales)
     if len(feet) and n_unloaded:

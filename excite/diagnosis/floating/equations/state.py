@@ -242,12 +242,12 @@ class Free(NamedTuple):
     Attributes:
         columns: ``(n, c, p)`` of the rows, per unit of each.
         scales: ``(p,)`` standard deviation that is expected of its error.
-        index: ``(p,)`` its place among all errors of a state.
+        at: ``(p,)`` its place among all errors of a state.
     """
 
     columns: Array
     scales: Array
-    index: NDArray[np.int64]
+    at: NDArray[np.int64]
 
     def beside(self, other: Free) -> Free:
         """These and others."""
