@@ -40,7 +40,7 @@ _WITHIN_NOISE = 25.0
 FORM_DOUBT = 0.1
 # Share of the noise's power by which noise in the regressors' kinematics prefers one place to another.
 _LITTLE_OF_NOISE = 0.1
-_TURNS, _PER_MODEL = 5, 16
+_TURNS, _PER_MODEL, _MOST_EFFECTS = 5, 16, 3
 # Deviation of what of a polished contribution no parameter changes, in units of itself.
 _POLISHED = 0.02
 
@@ -85,7 +85,7 @@ def _places(fitted: Fitted) -> set[tuple[str, str]]:
 
 def _without(problem: Problem, fitted: Fitted, k: int) -> Fitted:
     """A fit without one of its effects."""
-    placed, theta = (values[:k] + values[k + 1 :] for values in (fitted.placed, fitted.theta))
+    placed, theta = fitted.placed[:k] + fitted.placed[k + 1 :], fitted.theta[:k] + fitted.theta[k + 1 :]
     return refine(problem, placed, theta, fitted) if placed else nominal_fit(problem)
 
 
@@ -126,7 +126,11 @@ def _likeliest(ranker: Ranker, baseline: Fitted, current: Fitted, pool: Sequence
     least = min((current, *(atom.item.fitted for atom in atoms)), key=lambda fit: fit.power)
     posed = _posed(ranker.coarse, atoms, overdispersion(ranker.problem, least))
     mode = sampler.climb(posed, np.full(len(posed.begin), -1, dtype=np.int64))
-    chosen = sorted((atoms[a].item for a in mode if a >= 0), key=lambda item: item.fitted.power)
+    lost = {}
+    for g in np.flatnonzero(mode >= 0):
+        rest = np.where(np.arange(len(mode)) == g, -1, mode)
+        lost[int(mode[g])] = float(sampler.gains_beside(posed, rest)[mode[g]])
+    chosen = [atoms[a].item for a in sorted(lost, key=lambda a: -lost[a])[:_MOST_EFFECTS]]
     if not chosen:
         return baseline
     theta = tuple(item.fitted.theta[-1] for item in chosen)
@@ -176,7 +180,7 @@ def _needed(problem: Problem, fitted: Fitted, baseline: Fitted) -> Fitted:
     if len(fitted.placed) < 2:
         return fitted
     order = sorted(range(len(fitted.placed)), key=lambda k: -rests[k].power)
-    placed, theta = (tuple(values[k] for k in order) for values in (fitted.placed, fitted.theta))
+    placed, theta = tuple(fitted.placed[k] for k in order), tuple(fitted.theta[k] for k in order)
     return refine(problem, placed, theta, fitted)
 
 
@@ -215,10 +219,13 @@ def _steps(ranker: Ranker, accepted: Fitted) -> tuple[Step, ...]:
         ]
         choice = own[0].choice if own else 0.0
         turned = [i for i in range(len(accepted.placed)) if i != k] + [k]
-        placed, theta, std = (
-            tuple(values[i] for i in turned) for values in (accepted.placed, accepted.theta, accepted.std)
+        placed, theta, std = accepted.placed, accepted.theta, accepted.std
+        whole = replace(
+            accepted,
+            placed=tuple(placed[i] for i in turned),
+            theta=tuple(theta[i] for i in turned),
+            std=tuple(std[i] for i in turned),
         )
-        whole = replace(accepted, placed=placed, theta=theta, std=std)
         rest = [r for r in ranked if r not in own]
         ranked = by_evidence(
             [(r.fitted, r.choice) for r in (Ranked(whole, 0.0, choice), *rest)], others, problem
