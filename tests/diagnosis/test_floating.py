@@ -18,7 +18,9 @@ from excite.diagnosis.floating.effects.registry import FLOATING_EFFECTS
 from excite.diagnosis.floating.equations.problem import Problem, build_problem, find_unloaded
 from excite.diagnosis.floating.equations.record import FloatingRecord, prepare_record
 from excite.diagnosis.floating.equations.state import State
+from excite.diagnosis.floating.search.ranking import Ranked
 from excite.diagnosis.floating.search.refinement import Placed, nominal_fit, refine
+from excite.diagnosis.floating.search.together import needed
 from excite.errors import LogError
 from excite.logs.files import load_log
 from excite.logs.log import Log
@@ -121,6 +123,20 @@ def test_a_wrong_gain_is_named_and_measured(record: FloatingRecord) -> None:
         "left_plate.fz",
     )
     assert found.accepted.theta[0][0] == pytest.approx(0.02, abs=0.001)
+
+
+def test_what_a_later_effect_makes_superfluous_is_dropped(record: FloatingRecord) -> None:
+    gained = with_readings(record.thinned(), "left_plate", lambda x: x * np.array([1, 1, 1.02, 1, 1, 1]))
+    problem = build_problem(gained)
+    baseline = nominal_fit(problem)
+    pull = Placed(FLOATING_EFFECTS["external_force"], "torso_2_link")
+    gain = Placed(FLOATING_EFFECTS["sensor_gain"], "left_plate.fz")
+    one = refine(problem, (pull,), (np.zeros(8),), baseline)
+    assert baseline.power - one.power > 1000.0
+    both = refine(problem, (pull, gain), (*one.theta, np.array([0.01])), one)
+    kept = needed(problem, ((Ranked(one, 500.0),), (Ranked(both, 500.0),)), baseline)
+    assert [item.effect.name for item in kept[-1][0].fitted.placed] == ["sensor_gain"]
+    assert len(kept) == 1
 
 
 def test_a_foot_in_the_air_tells_the_bias(gap_dir: Path) -> None:

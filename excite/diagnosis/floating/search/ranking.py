@@ -64,19 +64,18 @@ class Ranker:
 
     Attributes:
         problem: the problem.
-        coarse: the same with every other sample.
     """
 
     def __init__(self, problem: Problem):
         self.problem = problem
-        self.coarse = build_problem(problem.record.thinned())
-        self._known: dict[frozenset[tuple[FloatingEffect, str]], tuple[Ranked, ...]] = {}
+        self._coarse = build_problem(problem.record.thinned())
+        self._known: dict[tuple[tuple[FloatingEffect, str], ...], tuple[Ranked, ...]] = {}
 
     def __call__(self, current: Fitted) -> tuple[Ranked, ...]:
         """All effects at all places added to ``current``, best evidence first (:func:`rank_next`)."""
-        accepted = frozenset((item.effect, item.location) for item in current.placed)
+        accepted = tuple((item.effect, item.location) for item in current.placed)
         if accepted not in self._known:
-            self._known[accepted] = rank_next(self.problem, self.coarse, current)
+            self._known[accepted] = rank_next(self.problem, self._coarse, current)
         return self._known[accepted]
 
 
@@ -111,7 +110,7 @@ def rank_next(problem: Problem, coarse: Problem, current: Fitted) -> tuple[Ranke
 
 def by_evidence(fits: list[tuple[Fitted, float]], current: Fitted, problem: Problem) -> tuple[Ranked, ...]:
     """Fits, each with what the number of its places costs, ranked by evidence over ``current``, best first."""
-    over = overdispersion(problem, min((fit for fit, _ in fits), key=lambda fit: fit.power))
+    over = _overdispersion(problem, min((fit for fit, _ in fits), key=lambda fit: fit.power))
     ranked = []
     for fit, choice in fits:
         gain = 0.5 * (current.power - fit.power) / over
@@ -119,7 +118,7 @@ def by_evidence(fits: list[tuple[Fitted, float]], current: Fitted, problem: Prob
     return tuple(sorted(ranked, key=lambda item: -item.evidence))
 
 
-def overdispersion(problem: Problem, fitted: Fitted) -> float:
+def _overdispersion(problem: Problem, fitted: Fitted) -> float:
     """Variance of what a fit leaves over that of noise, times that by which it is fewer numbers than noise is.
 
     What a wrong form leaves sits in a few frequencies: as many numbers as make its kurtosis that of a Gaussian

@@ -1,245 +1,159 @@
-"""Which effects together: the selection over all that may be there, each polished beside the others."""
+"""Which effects together: one by one, from several beginnings where one is not enough, and none that is not needed."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
-import numpy as np
-
-from excite.arrays import Array
 from excite.diagnosis.floating.answer import held_out_gain
 from excite.diagnosis.floating.equations.problem import Problem
-from excite.diagnosis.floating.search.ranking import (
-    DECISIVE,
-    NOISE_SLACK,
-    Ranked,
-    Ranker,
-    by_evidence,
-    overdispersion,
-)
-from excite.diagnosis.floating.search.refinement import (
-    Fitted,
-    Placed,
-    effect_columns,
-    explained_state,
-    nominal_fit,
-    refine,
-)
-from excite.diagnosis.selection import sampler
+from excite.diagnosis.floating.search.ranking import DECISIVE, NOISE_SLACK, Ranked, Ranker, by_evidence
+from excite.diagnosis.floating.search.refinement import Fitted, Placed, nominal_fit, refine
 from excite.progress import step
 
-# Nats that an effect must have, after the number of places is paid for, to be there at all.
+# Evidence, after the number of places is paid for, that an effect must have to be there at all.
 SIGNIFICANT = 8.0
-# Share of the power above the noise that an effect must close, of what is open without it and of all; more where
-# another of its kind is there, since that is what an approximate form leaves behind.
-_OF_OPEN, _OF_ALL, _SAME_OF_ALL = 0.3, 0.002, 0.1
-# Nats where the others leave no more than noise may be.
+# The same for an effect within what the noise may be, after another that explains all above it.
 _WITHIN_NOISE = 25.0
+# A further effect must close this share of the power above the noise that is still open, and of all of it;
+# more where one of its kind is accepted already, since that is what an approximate form leaves behind.
+_FURTHER_SHARE, _FURTHER_OF_ALL, _SAME_OF_ALL = 0.3, 0.002, 0.1
+# A further effect that closes this share of what is still open need not be large beside the others.
+_CLOSES_ALL = 0.85
+_MOST_EFFECTS = 3
+# Effects from which a search for several begins, and what each must close at least of what the best closes.
+_BEGINNINGS, _CLOSES = 2, 0.5
+# Share of the open power below which what was found is not worth a second look.
+_HOPEFUL = 0.7
 # Where a form is seen to be wrong, others that leave this share more are as wrong as it is.
 FORM_DOUBT = 0.1
 # Share of the noise's power by which noise in the regressors' kinematics prefers one place to another.
 _LITTLE_OF_NOISE = 0.1
-_TURNS, _PER_MODEL, _MOST_EFFECTS = 5, 16, 3
-# Deviation of what of a polished contribution no parameter changes, in units of itself.
-_POLISHED = 0.02
-
-Step = tuple[Ranked, ...]
 
 
 @step("look for effects")
 def search(ranker: Ranker, baseline: Fitted) -> tuple[Step, ...]:
     """Effects that explain a record, each with its rivals, the accepted one first.
 
-    By turns, what may be there is polished beside the likeliest model and beside each that lacks one of its effects;
-    the likeliest model of all these comes next. So an effect that imitates two a little gives way to both.
+    Of two effects the first to be found may be one that imitates both a little. So where one effect leaves more
+    than noise, each of the leading names is tried as the first, and the pair decides; then each meets its rivals
+    again. Where it leaves no more than noise may be, a further one must be all the clearer.
 
     Args:
         ranker: of the problem.
         baseline: the baseline's fit.
     """
-    problem, current, models = ranker.problem, baseline, [baseline]
-    pool: dict[int, _Atom] = {}
-    for _ in range(_TURNS):
-        rests = [_without(problem, current, k) for k in range(len(current.placed))]
-        for beside in (current, *rests, *(_rival(ranker(rest), current) for rest in rests if rest.placed)):
-            for item in ranker(beside)[:_PER_MODEL]:
-                pool.setdefault(id(item), _Atom.of(ranker.coarse, item))
-        current = _needed(problem, _likeliest(ranker, baseline, current, [*pool.values()]), baseline)
-        known = any(_places(current) == _places(model) for model in models)
-        models.append(current)
-        if known:
+    problem = ranker.problem
+    first = _step(ranker, baseline, baseline)
+    if first is None:
+        return ()
+    chains: list[tuple[Step, ...]] = []
+    for start in [first] if _enough(problem, first[0].fitted) else _beginnings(first, baseline):
+        second = _step(ranker, start[0].fitted, baseline)
+        chains.append((start,) if second is None else (start, second))
+    n = len(problem.nominal_rows)
+    over = max(1.0, min(chain[-1][0].fitted.power for chain in chains) / n)
+    chain = max(chains, key=lambda chain: _evidence(chain, baseline, over))
+    while len(chain) > 1 and chain[-1][0].fitted.power - n < (1.0 - _HOPEFUL) * (baseline.power - n):
+        chain = _settled(ranker, chain, baseline)
+        if len(chain) == _MOST_EFFECTS or _enough(problem, chain[-1][0].fitted):
             break
-    return _steps(ranker, current)
+        further = _step(ranker, chain[-1][0].fitted, baseline)
+        if further is None:
+            break
+        chain = (*chain, further)
+    return chain
 
 
-def _rival(ranked: Sequence[Ranked], current: Fitted) -> Fitted:
-    """The likeliest of what stands in an effect's place under a name that the model has not; the model if none."""
-    names = {item.effect.name for item in current.placed}
-    return next((item.fitted for item in ranked if item.last.effect.name not in names), current)
+def _settled(ranker: Ranker, chain: tuple[Step, ...], baseline: Fitted) -> tuple[Step, ...]:
+    """The chain after exchanges, without what they have made superfluous."""
+    while True:
+        before = len(chain)
+        chain = needed(ranker.problem, exchanged(ranker, chain), baseline)
+        if len(chain) == before:
+            return chain
 
 
-def _places(fitted: Fitted) -> set[tuple[str, str]]:
-    return {(item.effect.word, item.location) for item in fitted.placed}
+def _step(ranker: Ranker, current: Fitted, baseline: Fitted) -> Step | None:
+    """The best further effect and its rivals; None if none is worth it."""
+    problem, ranked = ranker.problem, ranker(current)
+    if not ranked or not _worthwhile(ranked[0], current, baseline, len(problem.nominal_rows)):
+        return None
+    return ranked if held_out_gain(problem, current, ranked[0].fitted) > 0.0 else None
 
 
-def _without(problem: Problem, fitted: Fitted, k: int) -> Fitted:
-    """A fit without one of its effects."""
-    placed, theta = fitted.placed[:k] + fitted.placed[k + 1 :], fitted.theta[:k] + fitted.theta[k + 1 :]
-    return refine(problem, placed, theta, fitted) if placed else nominal_fit(problem)
+def _enough(problem: Problem, fitted: Fitted) -> bool:
+    return fitted.power < NOISE_SLACK * len(problem.nominal_rows)
 
 
-@dataclass(frozen=True, eq=False)
-class _Atom:
-    """What an effect makes of the rows, polished beside others.
-
-    Attributes:
-        item: the effect among its rivals.
-        columns: ``(m, 1 + k)`` whitened: what no change of its parameters makes, then these in units of their scales.
-    """
-
-    item: Ranked
-    columns: Array
-
-    @classmethod
-    def of(cls, problem: Problem, item: Ranked) -> _Atom:
-        """The last effect of a fit, beside the others in it."""
-        fitted, placed, theta = item.fitted, item.last, item.fitted.theta[-1]
-        others = replace(fitted, placed=fitted.placed[:-1], theta=fitted.theta[:-1])
-        state = explained_state(problem, others)
-        columns = effect_columns(problem, state, placed.effect, placed.location, theta)
-        made = problem.rows(state) - problem.rows(placed.effect.apply(state, placed.location, theta))
-        scaled = theta / placed.effect.scales(problem.nominal, placed.location)
-        return cls(item, np.column_stack([made - columns @ scaled, columns]))
-
-    @property
-    def group(self) -> tuple[str, str]:
-        """Of which at most one is in a model: an effect at a place."""
-        return self.item.last.effect.name, self.item.last.location
-
-
-def _likeliest(ranker: Ranker, baseline: Fitted, current: Fitted, pool: Sequence[_Atom]) -> Fitted:
-    """The likeliest model of what is in a pool, fitted together, in noise as loud as the best one leaves."""
-    atoms = sorted(pool, key=lambda atom: atom.group)
-    if not atoms:
-        return baseline
-    least = min((current, *(atom.item.fitted for atom in atoms)), key=lambda fit: fit.power)
-    posed = _posed(ranker.coarse, atoms, overdispersion(ranker.problem, least))
-    mode = sampler.climb(posed, np.full(len(posed.begin), -1, dtype=np.int64))
-    lost = {}
-    for g in np.flatnonzero(mode >= 0):
-        rest = np.where(np.arange(len(mode)) == g, -1, mode)
-        lost[int(mode[g])] = float(sampler.gains_beside(posed, rest)[mode[g]])
-    chosen = [atoms[a].item for a in sorted(lost, key=lambda a: -lost[a])[:_MOST_EFFECTS]]
-    if not chosen:
-        return baseline
-    theta = tuple(item.fitted.theta[-1] for item in chosen)
-    return refine(ranker.problem, tuple(item.last for item in chosen), theta, current)
-
-
-def _posed(problem: Problem, atoms: Sequence[_Atom], over: float) -> sampler.Problem:
-    """The selection problem of atoms that stand group by group, in noise of ``over`` times the power expected."""
-    columns = np.hstack([atom.columns for atom in atoms])
-    rows = problem.nominal_rows
-    shadow, seen = problem.project(columns), problem.project(rows)
-    width = np.array([atom.columns.shape[1] for atom in atoms], dtype=np.int64)
-    first = np.cumsum(width) - width
-    precision, mean = np.ones(len(columns.T)), np.zeros(len(columns.T))
-    precision[first], mean[first] = _POLISHED**-2.0, 1.0
-    groups = list(dict.fromkeys(atom.group for atom in atoms))
-    group = np.array([groups.index(atom.group) for atom in atoms], dtype=np.int64)
-    count = np.bincount(group)
-    odds = [-SIGNIFICANT - atom.item.choice - atom.item.last.effect.price for atom in atoms]
-    free = np.full(len(mean), 1e30)
-    return sampler.Problem(
-        gram=np.ascontiguousarray((columns.T @ columns - shadow.T @ shadow) / over),
-        right=(columns.T @ rows - shadow.T @ seen) / over + precision * mean,
-        precision=precision,
-        constant=-0.5 * precision * mean**2,
-        low=-free,
-        high=free,
-        mass=np.zeros(len(mean)),
-        first=first,
-        width=width,
-        group=group,
-        log_prior=np.array(odds),
-        begin=np.cumsum(count) - count,
-        n_atoms=count,
-        needs=np.full(len(count), -1, dtype=np.int64),
+def _worthwhile(best: Ranked, current: Fitted, baseline: Fitted, n: int) -> bool:
+    if not current.placed:
+        return best.evidence >= SIGNIFICANT
+    closed = current.power - best.fitted.power
+    known = any(_alike(item, best.last) for item in current.placed)
+    if current.power < NOISE_SLACK * n:
+        return best.evidence >= _WITHIN_NOISE and not known
+    if closed > _CLOSES_ALL * (current.power - n) and not known:
+        # What is left by an approximate form is hardly ever all of another effect's.
+        return best.evidence >= _WITHIN_NOISE
+    of_all = _SAME_OF_ALL if known else _FURTHER_OF_ALL
+    return (
+        best.evidence >= SIGNIFICANT
+        and closed > _FURTHER_SHARE * (current.power - n)
+        and closed > of_all * (baseline.power - n)
     )
 
 
-def _needed(problem: Problem, fitted: Fitted, baseline: Fitted) -> Fitted:
-    """A fit without effects that the others make superfluous, the least needed first."""
-    while fitted.placed:
-        rests = [_without(problem, fitted, k) for k in range(len(fitted.placed))]
-        spared = [k for k, rest in enumerate(rests) if not _is_needed(problem, fitted, rest, k, baseline)]
-        if not spared:
-            break
-        fitted = rests[min(spared, key=lambda k: rests[k].power)]
-    if len(fitted.placed) < 2:
-        return fitted
-    order = sorted(range(len(fitted.placed)), key=lambda k: -rests[k].power)
-    placed, theta = tuple(fitted.placed[k] for k in order), tuple(fitted.theta[k] for k in order)
-    return refine(problem, placed, theta, fitted)
-
-
-def _is_needed(problem: Problem, fitted: Fitted, rest: Fitted, k: int, baseline: Fitted) -> bool:
-    """Whether an effect closes what counts beside the others, on the trials that check it too."""
-    n, item = len(problem.nominal_rows), fitted.placed[k]
-    others = fitted.placed[:k] + fitted.placed[k + 1 :]
-    closed, left = rest.power - fitted.power, max(0.0, rest.power - n)
-    nats = 0.5 * closed / max(1.0, fitted.power / n) - (fitted.price - rest.price)
-    within = bool(others) and rest.power < NOISE_SLACK * n
-    if nats < (_WITHIN_NOISE if within else SIGNIFICANT) or closed < item.effect.least_shrink * n:
-        return False
-    if others and not within:
-        of_all = _SAME_OF_ALL if any(_is_alike(other, item) for other in others) else _OF_ALL
-        if closed < max(_OF_OPEN * left, of_all * (baseline.power - n)):
-            return False
-    return held_out_gain(problem, rest, fitted) > 0.0
-
-
-def _is_alike(found: Placed, further: Placed) -> bool:
+def _alike(found: Placed, further: Placed) -> bool:
     """Whether a further effect may be what an approximate form of one that was found leaves."""
-    same_place = found.location == further.location
-    return found.effect.name == further.effect.name or (
-        same_place and further.effect.name in found.effect.leaves
-    )
+    if found.effect.name == further.effect.name:
+        return True
+    return found.location == further.location and further.effect.name in found.effect.leaves
 
 
-def _steps(ranker: Ranker, accepted: Fitted) -> tuple[Step, ...]:
-    """For each effect of a fit its rivals beside the others, itself first; the last step's first fit is the whole."""
-    problem, steps = ranker.problem, []
-    for k, item in enumerate(accepted.placed):
-        others = _without(problem, accepted, k)
-        ranked = ranker(others)
-        own = [
-            r for r in ranked if (r.last.effect.word, r.last.location) == (item.effect.word, item.location)
-        ]
-        choice = own[0].choice if own else 0.0
-        turned = [i for i in range(len(accepted.placed)) if i != k] + [k]
-        placed, theta, std = accepted.placed, accepted.theta, accepted.std
-        whole = replace(
-            accepted,
-            placed=tuple(placed[i] for i in turned),
-            theta=tuple(theta[i] for i in turned),
-            std=tuple(std[i] for i in turned),
-        )
-        rest = [r for r in ranked if r not in own]
-        ranked = by_evidence(
-            [(r.fitted, r.choice) for r in (Ranked(whole, 0.0, choice), *rest)], others, problem
-        )
-        mine = next(r for r in ranked if r.fitted is whole)
-        steps.append((mine, *(r for r in ranked if r is not mine)))
-    return tuple(steps)
+def _beginnings(step: Step, baseline: Fitted) -> list[Step]:
+    """The leading names, each with those rivals that it beats or that are of its kind."""
+    least = _CLOSES * (baseline.power - min(item.fitted.power for item in step))
+    begun: dict[str, Step] = {}
+    for k, item in enumerate(step):
+        name = item.last.effect.name
+        if name not in begun and baseline.power - item.fitted.power >= least:
+            others = [r for r in step[:k] if r.last.effect.name == name]
+            begun[name] = (item, *others, *(r for r in step[k + 1 :]))
+    return list(begun.values())[:_BEGINNINGS]
+
+
+def _evidence(chain: tuple[Step, ...], baseline: Fitted, over: float) -> float:
+    last = chain[-1][0].fitted
+    places = sum(step[0].choice for step in chain)
+    return 0.5 * (baseline.power - last.power) / over - last.price - places
+
+
+def needed(problem: Problem, chain: tuple[Step, ...], baseline: Fitted) -> tuple[Step, ...]:
+    """The chain without effects that those found after them have made superfluous."""
+    n, k = len(problem.nominal_rows), 0
+    while k < len(chain) - 1:
+        full = chain[-1][0].fitted
+        rest = [i for i in range(len(full.placed)) if i != k]
+        placed, theta = tuple(full.placed[i] for i in rest), tuple(full.theta[i] for i in rest)
+        without = refine(problem, placed, theta, full)
+        lost = 0.5 * (without.power - full.power) / max(1.0, full.power / n)
+        lost -= full.price - without.price + chain[k][0].choice
+        within = without.power < NOISE_SLACK * n
+        little = without.power - full.power < _FURTHER_OF_ALL * (baseline.power - n) and not within
+        if lost < (_WITHIN_NOISE if within else SIGNIFICANT) or little:
+            last = (replace(chain[-1][0], fitted=without), *chain[-1][1:])
+            chain = (*chain[:k], *chain[k + 1 : -1], last)
+            k = 0
+        else:
+            k += 1
+    return chain
 
 
 def tied_places(step: Step, n: int) -> tuple[str, ...]:
     """Places that the data cannot tell from the accepted effect's, itself first.
 
     Args:
-        step: an effect's rivals, the accepted one first.
+        step: an effect's rivals, best first.
         n: number of whitened numbers.
     """
     best = step[0]
@@ -264,3 +178,55 @@ def _untold(item: Ranked, best: Ranked, n: int) -> bool:
     left = best.fitted.power - n
     misfit = FORM_DOUBT * left if best.fitted.power > NOISE_SLACK * n else 0.0
     return item.evidence > best.evidence - DECISIVE or item.fitted.power - best.fitted.power < misfit
+
+
+# Exchange moves: each of several effects against all its rivals, with the others in place.
+
+Step = tuple[Ranked, ...]
+
+_ROUNDS = 3
+
+
+def exchanged(ranker: Ranker, chain: tuple[Step, ...]) -> tuple[Step, ...]:
+    """The chain after every effect has met its rivals again.
+
+    What was found first was found while the others still disturbed the fit: its name or place may be one that
+    imitates a little of them all. So each in turn is taken out and sought again, until a round changes nothing
+    (sequential replacement, Miller 2002).
+
+    Args:
+        ranker: of the problem.
+        chain: effects in the order in which they were accepted.
+
+    Returns:
+        For each effect, in that order, its rivals given all the others, the accepted one first; the last step's
+        first fit holds them all in that order.
+    """
+    for _ in range(_ROUNDS):
+        before = [_place(step[0]) for step in chain]
+        for _ in before:
+            chain = (*chain[1:], _sought_again(ranker, chain))
+        if [_place(step[0]) for step in chain] == before:
+            break
+    return chain
+
+
+def _sought_again(ranker: Ranker, chain: tuple[Step, ...]) -> Step:
+    """Rivals of the first effect given the others, itself among them as the last."""
+    problem = ranker.problem
+    full, first = chain[-1][0].fitted, chain[0][0]
+    placed, theta = (*full.placed[1:], full.placed[0]), (*full.theta[1:], full.theta[0])
+    if len(placed) > 1:
+        others = refine(problem, placed[:-1], theta[:-1], full)
+    else:
+        others = nominal_fit(problem)
+    present = Ranked(refine(problem, placed, theta, full), 0.0, first.choice)
+    found = ranker(others)
+    same = [present, *(item for item in found if _place(item) == _place(present))]
+    best = min(same, key=lambda item: 0.5 * item.fitted.power + item.fitted.price)
+    rivals = [item for item in found if _place(item) != _place(present)]
+    return by_evidence([(item.fitted, item.choice) for item in (best, *rivals)], others, problem)
+
+
+def _place(item: Ranked) -> tuple[str, str]:
+    return item.last.effect.name, item.last.location
