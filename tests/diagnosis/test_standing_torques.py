@@ -61,14 +61,6 @@ def test_a_weak_drive_is_named_and_judged_on_a_motion_of_another_kind(
     assert found.curves is not None and found.curves.trial == _JUDGES
 
 
-def test_of_two_effects_both_are_named_and_measured(diagnosed: Callable[..., Diagnosis]) -> None:
-    found = diagnosed("torque_gain:RR_thigh_joint:0.8", "torque_gain:FL_calf_joint:1.25")
-    told = {(e.effect, e.location): e.parameters for e in found.effects}
-    assert set(told) == {("torque_gain", "RR_thigh_joint"), ("torque_gain", "FL_calf_joint")}
-    for (_, joint), true in zip(sorted(told), (1.25, 0.8), strict=True):
-        assert told["torque_gain", joint]["gain"].value == pytest.approx(true, abs=0.03)
-
-
 def test_where_nothing_is_nothing_is_named(diagnosed: Callable[..., Diagnosis]) -> None:
     assert diagnosed().verdict == "none"
 

@@ -33,6 +33,7 @@ class DriveTerm(FloatingEffect):
 
     law: ClassVar[Effect]
     says = Beyond.READINGS
+    exact = True
     seen_by = frozenset({Reads.TORQUES})
 
     def __init_subclass__(cls) -> None:

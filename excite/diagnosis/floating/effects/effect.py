@@ -102,6 +102,7 @@ class FloatingEffect(ABC):
         least_shrink: share of the noise's power that it must take away as well, however significant it looks:
             noise in the regressors' kinematics lets a fit to a clean record shrink it a little, and more so
             where the columns are made of accelerations.
+        exact: whether its form is, so that it leaves nothing that another of its name would take up.
         seen_by: what has to be read for it to show.
         rough_steps: iterations before it is first compared with others.
         price: what must be paid for what was learnt of it from the record before its parameters [nats].
@@ -116,6 +117,7 @@ class FloatingEffect(ABC):
     says: ClassVar[Part | Beyond]
     mujoco: ClassVar[str] = ""
     least_shrink: ClassVar[float] = 0.1
+    exact: ClassVar[bool] = False
     seen_by: ClassVar[frozenset[Reads]] = frozenset({Reads.WRENCHES})
     rough_steps: ClassVar[int] = 4
     price: float = 0.0
