@@ -228,10 +228,14 @@ def diagnose_log(
     if call.out is not None:
         document |= stated_origin(robot or "", log, call.out)
         summary += f"\nreport: {_save_diagnosis(result, document, call.out)}"
-    call.emit_result(summary, document, then=_next_of_diagnosis(robot, log, apply, document))
+    # Those of a base that moves are written into no robot.
+    writable = len(result.changes) > 1
+    call.emit_result(summary, document, then=_next_of_diagnosis(robot, log, apply, document, writable))
 
 
-def _next_of_diagnosis(robot: str | None, log: Path, apply: Path | None, document: dict[str, Any]) -> str:
+def _next_of_diagnosis(
+    robot: str | None, log: Path, apply: Path | None, document: dict[str, Any], writable: bool = True
+) -> str:
     """What to go on with: the effects written into the robot, the gap that is left with them, or nothing."""
     applied = document.get("applied")
     if applied is not None and applied["left_out"] and len(applied["left_out"]) >= len(document["effects"]):
@@ -239,7 +243,7 @@ def _next_of_diagnosis(robot: str | None, log: Path, apply: Path | None, documen
         return ""
     if apply is not None and document["verdict"] != "none":
         return command_line("diagnose", log, "--robot", apply / "robot.yaml", "--out", "second")
-    if document["effects"]:
+    if writable:
         return command_line("diagnose", log, "--apply", "better", "--out", "first")
     from excite.logs.header import header_path, read_header  # lazy: pydantic
     from excite.report.conclusions import identify_fitted  # lazy: pydantic

@@ -118,14 +118,7 @@ def _diagnosed(robot: Robot, chart: Chart, rng: np.random.Generator, folder: Pat
             return diagnose_commands(robot, loaded, rng, folder)
         verb = diagnose_currents if loaded.header.torque == "current" else diagnose_arm
         return verb(robot, loaded, rng, folder)
-    if loaded.header.sensors:
-        return diagnose_floating(loaded, robot, rng, folder)
-    raise InputError(
-        f"a log with base {loaded.header.base} and no sensors is not diagnosed",
-        field="sensors",
-        remedy="excite identify names links that differ; for drives and the rest record it held in a stand "
-        "(base: held), or log the contact wrenches",
-    )
+    return diagnose_floating(loaded, robot, rng, folder)
 
 
 def baseline_of(chart: Chart) -> tuple[str, ...]:

@@ -22,7 +22,6 @@ from excite.diagnosis.floating.search.refinement import (
     nominal_fit,
     refine,
 )
-from excite.logs.columns import WRENCH_AXES
 from excite.logs.signals.spectrum import welch_spectrum
 
 # Curves of the wrench on the base.
@@ -43,8 +42,8 @@ def trial_curves(problem: Problem, before: Fitted, after: Fitted) -> Curves:
     return Curves(
         trial=record.trials[chosen],
         validation=record.validation[chosen],
-        channels=tuple(WRENCH_AXES),
-        units=UNITS,
+        channels=tuple(problem.nominal.channels),
+        units=tuple(problem.nominal.channels.values()),
         time=np.arange(len(measured)) / record.rate_hz,
         measured=measured,
         before=measured - explained_state(problem, before).residual[span],
@@ -53,8 +52,6 @@ def trial_curves(problem: Problem, before: Fitted, after: Fitted) -> Curves:
 
 
 # How far the gap shrinks on the validation trials, wrench component by component.
-
-UNITS = ("N",) * 3 + ("N·m",) * 3
 
 
 def residual_of(problem: Problem, fitted: Fitted) -> Array:
@@ -98,9 +95,9 @@ def gap_of(problem: Problem, before: Fitted, after: Fitted, rng: np.random.Gener
             float(np.sqrt((old[:, i] ** 2).mean())),
             float(np.sqrt((new[:, i] ** 2).mean())),
             float(floor[i]),
-            UNITS[i],
+            unit,
         )
-        for i, axis in enumerate(WRENCH_AXES)
+        for i, (axis, unit) in enumerate(problem.nominal.channels.items())
     }
     return Gap(start, end, noise_size, share, channels, interval)
 
@@ -235,7 +232,7 @@ def left_by_parameters(
 
 def _in_samples(problem: Problem, fitted: Fitted) -> Array:
     """``(n, 6, p + k)`` minus the derivative of the residual by the baseline's and the effects' scaled parameters."""
-    parts = [explained_state(problem, fitted).regressor[:, :, problem.index] * problem.scales]
+    parts = [problem.error_columns]
     state = problem.state(fitted.delta)
     for item, theta in zip(fitted.placed, fitted.theta, strict=True):
         effect, place = item.effect, item.location
@@ -248,20 +245,20 @@ def _in_samples(problem: Problem, fitted: Fitted) -> Array:
 
 
 def held_out_gain(problem: Problem, without: Fitted, candidate: Fitted) -> float:
-    """What a further effect takes away from the validation trials' sum of squares, fitted to the others.
+    """Nats by which a further effect, learnt from the other trials, makes the validation trials likelier.
 
-    Positive infinity where there are no validation trials: nothing speaks against it.
+    The predictive likelihood of one part given another is the evidence of all less that of the other, so that what
+    few trials leave open of all parameters is no reproach to either model. Positive infinity where there are no
+    validation trials: nothing speaks against it.
     """
     if not problem.validation.any() or problem.validation.all():
         return float("inf")
     restricted = problem.identification_only
-    baseline = nominal_fit(restricted)
-    powers = []
+    baseline, nats = nominal_fit(restricted), []
     for fitted in (without, candidate):
         alone = refine(restricted, fitted.placed, fitted.theta, fitted) if fitted.placed else baseline
-        rows = problem.rows(explained_state(problem, alone))
-        powers.append(float((rows[problem.validation] ** 2).sum()))
-    return powers[0] - powers[1]
+        nats.append(0.5 * (alone.power - fitted.power) + alone.price - fitted.price)
+    return nats[1] - nats[0]
 
 
 # Where a gap lies: wrench component by component.
@@ -279,7 +276,7 @@ def locate(problem: Problem, fitted: Fitted) -> tuple[Where, ...]:
     total = max(float(power.sum()), 1e-300)
     features = _features(problem, state)
     lines = []
-    for i, axis in enumerate(WRENCH_AXES):
+    for i, axis in enumerate(problem.nominal.channels):
         dependence = {what: _explained(columns, residual[:, i]) for what, columns in features.items()}
         best = max(dependence, key=lambda what: dependence[what])
         lines.append(

@@ -23,7 +23,7 @@ from excite.diagnosis.floating.equations.state import State, cross
 from excite.diagnosis.floating.search.ranking import DECISIVE, NOISE_SLACK, Ranked, Ranker
 from excite.diagnosis.floating.search.refinement import Fitted, Placed, explained_state, nominal_fit, refine
 from excite.diagnosis.floating.search.together import FORM_DOUBT, Step, rivals, search, tied_places
-from excite.diagnosis.floating.simulator import simulated
+from excite.diagnosis.floating.simulator import NO_ROLLOUTS, simulated
 from excite.logs.columns import WRENCH_AXES
 from excite.logs.log import Log
 from excite.robot.robot import Robot
@@ -80,8 +80,9 @@ def attribute(problem: Problem) -> Attribution:
     verdict = _verdict(problem, baseline, steps, close, explained, n)
     if verdict in {"effect", "ambiguous"} and _nameless(problem, current):
         verdict = "unknown"
+    wrong = problem.record.robot.sensors and steps and current.power > _WRONG_FORM * n
     patched = current.power > NOISE_SLACK * n and _patches(steps, tied)
-    if patched or (steps and current.power > _WRONG_FORM * n and misread_channels(problem, baseline)):
+    if patched or (wrong and misread_channels(problem, baseline)):
         verdict = "unknown"
     return Attribution(verdict, baseline, steps, _partial(problem, current), close, tied, over, explained)
 
@@ -230,14 +231,14 @@ def _misread(problem: Problem, fitted: Fitted, left: _Open) -> tuple[str, ...]:
 def _open(problem: Problem, fitted: Fitted) -> _Open:
     record, state = problem.record, explained_state(problem, fitted)
     few = slice(None, None, max(1, int(record.rate_hz / (2.0 * BAND_HZ))))
-    colour = np.asarray(np.linalg.cholesky(record.sensor_noise), dtype=float)
+    colour = np.asarray(np.linalg.cholesky(problem.nominal.white_noise), dtype=float)
     factor = np.linalg.inv(colour)
     white = in_band(record, state.residual)[few] @ factor.T
     thin = state.replace(q=state.q[few])
     if not record.inertials_free:
         return _Open(thin, few, white, np.zeros((*white.shape, 0)), colour)
-    regressor = problem.nominal.regressor[:, :, problem.index] * problem.scales
-    columns = in_band(record, regressor.reshape(len(regressor), -1)).reshape(regressor.shape)[few]
+    columns = problem.error_columns
+    columns = in_band(record, columns.reshape(len(columns), -1)).reshape(columns.shape)[few]
     columns = factor @ columns
     white = white + columns @ (fitted.delta[problem.index] / problem.scales)
     u, s, _ = np.linalg.svd(columns.reshape(-1, columns.shape[2]), full_matrices=False)
@@ -263,7 +264,7 @@ def _beside_reading(problem: Problem, fitted: Fitted, channel: str) -> float:
 
     left = across(state.residual[:, :, None])[:, :, 0].ravel()
     if record.inertials_free:
-        design = across(problem.nominal.regressor[:, :, problem.index] * problem.scales)
+        design = across(problem.error_columns)
         left = left + (design @ (fitted.delta[problem.index] / problem.scales)).ravel()
         rows = design.reshape(len(left), -1)
         gram = rows.T @ rows + np.eye(rows.shape[1])
@@ -366,7 +367,7 @@ def diagnosis_of(
     gap = gap_of(problem, analysis.before, analysis.after, rng)
     first = found.steps[0] if found.steps and accepted.placed else ()
     tied = found.tied[0] if first else ()
-    if found.verdict == "unknown":
+    if found.verdict == "unknown" and problem.record.robot.sensors:
         tied = unknown_places(learnt, found.baseline)
     return Diagnosis(
         robot=problem.record.robot.name,
@@ -378,7 +379,9 @@ def diagnosis_of(
         effects=_effects(learnt, found, gap) if accepted.placed else (),
         gap=gap,
         where=locate(learnt, found.baseline),
-        simulation=simulated(problem, analysis.before, analysis.after, rng, out),
+        simulation=simulated(problem, analysis.before, analysis.after, rng, out)
+        if problem.record.robot.sensors
+        else NO_ROLLOUTS,
         n_tied=len(found.rivals) if found.verdict == "ambiguous" else 0,
         next_experiment=_next(found),
         warnings=_warnings(problem, found),
@@ -494,7 +497,7 @@ def _warnings(problem: Problem, found: Attribution) -> tuple[str, ...]:
         notes.append("no repeated trial: the noise is taken from above the motion's band alone")
     if not problem.repeatability.repeatable:
         notes.append("repeated trials differ by more than noise: something outside the log acts on the robot")
-    if not problem.unloaded.sensors:
+    if problem.record.robot.sensors and not problem.unloaded.sensors:
         notes.append(
             "no foot is ever in the air: a constant sensor bias looks like a constant external force"
         )

@@ -331,6 +331,15 @@ class Reloaded:
         return np.array([self._simulator.run(w, noise.wrench, noise.start[w.start]) for w in windows])
 
 
+NO_ROLLOUTS = Rollout(
+    {},
+    {},
+    HORIZON_S,
+    None,
+    warnings=("no roll-outs: the forces at the feet, which drive them, are not measured",),
+)
+
+
 @step("roll out in the simulator")
 def simulated(
     problem: Problem, before: Fitted, after: Fitted, rng: np.random.Generator, out: Path | None

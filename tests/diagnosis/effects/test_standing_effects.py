@@ -10,7 +10,14 @@ import pytest
 from excite.arrays import Array
 from excite.diagnosis.answer.effect_summary import effect_summaries
 from excite.diagnosis.effects.registry import EFFECTS
-from excite.diagnosis.floating.effects.effect import Beyond, FloatingEffect, Part, StandingNote, segment_of
+from excite.diagnosis.floating.effects.effect import (
+    Beyond,
+    FloatingEffect,
+    Part,
+    Reads,
+    StandingNote,
+    segment_of,
+)
 from excite.diagnosis.floating.effects.forces import PressedContact, Surface, UnloggedContact
 from excite.diagnosis.floating.effects.registry import EVERY_FORM
 from excite.diagnosis.floating.equations.problem import Problem, build_problem
@@ -22,6 +29,7 @@ from excite.errors import InputError
 from excite.logs.files import load_log
 from excite.logs.vocabulary import EFFECTS as WORDS
 
+FORMS = [word for word, effect in EVERY_FORM.items() if Reads.WRENCHES in effect.seen_by]
 # A TALOS over plates, its nominal inertials given and right.
 _CASE = "case_013"
 # A roll-out of a bit more than a second, and of how many metres a radian counts as much in it.
@@ -77,7 +85,7 @@ def with_effect(problem: Problem, effect: FloatingEffect, location: str, theta: 
     return Fitted(placed, (theta,), (np.zeros_like(theta),), fitted.delta, fitted.power, 0.0, 0.0)
 
 
-@pytest.mark.parametrize("form", EVERY_FORM)
+@pytest.mark.parametrize("form", FORMS)
 def test_it_says_what_it_is_where_it_can_be_and_what_it_looks_like(problem: Problem, form: str) -> None:
     effect = EVERY_FORM[form]
     (summary,) = (s for s in effect_summaries() if (s.form, s.base) == (form, "floating"))
@@ -93,7 +101,7 @@ def test_it_says_what_it_is_where_it_can_be_and_what_it_looks_like(problem: Prob
     assert (effect.mujoco != "") == isinstance(effect.says, Part)
 
 
-@pytest.mark.parametrize("form", EVERY_FORM)
+@pytest.mark.parametrize("form", FORMS)
 def test_it_vanishes_at_the_beginning_and_follows_its_columns(problem: Problem, form: str) -> None:
     state = problem.nominal
     effect = known(EVERY_FORM[form], state)
@@ -108,7 +116,7 @@ def test_it_vanishes_at_the_beginning_and_follows_its_columns(problem: Problem, 
     assert np.abs(moved + columns @ (theta - start)).max() < _BENT * np.abs(moved).max() + 1e-9
 
 
-@pytest.mark.parametrize("form", EVERY_FORM)
+@pytest.mark.parametrize("form", FORMS)
 def test_a_model_has_the_part_that_it_says_and_no_other(problem: Problem, form: str) -> None:
     """What is noted beside a model must not be in it as well."""
     state = problem.nominal
@@ -133,7 +141,7 @@ def test_a_model_has_the_part_that_it_says_and_no_other(problem: Problem, form: 
         assert tuple(said.parameters) == tuple(p.name for p in effect.parameters(state, location))
 
 
-@pytest.mark.parametrize("form", EVERY_FORM)
+@pytest.mark.parametrize("form", FORMS)
 def test_a_model_with_it_moves_as_its_wrench_says(problem: Problem, plain: Simulator, form: str) -> None:
     """The model with it, written and loaded again, and the model without it, pulled by the wrench that it makes."""
     state = problem.nominal

@@ -16,6 +16,7 @@ from excite.diagnosis.floating.effects.effect import (
     FloatingEffect,
     Parameter,
     Part,
+    Reads,
     joint_of,
     joints,
     links,
@@ -35,6 +36,7 @@ class LinkInertia(FloatingEffect):
     """True parameters = the model's + error; also what a payload does, which is a positive error."""
 
     name: ClassVar[str] = "link_inertia"
+    seen_by = frozenset(Reads)
     told_by = frozenset({Doubt.POSITION, Doubt.GRAVITY, Doubt.CLOCK, Doubt.SIZE})
     reads_as: ClassVar[str] = "constant sensor bias, and the neighbouring links where they move as one"
     confusable_with: ClassVar[tuple[str, ...]] = ("sensor_bias",)
@@ -95,6 +97,7 @@ class JointElasticity(FloatingEffect):
     """
 
     name: ClassVar[str] = "joint_elasticity"
+    seen_by = frozenset(Reads)
     reads_as: ClassVar[str] = "encoder offset, where the joint's load hardly changes"
     confusable_with: ClassVar[tuple[str, ...]] = ("encoder_offset",)
     leaves: ClassVar[tuple[str, ...]] = ("encoder_offset",)
@@ -206,6 +209,7 @@ class LinkLengthError(FloatingEffect):
     """True placement of the joint = the model's + error, in the parent's frame."""
 
     name: ClassVar[str] = "link_length_error"
+    seen_by = frozenset(Reads)
     told_by = frozenset({Doubt.POSITION, Doubt.GRAVITY, Doubt.CLOCK, Doubt.SIZE})
     reads_as: ClassVar[str] = "sensor frame at the leg's end; inertia of what the joint carries"
     confusable_with: ClassVar[tuple[str, ...]] = ("sensor_frame_offset", "link_inertia")
@@ -228,6 +232,8 @@ class LinkLengthError(FloatingEffect):
 
     def columns(self, state: State, location: str, theta: Array) -> Array:
         """What the joint carries moves as one, turning with the parent: its mass, its moment, its sensors."""
+        if not state.record.robot.sensors:
+            return super().columns(state, location, theta)
         moved = self.apply(state, location, theta) if theta.any() else state
         joint = joint_of(moved, location)
         return -moved_branch(moved, joint)

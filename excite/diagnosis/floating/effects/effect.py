@@ -59,6 +59,13 @@ class StandingNote:
         return json.dumps({"parameters": dict(self.parameters), **self.holds})
 
 
+class Reads(StrEnum):
+    """What a log of a robot with a free base reads of its forces."""
+
+    WRENCHES = "contact wrenches"
+    TORQUES = "joint torques"
+
+
 # How far from a link's origin forces act on it [m].
 _REACH = 0.1
 
@@ -95,6 +102,8 @@ class FloatingEffect(ABC):
         least_shrink: share of the noise's power that it must take away as well, however significant it looks:
             noise in the regressors' kinematics lets a fit to a clean record shrink it a little, and more so
             where the columns are made of accelerations.
+        exact: whether its form is, so that it leaves nothing that another of its name would take up.
+        seen_by: what has to be read for it to show.
         rough_steps: iterations before it is first compared with others.
         price: what must be paid for what was learnt of it from the record before its parameters [nats].
     """
@@ -108,6 +117,8 @@ class FloatingEffect(ABC):
     says: ClassVar[Part | Beyond]
     mujoco: ClassVar[str] = ""
     least_shrink: ClassVar[float] = 0.1
+    exact: ClassVar[bool] = False
+    seen_by: ClassVar[frozenset[Reads]] = frozenset({Reads.WRENCHES})
     rough_steps: ClassVar[int] = 4
     price: float = 0.0
 
@@ -115,6 +126,10 @@ class FloatingEffect(ABC):
     def word(self) -> str:
         """What the library calls this form."""
         return self.form or self.name
+
+    def is_seen(self, record: FloatingRecord) -> bool:
+        """Whether a record can show it."""
+        return (Reads.WRENCHES if record.robot.sensors else Reads.TORQUES) in self.seen_by
 
     @property
     def changes_readings(self) -> bool:

@@ -14,6 +14,7 @@ from excite.diagnosis.floating.effects.effect import (
     Beyond,
     FloatingEffect,
     Parameter,
+    Reads,
     links,
     points,
     segment_of,
@@ -39,10 +40,12 @@ class ExternalForce(FloatingEffect):
     reads_as: ClassVar[str] = "sensor bias (the unloaded foot tells), base orientation (bend and turn)"
     confusable_with: ClassVar[tuple[str, ...]] = ("sensor_bias", "base_orientation_bias")
     says = Beyond.FORCES
+    seen_by = frozenset(Reads)
 
     def locations(self, state: State) -> tuple[str, ...]:
-        """Links."""
-        return links(state)
+        """Links; the base alone, if its feet hold it, where joints' torques would carry it as well."""
+        robot = state.record.robot
+        return links(state) if robot.sensors else links(state)[: bool(robot.feet)]
 
     def parameters(self, state: State, location: str) -> tuple[Parameter, ...]:
         """Mean force in the world, stiffness across it, the point in the link's frame, and what is added along it."""
@@ -106,7 +109,7 @@ def columns_of_force(state: State, joint: int, point: Array, force: Array, chang
     columns = -state.at_base(change, point)
     base = state.poses.rotation[:, 1]
     turned = np.einsum("nji,nj->ni", base, force)
-    columns[:, 3:, at] += cross(turned, base.transpose(0, 2, 1) @ state.poses.rotation[:, joint])
+    columns[:, 3:6, at] += cross(turned, base.transpose(0, 2, 1) @ state.poses.rotation[:, joint])
     return columns
 
 

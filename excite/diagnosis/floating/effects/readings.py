@@ -10,8 +10,16 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Estimate
-from excite.diagnosis.floating.effects.effect import Beyond, FloatingEffect, Parameter, Part, joint_of, joints
-from excite.diagnosis.floating.equations.record import FloatingRecord
+from excite.diagnosis.floating.effects.effect import (
+    Beyond,
+    FloatingEffect,
+    Parameter,
+    Part,
+    Reads,
+    joint_of,
+    joints,
+)
+from excite.diagnosis.floating.equations.record import TORQUE, FloatingRecord
 from excite.diagnosis.floating.equations.state import State, joint_turn
 from excite.doctor.doubt import Doubt
 from excite.logs.columns import WRENCH_AXES
@@ -93,6 +101,7 @@ class EncoderOffset(FloatingEffect):
     """True position = logged + offset."""
 
     name: ClassVar[str] = "encoder_offset"
+    seen_by = frozenset(Reads)
     told_by = frozenset({Doubt.POSITION, Doubt.GRAVITY})
     reads_as: ClassVar[str] = (
         "link length and inertia beyond the joint; postures that turn it against gravity"
@@ -246,13 +255,14 @@ class TimeDelay(FloatingEffect):
     """reading(t) = true(t − delay), all sensors."""
 
     name: ClassVar[str] = "time_delay"
+    seen_by = frozenset(Reads)
     told_by = frozenset({Doubt.CLOCK, Doubt.DELAY})
     reads_as: ClassVar[str] = "nothing else follows the wrench's rate"
     says = Beyond.READINGS
 
     def locations(self, state: State) -> tuple[str, ...]:
-        """The wrench channels as a whole."""
-        return ("wrench",)
+        """The wrench channels, or the torques, as a whole."""
+        return ("wrench",) if state.record.robot.sensors else (TORQUE,)
 
     def parameters(self, state: State, location: str) -> tuple[Parameter, ...]:
         """The delay."""

@@ -10,6 +10,13 @@ from excite.diagnosis.floating.effects.bodies import (
     SwingingJoint,
     WobblingMass,
 )
+from excite.diagnosis.floating.effects.drives import (
+    DriveArmature,
+    DriveBias,
+    DriveCoulomb,
+    DriveGain,
+    DriveViscous,
+)
 from excite.diagnosis.floating.effects.effect import FloatingEffect
 from excite.diagnosis.floating.effects.forces import ExternalForce, PressedContact, Surface, UnloggedContact
 from excite.diagnosis.floating.effects.readings import (
@@ -38,6 +45,11 @@ FLOATING_EFFECTS: dict[str, FloatingEffect] = {
         TimeDelay(),
         SoftTissue(),
         WobblingMass(),
+        DriveViscous(),
+        DriveCoulomb(),
+        DriveArmature(),
+        DriveBias(),
+        DriveGain(),
     )
 }
 

@@ -64,7 +64,7 @@ def noise_level(
 
 def noise_floor(problem: Problem, below_hz: float = BAND_HZ) -> Array:
     """``(6,)`` standard deviation of the noise in band, below a frequency, from the noise model [N, N·m]."""
-    total = np.zeros(6)
+    total = np.zeros(len(problem.nominal.white_noise))
     for factor, span in zip(problem.whitening.factors, problem.record.spans, strict=True):
         covariance = np.linalg.inv(np.einsum("kji,kjl->kil", factor, factor))
         power = np.diagonal(covariance, axis1=1, axis2=2).copy()
@@ -125,4 +125,4 @@ def _repeated(record: FloatingRecord, residual: Array) -> Array:
         n = min(one.stop - one.start, two.stop - two.start)
         change = residual[one.start : one.start + n] - residual[two.start : two.start + n]
         powers.append(0.5 * (change**2).mean(axis=0))
-    return np.sqrt(np.mean(powers, axis=0)) if powers else np.full(6, np.inf)
+    return np.sqrt(np.mean(powers, axis=0)) if powers else np.full(residual.shape[1], np.inf)

@@ -17,30 +17,10 @@ from excite.diagnosis.floating.equations.spectrum import (
     make_whitening,
     scaled_to_repeats,
 )
-from excite.diagnosis.floating.equations.state import State, cross
+from excite.diagnosis.floating.equations.state import State, cross, inertial_scales
+from excite.diagnosis.floating.equations.torques import TorqueState, check_legs
 from excite.regressor.kernels import base_link_regressor
 from excite.robot.robot import WrenchSensor
-
-# What one expects of inertial parameters before looking at data.
-
-_SHARE, _ARM_M = 0.3, 0.04
-
-
-def inertial_scales(phi: Array) -> Array:
-    """Standard deviation of the error of each nominal parameter, ``(10·n,)`` as ``phi``.
-
-    Three tenths of a mass and of moments of inertia, and a few centimetres of the centre of mass: loose, so
-    that data decide wherever they say anything, and blind directions stay nominal.
-    """
-    scales = np.empty_like(phi)
-    table, out = phi.reshape(-1, 10), scales.reshape(-1, 10)
-    mass = table[:, 0]
-    inertia = np.abs(table[:, [4, 6, 9]]).sum(axis=1)
-    out[:, 0] = _SHARE * mass
-    out[:, 1:4] = (_ARM_M * mass + _SHARE * np.abs(table[:, 1:4]).max(axis=1))[:, None]
-    out[:, 4:] = (_SHARE * inertia + _ARM_M**2 * mass)[:, None]
-    return scales
-
 
 # What sensors say while their foot is in the air: nothing but their own errors and the foot's weight.
 #
@@ -222,7 +202,20 @@ class Problem:
         if not delta.any():
             return self.nominal
         _ = self.nominal.regressor
-        return self.nominal.replace(phi=self.record.tree.phi + delta)
+        return self.nominal.with_errors(delta)
+
+    @cached_property
+    def error_columns(self) -> Array:
+        """``(n, c, p)`` what the baseline's parameters, in units of their scales, make of the samples."""
+        free = self.nominal.free_errors()
+        columns = np.zeros((*free.columns.shape[:2], len(self.scales)))
+        columns[:, :, : len(free.scales)] = free.columns * free.scales
+        return columns
+
+    @property
+    def n_errors(self) -> int:
+        """Number of errors that a state takes: of inertial parameters, of a torque log of drives too."""
+        return len(self.record.tree.phi) + self.nominal.n_drive_terms
 
     @cached_property
     def nominal_rows(self) -> Array:
@@ -265,7 +258,7 @@ class Problem:
 
     def baseline_parameters(self, rows: Array) -> Array:
         """Most probable errors of all inertial parameters, ``(10·n_segments,)``, given residual rows."""
-        delta = np.zeros(len(self.record.tree.phi))
+        delta = np.zeros(self.n_errors)
         if len(self.index):
             delta[self.index] = self.scales * scipy.linalg.cho_solve(
                 self._baseline_factor, self.columns.T @ rows
@@ -308,19 +301,11 @@ class Problem:
         ]
 
 
-def solve(gram: Array, right: Array, overdispersion: float = 1.0) -> LinearFit:
-    """Ridge solution with unit prior, and its evidence, from normal equations.
-
-    Args:
-        gram: ``(k, k)``.
-        right: ``(k,)``.
-        overdispersion: variance of the noise over that expected.
-    """
-    information = np.eye(len(gram)) + gram / overdispersion
-    factor = scipy.linalg.cho_factor(information)
-    theta = scipy.linalg.cho_solve(factor, right / overdispersion)
-    gain = 0.5 * float(right @ theta) / overdispersion
-    price = float(np.log(np.diag(factor[0])).sum())
+def solve(gram: Array, right: Array) -> LinearFit:
+    """Ridge solution with unit prior, and its evidence, from normal equations ``gram (k, k)`` and ``right (k,)``."""
+    factor = scipy.linalg.cho_factor(np.eye(len(gram)) + gram)
+    theta = scipy.linalg.cho_solve(factor, right)
+    gain, price = 0.5 * float(right @ theta), float(np.log(np.diag(factor[0])).sum())
     return LinearFit(theta, scipy.linalg.cho_solve(factor, np.eye(len(gram))), gain, gain - price)
 
 
@@ -335,35 +320,32 @@ def damped_basis(columns: Array) -> Array:
     return np.asarray(u * (s / np.sqrt(1.0 + s**2)))
 
 
+def record_state(record: FloatingRecord) -> State:
+    """The logged state of a record, by what is measured."""
+    if record.robot.sensors:
+        return State.logged(record)
+    state = TorqueState.logged(record)
+    check_legs(state)
+    return state
+
+
 def build_problem(record: FloatingRecord) -> Problem:
     """Whiten the record's nominal residual and prepare the baseline."""
-    nominal = State.logged(record)
+    nominal = record_state(record)
     whitening, repeatability = scaled_to_repeats(make_whitening(record, nominal), nominal.residual)
     unloaded = find_unloaded(record, nominal)
-    blocks, scales, index = [], [], []
+    n_base, n_unloaded, free = whitening.n_rows, 6 * len(unloaded.sensors), nominal.free_errors()
+    made = whitening(free.columns) * free.scales
+    blocks, scales, index = (
+        [np.vstack([made, np.zeros((n_unloaded, len(free.scales)))])],
+        [free.scales],
+        [free.at],
+    )
     feet = np.flatnonzero(unloaded.scales)
-    n_base, n_unloaded = whitening.n_rows, 6 * len(unloaded.sensors)
-    if record.inertials_free:
-        own = inertial_scales(record.tree.phi)
-        for segment in record.unmeasured:
-            own[10 * segment : 10 * segment + 10] = 0.0
-        free = np.flatnonzero(own)
-        blocks.append(
-            np.vstack(
-                [whitening(nominal.regressor[:, :, free]) * own[free], np.zeros((n_unloaded, len(free)))]
-            )
-        )
-        scales.append(own[free])
-        index.append(free)
     if len(feet) and n_unloaded:
         blocks.append(np.vstack([np.zeros((n_base, len(feet))), unloaded.foot_columns()]))
         scales.append(unloaded.scales[feet])
         index.append(feet)
-    if not blocks:
-        empty = np.zeros((n_base + n_unloaded, 0))
-        return Problem(
-            record, nominal, whitening, repeatability, unloaded, empty, empty, np.zeros(0), np.zeros(0, int)
-        )
     columns = np.hstack(blocks)
     return Problem(
         record,

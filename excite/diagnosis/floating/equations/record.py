@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -17,9 +18,12 @@ from excite.logs.signals.butterworth import lowpass
 from excite.regressor.columns import base_wrench
 from excite.regressor.tree import KinematicTree, read_tree
 from excite.robot.robot import Robot
-from excite.rows.kinematics import forces_on_grid, trial_kinematics
+from excite.rows.joint_rows import JointRows
+from excite.rows.kinematics import forces_on_grid, in_velocities, trial_kinematics
 from excite.rows.settings import Filters, ProblemSettings
 
+# What a log without wrench sensors is read by: the torques of all joints.
+TORQUE = "torque"
 # Whole-body motion lives below 3 Hz; the filter only has to keep decimation clean.
 CUTOFF_HZ = 8.0
 ROW_RATE_HZ = 25.0
@@ -38,15 +42,16 @@ class FloatingRecord:
         q: ``(n, nq)`` configurations.
         v: ``(n, nv)``.
         a: ``(n, nv)``.
-        readings: by sensor, ``(n, 6)``: what it said [N, N·m], in its frame.
+        readings: by sensor, ``(n, 6)``: what it said [N, N·m], in its frame; without sensors the joints' torques,
+            ``(n, n_joints)``, by ``TORQUE``.
         readings_rate: by sensor, time derivative of the same, ``(n, 6)`` per second.
         spans: samples of each trial.
         trials: names of the trials.
         validation: by trial, whether it is for validation.
         repeats: pairs of indices of trials that ran the same command.
         unmeasured: segments beyond the sensors.
-        sensor_noise: ``(6, 6)`` covariance of the measured base wrench's white noise, a sample of the full
-            rate, learnt above the motion's band, from the trials that do not judge.
+        sensor_noise: ``(c, c)`` covariance of the rows' white noise, a sample of the full rate, learnt above the
+            motion's band, from the trials that do not judge; of torques that of the joints.
         full_rate_hz: that rate [Hz].
         inertials_free: whether ``modelled`` asks for the rigid body's parameters to be identified.
         modelled: words of ``modelled``: effects that are not to be tried.
@@ -146,8 +151,8 @@ def prepare_record(log: Log, robot: Robot | None = None) -> FloatingRecord:
         LogError: the log has a fixed base, or lacks base pose or wrenches.
     """
     header = log.header
-    if header.base == "fixed" or not header.sensors:
-        raise LogError("has no floating base with contact sensors", source=log.folder, field="base")
+    if not header.free_base:
+        raise LogError("has no free base", source=log.folder, field="base")
     robot = nominal_robot(log) if robot is None else robot_in_log(robot, header, log.folder)
     settings = ProblemSettings()
     filters = Filters(CUTOFF_HZ, CUTOFF_HZ, 4, ROW_RATE_HZ)
@@ -162,8 +167,10 @@ def prepare_record(log: Log, robot: Robot | None = None) -> FloatingRecord:
         q=np.concatenate([part.q for part in parts]),
         v=np.concatenate([part.v for part in parts]),
         a=np.concatenate([part.a for part in parts]),
-        readings={s.name: np.concatenate([part.readings[s.name] for part in parts]) for s in robot.sensors},
-        readings_rate={s.name: np.concatenate([part.rates[s.name] for part in parts]) for s in robot.sensors},
+        readings={
+            name: np.concatenate([part.readings[name] for part in parts]) for name in parts[0].readings
+        },
+        readings_rate={name: np.concatenate([part.rates[name] for part in parts]) for name in parts[0].rates},
         spans=tuple(slice(int(lo), int(hi)) for lo, hi in pairwise(lengths)),
         trials=tuple(names),
         validation=tuple(trial.role == "validation" for trial in log.trials),
@@ -193,7 +200,7 @@ def _prepare_trial(
     robot: Robot, log: Log, trial: Trial, settings: ProblemSettings, filters: Filters
 ) -> _TrialPart:
     missing = [s.name for s in robot.sensors if s.name not in trial.wrenches]
-    if missing or trial.base is None:
+    if missing or (trial.base is None and not log.header.uses_imu):
         raise LogError(
             "is missing",
             source=trial.name,
@@ -201,7 +208,8 @@ def _prepare_trial(
             remedy="log it",
         )
     k = trial_kinematics(robot, log.header, trial, settings, filters)
-    raw = {name: forces_on_grid(trial.time, values, k.time) for name, values in trial.wrenches.items()}
+    raw = _readings(robot, log, trial, settings, filters)
+    raw = {name: forces_on_grid(trial.time, values, k.time) for name, values in raw.items()}
     edge = round(_EDGE_S * k.rate_hz)
     if len(k.time) < 2 * edge + _LEAST_S * k.rate_hz:
         raise LogError(
@@ -214,7 +222,7 @@ def _prepare_trial(
     keep = slice(edge, len(k.time) - edge, step)
     smooth = {name: lowpass(values, k.rate_hz, CUTOFF_HZ) for name, values in raw.items()}
     rates = {name: np.gradient(values, 1.0 / k.rate_hz, axis=0) for name, values in smooth.items()}
-    base = base_wrench(robot, k.q, raw)
+    noisy = base_wrench(robot, k.q, raw) if robot.sensors else raw[TORQUE]
     return _TrialPart(
         rate_hz=k.rate_hz / step,
         q=k.q[keep],
@@ -222,8 +230,27 @@ def _prepare_trial(
         a=k.a[keep],
         readings={name: values[keep] for name, values in smooth.items()},
         rates={name: values[keep] for name, values in rates.items()},
-        above_band=_above_band(base, k.rate_hz)[edge:-edge],
+        above_band=_above_band(noisy, k.rate_hz)[edge:-edge],
     )
+
+
+def _readings(
+    robot: Robot, log: Log, trial: Trial, settings: ProblemSettings, filters: Filters
+) -> Mapping[str, Array]:
+    """Contact wrenches by sensor; where there are no sensors, the torques of all joints."""
+    if robot.sensors:
+        return trial.wrenches
+    rows = JointRows(robot, log.header, settings, filters, ())
+    silent = [joint for joint in robot.driven_names if joint not in rows.channel_names]
+    if silent:
+        raise LogError(
+            f"says nothing of joint {silent[0]!r}",
+            source=trial.name,
+            field="no_torque",
+            remedy="forces at the feet are found from the torques of all joints: log them",
+        )
+    torques = in_velocities(robot, rows.channel_names, rows.torque(trial))
+    return {TORQUE: torques[:, robot.n_base_v :]}
 
 
 def _above_band(values: Array, rate_hz: float) -> Array:

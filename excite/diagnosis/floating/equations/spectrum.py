@@ -24,11 +24,11 @@ _NOISE_BAND_HZ = (2.9, 4.1)
 
 @dataclass(frozen=True, eq=False)
 class Whitening:
-    """Linear map from ``(n, 6, …)`` samples to ``(m, …)`` whitened numbers.
+    """Linear map from ``(n, c, …)`` samples of c channels to ``(m, …)`` whitened numbers.
 
     Attributes:
         record: the record.
-        factors: by trial, ``(n_bins, 6, 6)`` inverse Cholesky factor of the noise at each frequency.
+        factors: by trial, ``(n_bins, c, c)`` inverse Cholesky factor of the noise at each frequency.
         tapers: by trial, ``(n_samples,)``.
         rows: by trial, rows of the result.
     """
@@ -44,18 +44,19 @@ class Whitening:
         return self.rows[-1].stop
 
     def __call__(self, values: Array) -> Array:
-        """Whiten ``(n, 6)`` or ``(n, 6, k)``."""
-        flat = values.reshape(len(values), 6, -1)
+        """Whiten ``(n, c)`` or ``(n, c, k)``."""
+        c = self.factors[0].shape[1]
+        flat = values.reshape(len(values), c, -1)
         out = np.empty((self.n_rows, flat.shape[2]))
         for span, factor, transform, rows in zip(
             self.record.spans, self.factors, self._transforms, self.rows, strict=True
         ):
             samples = flat[span].reshape(transform.shape[1], -1)
-            parts = (transform @ samples).reshape(2, len(factor), 6, -1)
-            n = len(factor) * 6
+            parts = (transform @ samples).reshape(2, len(factor), c, -1)
+            n = len(factor) * c
             out[rows.start : rows.start + n] = (factor @ parts[0]).reshape(n, -1)
             # A constant has no imaginary part.
-            out[rows.start + n : rows.stop] = (factor[1:] @ parts[1, 1:]).reshape(n - 6, -1)
+            out[rows.start + n : rows.stop] = (factor[1:] @ parts[1, 1:]).reshape(n - c, -1)
         return out.reshape(self.n_rows, *values.shape[2:])
 
     @cached_property
@@ -133,7 +134,8 @@ def repeat_levels(whitening: Whitening, white: Array) -> Array | None:
     levels = []
     for first, second in whitening.record.repeats:
         n_bins = min(len(whitening.factors[first]), len(whitening.factors[second]))
-        one, two = (_bin_power_parts(white[whitening.rows[i]], n_bins) for i in (first, second))
+        c = whitening.factors[first].shape[1]
+        one, two = (_bin_power_parts(white[whitening.rows[i]], n_bins, c) for i in (first, second))
         levels.append((0.5 * (one - two) ** 2).mean(axis=1))
     if not levels:
         return None
@@ -141,11 +143,11 @@ def repeat_levels(whitening: Whitening, white: Array) -> Array | None:
     return np.mean([item[:shortest] for item in levels], axis=0)
 
 
-def _bin_power_parts(white: Array, n_bins: int) -> Array:
-    """``(n_bins, 12)`` real and imaginary parts of a trial's whitened bins; those of a constant are real."""
-    n_all = (len(white) + 6) // 12
-    real = white[: 6 * n_all].reshape(n_all, 6)
-    imaginary = np.vstack([real[:1], white[6 * n_all :].reshape(n_all - 1, 6)])
+def _bin_power_parts(white: Array, n_bins: int, c: int) -> Array:
+    """``(n_bins, 2 c)`` real and imaginary parts of a trial's whitened bins; those of a constant are real."""
+    n_all = (len(white) + c) // (2 * c)
+    real = white[: c * n_all].reshape(n_all, c)
+    imaginary = np.vstack([real[:1], white[c * n_all :].reshape(n_all - 1, c)])
     return np.hstack([real, imaginary])[:n_bins]
 
 
@@ -159,7 +161,7 @@ def make_whitening(record: FloatingRecord, state: State) -> Whitening:
         record: the record.
         state: the nominal state, whose predictions carry the kinematics' noise.
     """
-    sensors = record.sensor_noise * record.rate_hz / record.full_rate_hz
+    sensors = state.white_noise * record.rate_hz / record.full_rate_hz
     kinematics, centre = _noise_above_motion(record, state.predicted)
     sensors = sensors + _pose_noise(record, state)
     factors, tapers, rows, start = [], [], [], 0
@@ -171,7 +173,7 @@ def make_whitening(record: FloatingRecord, state: State) -> Whitening:
         noise[1:] *= 0.5
         factors.append(np.linalg.inv(np.linalg.cholesky(noise)))
         tapers.append(taper)
-        stop = start + 12 * len(frequency) - 6
+        stop = start + (2 * len(frequency) - 1) * len(sensors)
         rows.append(slice(start, stop))
         start = stop
     return Whitening(record, tuple(factors), tuple(tapers), tuple(rows))
@@ -209,12 +211,13 @@ def _noise_above_motion(record: FloatingRecord, values: Array, order: int = 2) -
 
 
 def _pose_noise(record: FloatingRecord, state: State) -> Array:
-    """``(6, 6)`` noise of the residual that white noise of all positions brings, accelerations left out."""
+    """``(c, c)`` noise of the residual that white noise of all positions brings, accelerations left out."""
     # Rotations of the base are small, so that the quaternion's vector part is half the rotation.
     positions = np.hstack([state.q[:, :3], 2.0 * state.q[:, 3:6], state.q[:, 7:]])
     power = np.diag(_noise_above_motion(record, positions, order=0)[0])
     few = slice(None, None, 8)
-    total, nominal = np.zeros((6, 6)), _thin(state, few).residual
+    nominal = _thin(state, few).residual
+    total = np.zeros((nominal.shape[1], nominal.shape[1]))
     for i, variance in enumerate(power):
         q = state.q[few].copy()
         step = 1e-4

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 import pinocchio as pin
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.diagnosis.floating.equations.record import FloatingRecord
+from excite.logs.columns import WRENCH_AXES
 from excite.logs.signals.butterworth import lowpass
 from excite.regressor.kernels import Placements, base_link_regressor, forward_kinematics, inverse_dynamics
 from excite.regressor.tree import KinematicTree
@@ -21,9 +22,11 @@ _MOTION = {"tree", "q"}
 _DEPENDS: dict[str, set[str]] = {
     "poses": _MOTION,
     "levers": _MOTION | {"placements"},
+    "contacts": _MOTION,
+    "shapes": {"v", "a"},
     "measured": _MOTION | {"readings", "placements"},
     "measured_phi": {"phi"},
-    "predicted": _MOTION | {"v", "a", "phi"},
+    "predicted": _MOTION | {"v", "a", "phi", "drives"},
     "regressor": _MOTION | {"v", "a"},
     "smooth_torques": _MOTION | {"v", "a", "phi", "readings", "placements"},
     "joint_torques": _MOTION | {"v", "a", "phi", "readings", "placements"},
@@ -59,7 +62,7 @@ class State:
     extra: Array | float = field(default=0.0)
 
     @classmethod
-    def logged(cls, record: FloatingRecord, phi: Array | None = None) -> State:
+    def logged(cls, record: FloatingRecord, phi: Array | None = None) -> Self:
         """The state in which the log and the nominal model are right."""
         return cls(
             record=record,
@@ -72,7 +75,7 @@ class State:
             placements={s.name: s.placement for s in record.robot.sensors},
         )
 
-    def replace(self, **changes: Any) -> State:
+    def replace(self, **changes: Any) -> Self:
         """A copy with fields replaced; what was computed and does not depend on them is kept."""
         other, changed = dataclasses.replace(self, **changes), set(changes)
         # The base's equation holds nothing of segments beyond the sensors.
@@ -94,10 +97,8 @@ class State:
     @cached_property
     def measured(self) -> Array:
         """``(n, 6)`` sum of the contact wrenches at the base's origin, base frame (Jovic et al. 2015, eq. 2)."""
-        total = np.zeros((len(self.q), 6))
-        for name, lever in self.levers.items():
-            total += np.einsum("nij,nj->ni", lever, self.readings[name])
-        return total
+        parts = [np.einsum("nij,nj->ni", lever, self.readings[name]) for name, lever in self.levers.items()]
+        return np.sum(parts, axis=0)
 
     @cached_property
     def levers(self) -> dict[str, Array]:
@@ -150,6 +151,11 @@ class State:
     def turns(self) -> dict[int, Any]:
         """By joint, the derivatives that ``joint_turn`` has found for this motion; a store that it alone reads."""
         return {}
+
+    def carries(self, joint: int, name: str) -> bool:
+        """Whether the turn of a joint moves what a reading acts on."""
+        sensors = {sensor.name: sensor.joint for sensor in self.record.robot.sensors}
+        return name not in sensors or sensors[name] in branch(self.tree.parents, joint)
 
     @cached_property
     def carried(self) -> dict[int, Array]:
@@ -206,6 +212,78 @@ class State:
     def _smooth(self, values: Array) -> Array:
         return np.concatenate([lowpass(values[s], self.record.rate_hz, 4.0) for s in self.record.spans])
 
+    @property
+    def channels(self) -> dict[str, str]:
+        """Unit of each row, by name."""
+        return dict(zip(WRENCH_AXES, ("N",) * 3 + ("N·m",) * 3, strict=True))
+
+    @property
+    def white_noise(self) -> Array:
+        """``(c, c)`` covariance of the rows' white noise, a sample of the full rate."""
+        return self.record.sensor_noise
+
+    @property
+    def n_drive_terms(self) -> int:
+        """Number of the drives' own parameters: a base's wrench holds none."""
+        return 0
+
+    def with_errors(self, delta: Array) -> State:
+        """The state with errors ``(10·n_segments,)`` of the inertial parameters."""
+        return self.replace(phi=self.record.tree.phi + delta)
+
+    def free_errors(self) -> Free:
+        """What is identified along, and what one expects of its errors before looking at data."""
+        return inertial_errors(self)
+
+
+class Free(NamedTuple):
+    """Parameters that are identified along.
+
+    Attributes:
+        columns: ``(n, c, p)`` of the rows, per unit of each.
+        scales: ``(p,)`` standard deviation that is expected of its error.
+        at: ``(p,)`` its place among all errors of a state.
+    """
+
+    columns: Array
+    scales: Array
+    at: NDArray[np.int64]
+
+    def beside(self, other: Free) -> Free:
+        """These and others."""
+        parts = zip(self, other, strict=True)
+        return Free(*(np.concatenate([one, two], axis=-1) for one, two in parts))
+
+
+def inertial_errors(state: State) -> Free:
+    """The inertial parameters of measured segments, where the log has them identified."""
+    own = inertial_scales(state.record.tree.phi)
+    for segment in state.record.unmeasured:
+        own[10 * segment : 10 * segment + 10] = 0.0
+    free = np.flatnonzero(own) if state.record.inertials_free else np.zeros(0, dtype=np.int64)
+    return Free(state.regressor[:, :, free], own[free], free)
+
+
+# What one expects of inertial parameters before looking at data.
+
+_SHARE, _ARM_M = 0.3, 0.04
+
+
+def inertial_scales(phi: Array) -> Array:
+    """Standard deviation of the error of each nominal parameter, ``(10·n,)`` as ``phi``.
+
+    Three tenths of a mass and of moments of inertia, and a few centimetres of the centre of mass: loose, so
+    that data decide wherever they say anything, and blind directions stay nominal.
+    """
+    scales = np.empty_like(phi)
+    table, out = phi.reshape(-1, 10), scales.reshape(-1, 10)
+    mass = table[:, 0]
+    inertia = np.abs(table[:, [4, 6, 9]]).sum(axis=1)
+    out[:, 0] = _SHARE * mass
+    out[:, 1:4] = (_ARM_M * mass + _SHARE * np.abs(table[:, 1:4]).max(axis=1))[:, None]
+    out[:, 4:] = (_SHARE * inertia + _ARM_M**2 * mass)[:, None]
+    return scales
+
 
 # Cross products of many vectors.
 
@@ -253,11 +331,10 @@ class JointTurn:
     def _by_q(self) -> tuple[Array, dict[str, Array]]:
         """Of minus the predicted wrench; of the levers of the sensors that it carries."""
         turned = self._changed("q", int(self.state.tree.idx_q[self.joint]), _STEP_Q)
-        carried = branch(self.state.tree.parents, self.joint)
         levers = {
-            sensor.name: (turned.levers[sensor.name] - self.state.levers[sensor.name]) / _STEP_Q
-            for sensor in self.state.record.robot.sensors
-            if sensor.joint in carried
+            name: (turned.levers[name] - lever) / _STEP_Q
+            for name, lever in self.state.levers.items()
+            if self.state.carries(self.joint, name)
         }
         return (self.state.predicted - turned.predicted) / _STEP_Q, levers
 

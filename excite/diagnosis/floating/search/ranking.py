@@ -198,6 +198,8 @@ def _contacts(
 
     Surfaces that gain less than ``least`` by a linear fit [nats] are left out.
     """
+    if not UnloggedContact().is_seen(problem.record):
+        return []
     places[UnloggedContact.name] = len(links(problem.nominal))
     timed = _timed_contacts(problem, coarse, current)
     soft = [fit for fit in (pressed(coarse, contact) for contact in timed) if fit is not None]

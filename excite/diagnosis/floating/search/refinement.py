@@ -240,7 +240,7 @@ def screen(problem: Problem, state: State, rows: Array) -> list[Screened]:
     hypotheses = [
         (effect, location, begun)
         for effect in FLOATING_EFFECTS.values()
-        if effect.name not in state.record.modelled
+        if effect.name not in state.record.modelled and effect.is_seen(state.record)
         for location in effect.locations(state)
         for begun in effect.beginnings(state, location)
     ]

@@ -106,7 +106,7 @@ def _worthwhile(best: Ranked, current: Fitted, baseline: Fitted, n: int) -> bool
 def _alike(found: Placed, further: Placed) -> bool:
     """Whether a further effect may be what an approximate form of one that was found leaves."""
     if found.effect.name == further.effect.name:
-        return True
+        return not found.effect.exact
     return found.location == further.location and further.effect.name in found.effect.leaves
 
 
