@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from excite.arrays import Array
@@ -204,8 +205,8 @@ def _servos(log: Log) -> Iterator[_Servo]:
             [gram for trial in log.trials for gram in _law_grams(trial, j, follows=follows)]
             for follows in stated.follows
         ]
-        grams = min(ways, key=lambda way: _law(sum(way))[1])
-        whole = sum(grams)
+        grams = min(ways, key=lambda way: _law(np.sum(way, axis=0))[1])
+        whole = np.sum(grams, axis=0)
         fitted, left, power = _law(whole)
         parts = np.array([_law(whole - one)[0] for one in grams])
         std = np.sqrt((len(parts) - 1) * parts.var(axis=0))
@@ -399,7 +400,7 @@ class _Limbs:
     target: Array
     weight: Array
     learn: tuple[Array, ...]
-    judge: Array
+    judge: NDArray[np.bool_]
 
     @classmethod
     def of(cls, problem: IdentificationProblem, log: Log) -> _Limbs:
@@ -472,8 +473,8 @@ class _Limbs:
     def fitted(self, chosen: Sequence[int], *, without: int | None = None) -> tuple[Array, float, Array]:
         """Sizes of columns in units of their deviations, their evidence and covariance, a stretch left out."""
         kept = [part for k, part in enumerate(self.parts) if k != without]
-        a = sum(part[0] for part in kept)[np.ix_(chosen, chosen)] + np.eye(len(chosen))
-        h = sum(part[1] for part in kept)[chosen]
+        a = np.sum([part[0] for part in kept], axis=0)[np.ix_(chosen, chosen)] + np.eye(len(chosen))
+        h = np.sum([part[1] for part in kept], axis=0)[list(chosen)]
         factor = cho_factor(a)
         size = cho_solve(factor, h)
         evidence = 0.5 * h @ size - np.log(np.diagonal(factor[0])).sum()

@@ -130,13 +130,14 @@ class JointRows:
                 (torque[part], rate[part]),
             )
             out = None
-            if closed is not None and self.robot.feet:
-                out = self._elimination(k.q[part], closed[part])
+            here = closed[part] if closed is not None and self.robot.feet else None
+            if here is not None:
+                out = self._elimination(k.q[part], here)
                 body = out @ body
             drives = []
             for term in self.terms:
-                if out is not None and term == "encoder":
-                    drives.append(self._of_offsets(samples, closed[part]))
+                if here is not None and term == "encoder":
+                    drives.append(self._of_offsets(samples, torque[part], here))
                 else:
                     columns = DRIVE_TERMS[term].columns(samples)
                     drives.append(columns if out is None else out[:, :, joints] @ columns)
@@ -150,7 +151,7 @@ class JointRows:
             rows = replace(rows, freedom=self._freedom(rows, k, closed))
         return self._weighed(away_from_changes(rows, k, closed), k)
 
-    def _of_offsets(self, samples: JointSamples, closed: NDArray[np.bool_]) -> Array:
+    def _of_offsets(self, samples: JointSamples, torque: Array, closed: NDArray[np.bool_]) -> Array:
         """Change of rows per unit of encoder offset, ``(m, n_channels, n_joints)``: contacts move with their legs.
 
         What takes contact forces out of the rows changes with the posture as well as the bodies' torques do, and it
@@ -159,8 +160,8 @@ class JointRows:
 
         def left(q: Array) -> Array:
             forces = motor_torques(self.robot, q, samples.v, samples.a)
-            forces[:, samples.joints] -= samples.torque[0]
-            return np.einsum("mcv,mv->mc", self._elimination(q, closed), forces)
+            forces[:, samples.joints] -= torque
+            return np.asarray(np.einsum("mcv,mv->mc", self._elimination(q, closed), forces))
 
         at_hand, columns = left(samples.q), []
         for joint in samples.joints:
