@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from excite.arrays import Array
-from excite.diagnosis.answer.absorbed import Absorbed
-from excite.diagnosis.answer.answer import Diagnosis, NextExperiment, Verdict
+from excite.diagnosis.answer.answer import Absorbed, Diagnosis, NextExperiment, Verdict
 from excite.diagnosis.answer.candidate import Candidate, Estimate, RobotChanges
 from excite.diagnosis.answer.gap import ChannelGap, Gap, Where, share_closed
 from excite.diagnosis.servo.gains import stated_servo
