@@ -13,8 +13,7 @@ from tests.reproduction.recordings import UR10E_GAINS, UR10E_JOINTS, percent_lef
 from tests.reproduction.recordings_data import from_recordings
 from tests.reproduction.table import Line, Table
 from tests.reproduction.test_ur10e import LARGEST_PERCENT, SETTINGS
-from tests.reproduction.test_ur10e_load import part_of_log
-from tests.reproduction.ur10e_load import MASS, PLAIN
+from tests.reproduction.ur10e_load import MASS, PLAIN, run_of_14_harmonics
 
 _TITLE = "Mamedov and Mikhel 2020: UR10e"
 
@@ -48,10 +47,10 @@ def _validation(data: Path, folder: Path) -> Table:
 
 
 def _load(data: Path, folder: Path) -> Table:
-    bare = part_of_log(data, folder, "bare", (0.0, 1.0))
+    bare = run_of_14_harmonics(data, folder, "bare", {"identification": (0.0, 1.0)}, load=False)
     halves = [
-        part_of_log(data, folder, name, part, "Load")
-        for name, part in (("first", (0.0, 0.5)), ("second", (0.5, 1.0)))
+        run_of_14_harmonics(data, folder, name, {"identification": span}, load=True)
+        for name, span in (("first", (0.0, 0.5)), ("second", (0.5, 1.0)))
     ]
     robot = nominal_robot(bare)
     lines, found = [], []
