@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -204,10 +205,10 @@ def _servos(log: Log) -> Iterator[_Servo]:
             [gram for trial in log.trials for gram in _law_grams(trial, j, follows=follows)]
             for follows in stated.follows
         ]
-        grams = min(ways, key=lambda way: _law(np.sum(way, axis=0))[1])
+        grams = min(ways, key=lambda way: _law(np.sum(way, axis=0)).left)
         whole = np.sum(grams, axis=0)
         fitted, left, power = _law(whole)
-        parts = np.array([_law(whole - one)[0] for one in grams])
+        parts = np.array([_law(whole - one).sizes for one in grams])
         std = np.sqrt((len(parts) - 1) * parts.var(axis=0))
         tau = np.concatenate([np.abs(t.tau[:, j]) for t in log.trials if t.tau is not None])
         count, told = float(whole[0][2, 2]), np.array([stated.kp[j], stated.kd[j], np.nan])
@@ -257,8 +258,16 @@ def _law_grams(trial: Trial, j: int, *, follows: bool) -> Iterator[Array]:
         yield np.array([x.T @ x for x in columns])
 
 
-def _law(grams: Array) -> tuple[Array, float, float]:
-    """Law of least squares over all delays, its delay in samples, what it leaves, and the torque's power."""
+class _Law(NamedTuple):
+    """A servo's law: gains, constant and delay in samples ``(4,)``; what it leaves, and the torque's power."""
+
+    sizes: Array
+    left: float
+    power: float
+
+
+def _law(grams: Array) -> _Law:
+    """Law of least squares over all delays."""
     left, sizes = [], []
     for gram in grams:
         x = np.linalg.lstsq(gram[:3, :3], gram[:3, 3], rcond=1e-12)[0]
@@ -270,7 +279,8 @@ def _law(grams: Array) -> tuple[Array, float, float]:
         before, here, after = left[best - 1 : best + 2]
         between = 0.5 * (before - after) / max(before - 2.0 * here + after, 1e-300)
     mean = grams[best][2, 3] ** 2 / max(grams[best][2, 2], 1e-300)
-    return np.array([*sizes[best], best + between]), float(left[best]), float(grams[best][3, 3] - mean)
+    law = np.array([*sizes[best], best + between])
+    return _Law(law, float(left[best]), float(grams[best][3, 3] - mean))
 
 
 def _servo_effects(robot: Robot, servos: Sequence[_Servo]) -> Iterator[Candidate]:
@@ -372,6 +382,14 @@ def _with_asked_torques(log: Log) -> Log:
 # What torques do to limbs.
 
 
+class _Sized(NamedTuple):
+    """Sizes of columns in units of their deviations, their evidence and covariance."""
+
+    size: Array
+    evidence: float
+    covariance: Array
+
+
 @dataclass(frozen=True, eq=False)
 class _Limbs:
     """Rows of all joints, contact forces taken out, and the effects in them.
@@ -469,19 +487,19 @@ class _Limbs:
             made.append((x.T @ x, x.T @ y))
         return made
 
-    def fitted(self, chosen: Sequence[int], *, without: int | None = None) -> tuple[Array, float, Array]:
-        """Sizes of columns in units of their deviations, their evidence and covariance, a stretch left out."""
+    def fitted(self, chosen: Sequence[int], *, without: int | None = None) -> _Sized:
+        """Columns fitted, a stretch left out."""
         kept = [part for k, part in enumerate(self.parts) if k != without]
         a = np.sum([part[0] for part in kept], axis=0)[np.ix_(chosen, chosen)] + np.eye(len(chosen))
         h = np.sum([part[1] for part in kept], axis=0)[list(chosen)]
         factor = cho_factor(a)
         size = cho_solve(factor, h)
         evidence = 0.5 * h @ size - np.log(np.diagonal(factor[0])).sum()
-        return size, float(evidence), cho_solve(factor, np.eye(len(chosen)))
+        return _Sized(size, float(evidence), cho_solve(factor, np.eye(len(chosen))))
 
     def left(self, chosen: Sequence[int]) -> Array:
         """``(n_rows,)`` target less what chosen columns explain of it."""
-        return np.asarray(self.target - self.columns[:, chosen] @ self.fitted(chosen)[0])
+        return np.asarray(self.target - self.columns[:, chosen] @ self.fitted(chosen).size)
 
     @cached_property
     def baseline(self) -> list[int]:
@@ -511,9 +529,9 @@ class _Limbs:
         chosen: dict[int, float] = {}
         price = np.log(len(self.names) - self.n_base)
         while True:
-            old = self.fitted([*self.baseline, *chosen])[1] + price
+            old = self.fitted([*self.baseline, *chosen]).evidence + price
             open_ = [k for k in range(self.n_base, len(self.names)) if k not in chosen and k not in barred]
-            gains = {k: self.fitted([*self.baseline, *chosen, k])[1] - old for k in open_}
+            gains = {k: self.fitted([*self.baseline, *chosen, k]).evidence - old for k in open_}
             best = max(gains, key=lambda k: gains[k], default=-1)
             if best < 0 or gains[best] <= 0.0:
                 return chosen
@@ -534,7 +552,7 @@ class _Limbs:
     def sizes(self, chosen: Sequence[int]) -> tuple[Array, Array]:
         """Sizes in their units, with deviations: the larger of the equations' and of stretches left out."""
         whole, _, covariance = self.fitted(chosen)
-        without = np.array([self.fitted(chosen, without=k)[0] for k in range(len(self.parts))])
+        without = np.array([self.fitted(chosen, without=k).size for k in range(len(self.parts))])
         spread = np.sqrt((len(without) - 1) * without.var(axis=0))
         std = np.maximum(spread, np.sqrt(np.diagonal(covariance)))
         return whole * self.scales[chosen], std * self.scales[chosen]
@@ -568,9 +586,9 @@ class _Limbs:
         """What could stand in the place of the first effect, beside the others, at odds of one to twenty."""
         first, *others = self.chosen
         beside = [*self.baseline, *others]
-        best = self.fitted([*beside, first])[1]
+        best = self.fitted([*beside, first]).evidence
         for k in range(self.n_base, len(self.names)):
-            if k not in self.chosen and (odds := self.fitted([*beside, k])[1] - best) > -np.log(20.0):
+            if k not in self.chosen and (odds := self.fitted([*beside, k]).evidence - best) > -np.log(20.0):
                 sizes, stds = self.sizes([*beside, k])
                 yield self.candidate(k, float(sizes[-1]), float(stds[-1]), self.chosen[first] + odds)
 
