@@ -17,6 +17,7 @@ from excite.conversion.columns.clock import (
     clock_pace,
     goes_evenly,
     rate_by_velocities,
+    row_seconds,
 )
 from excite.conversion.columns.families import (
     FOLLOWED,
@@ -32,6 +33,7 @@ from excite.conversion.columns.families import (
     is_followed,
     is_quaternion,
     quaternion_order,
+    tell_by_derivatives,
     without_base_columns,
 )
 from excite.conversion.columns.joints import BY_NAME, Doubt, Placed
@@ -72,7 +74,8 @@ class Guessing:
         known: channels that are settled.
         groups: families of the columns that are left.
         chosen: the family of each channel.
-        silent: columns beside commands whose names say nothing.
+        silent: columns whose names say nothing.
+        nameless: channels that derivatives told.
         unplaced: columns of torques of which it is not known whose they are.
     """
 
@@ -88,6 +91,7 @@ class Guessing:
     groups: list[Family] = field(default_factory=list)
     chosen: dict[str, Family] = field(default_factory=dict)
     silent: list[str] = field(default_factory=list)
+    nameless: list[str] = field(default_factory=list)
     unplaced: list[str] = field(default_factory=list)
 
     @cached_property
@@ -403,22 +407,48 @@ def _choose(state: Guessing) -> None:
     state.chosen = choose_families(state.groups, state.found, state.recording, state.joints)
 
 
-def _find_followers(state: Guessing) -> None:
-    """Positions among columns whose names say nothing: as many as joints, which follow the commands beside them."""
-    named = {column for family in state.chosen.values() for column in family.columns}
+def _tell_by_physics(state: Guessing) -> None:
+    """Positions among columns whose names say nothing: those that follow commands, or whose derivatives are there."""
+    chosen, joints = state.chosen, state.joints
+    named = {column for family in chosen.values() for column in family.columns}
+    # Second clocks and counters of rows are smoother than any joint.
     state.silent = [
         name
         for name, said in state.left.items()
         if name in state.live - named and not said.commanded and said.quantity not in ("volt", "time", "skip")
         if not goes_evenly(state.values[name])
     ]
-    pairs = dict(zip(state.joints, state.silent, strict=False))
-    positions = Family(
-        "q", "q", Placed(pairs, "the columns' order (they follow commands)"), tuple(state.silent)
-    )
-    alone = len(state.silent) == len(state.joints) and bool(state.clocks or state.found.rate_hz)
-    if alone and is_followed(state.chosen["q_cmd"], positions, state.values):
-        state.chosen["q"], state.silent = positions, []
+    clocked = bool(state.clocks or state.found.rate_hz)
+    if "q_cmd" in chosen and len(state.silent) == len(joints) and clocked:
+        pairs = dict(zip(joints, state.silent, strict=True))
+        told = {
+            "q": Family(
+                "q", "q", Placed(pairs, "the columns' order (they follow commands)"), (*pairs.values(),)
+            )
+        }
+        told = told if is_followed(chosen["q_cmd"], told["q"], state.values) else {}
+    else:
+        told = _told_by_derivatives(state)
+        state.nameless = [target for target in told if target not in chosen]
+    if told:
+        state.chosen = told | chosen
+        state.silent = []
+
+
+def _told_by_derivatives(state: Guessing) -> dict[str, Family]:
+    """Channels of the stream with most columns whose names say nothing; empty where values do not tell them."""
+    silent = set(state.silent)
+    stream = max(state.recording.streams, key=lambda s: sum(c.name in silent for c in s.columns))
+    unknown = {
+        c.name: c.values for c in stream.columns if c.name in silent and np.isfinite(c.values).mean() > 0.5
+    }
+    whole = np.isfinite(np.array([*unknown.values()])).all(axis=0)
+    if len(unknown) < len(state.joints) or whole.sum() < 20:
+        return {}
+    times = state.found.times(stream)
+    dt = None if times is None else row_seconds(times[np.isfinite(times)])
+    # Where no rate is known, columns are told apart at a usual one.
+    return tell_by_derivatives({c: v[whole] for c, v in unknown.items()}, dt or 0.01, state.joints)
 
 
 def _settle_torques(state: Guessing) -> None:
@@ -494,7 +524,7 @@ def _note_choice(state: Guessing) -> None:
                 "surplus", columns=family.first, count=len(family.columns), joints=len(joints), pairs=pairs
             )
         text = ", ".join(f"{column} = {joint}" for joint, column in family.placed.columns.items())
-        if text and text not in said and not family.stated:
+        if text and text not in said and not family.stated and target not in state.nameless:
             said.add(text)
             found.note("joints by names", channel=target, pairs=text, because=family.placed.because)
     _ask_for_joints(state)
@@ -543,7 +573,8 @@ def _add_channels(state: Guessing) -> None:
         if columns and target not in ("q", "tau", "i") and set(columns) != joints:
             found.note("not of every joint", channel=target, column=family.columns[0])
             continue
-        said = "the format says so" if family.stated else "its name"
+        said = "its values" if target in state.nameless else "its name"
+        said = "the format says so" if family.stated else said
         because = f"{said}; joint by {family.placed.because}"
         found.mapped += [
             Mapped(f"{target}.{joint}", column, 1.0, because)
@@ -582,7 +613,7 @@ def _ask_for_motion(state: Guessing) -> None:
 
 
 def _ask_for_torques(state: Guessing) -> None:
-    """Which columns are torques, where nothing says it: of voltages, several of one joint."""
+    """Which columns are torques, where nothing says it: of voltages, several of one joint, columns without names."""
     found, clues = state.found, state.left
     for family in state.groups:
         supply = family.words & _SUPPLY and all(np.nanmin(state.values[c]) > 0.0 for c in family.columns)
@@ -604,6 +635,13 @@ def _ask_for_torques(state: Guessing) -> None:
             joint=may_be[0],
             column=state.unplaced[0],
         )
+    left = [c for c, v in state.values.items() if c not in state.used and np.nanstd(v) > 0.0]
+    left = [column for column in left if not state.mapping.ignores(column)]
+    if left and {"q", "v"} <= set(state.nameless):
+        families = [state.chosen[target] for target in state.nameless if target in state.chosen]
+        told = ", ".join(f"{f.columns[0]} … {f.columns[-1]} as {f.target}" for f in families)
+        joint, names = next(iter(state.chosen["q"].placed.columns)), first_names(left, _MOST_NAMED)
+        found.ask("nameless torques", told=told, names=names, joint=joint, column=left[0])
 
 
 def _ask_for_base(state: Guessing) -> None:
@@ -675,10 +713,10 @@ RULES = (
     ),
     Rule("choice", "the family of each channel", _choose),
     Rule(
-        "followers",
-        "positions that follow commands among columns whose names say nothing",
-        _find_followers,
-        lambda s: "q_cmd" in s.chosen and "q" not in s.known | set(s.chosen),
+        "physics",
+        "positions, velocities and torques among columns whose names say nothing",
+        _tell_by_physics,
+        lambda s: "q" not in s.known | set(s.chosen),
     ),
     Rule("torques", "which torques were measured, and of which joints", _settle_torques),
     Rule("commands", "commands that state no quantity: positions or torques", _settle_commands),

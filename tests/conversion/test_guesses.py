@@ -48,33 +48,53 @@ def test_degrees_and_milliseconds_are_seen_and_said(arm, tmp_path):
     assert any(row["what"].startswith("q (3)") and "deg" in row["because"] for row in said)
 
 
-@pytest.mark.parametrize("kind", ["text", "state of a simulator"])
-def test_columns_without_names_are_asked_about_and_a_map_names_them(kind, arm, tmp_path):
+def test_columns_without_names_are_told_apart_by_physics(arm, tmp_path):
     data = written.motion()
     rows = np.column_stack([data["time"], data["q"], data["v"], data["tau"]])
-    source, name, first = (tmp_path / "plain.txt", "column{}", 1)
-    if kind == "text":
-        np.savetxt(source, rows)
-    else:
-        # MuJoCo's mjSTATE_FULLPHYSICS is one array without names.
-        source, name, first = tmp_path / "run.npz", "state[{}]", 0
-        np.savez(source, state=rows)
-    with pytest.raises(UnclearError, match="no columns of joint positions") as error:
-        excite.convert([source], arm, tmp_path / "log")
-    assert f'columns: {{q: "NAME{{n}}"}}, or columns: {{q.{JOINTS[0]}: "NAME"' in str(error.value)
-    places = {
-        f"{channel}.{joint}": name.format(first + 1 + 3 * c + k)
+    np.savetxt(tmp_path / "plain.txt", rows)
+    found = excite.convert([tmp_path / "plain.txt"], arm, tmp_path / "log")
+    columns = {target: source for target, (source, _) in found.columns.items()}
+    expected = {"time": "column1"} | {
+        f"{channel}.{joint}": f"column{2 + 3 * c + k}"
         for c, channel in enumerate(("q", "v", "tau"))
         for k, joint in enumerate(JOINTS)
     }
-    found = excite.convert(
-        [source],
-        arm,
-        tmp_path / "log",
-        Map.model_validate({"columns": {"time": name.format(first), **places}}),
+    assert columns == expected
+
+
+@pytest.mark.parametrize("settled", ["columns", "none"])
+def test_torques_among_columns_without_names_are_asked_for_where_values_do_not_tell_them(
+    settled, arm, tmp_path
+):
+    data = written.motion()
+    np.savetxt(
+        tmp_path / "plain.txt", np.column_stack([data["time"], data["q"], data["v"], data["tau"][:, :2]])
     )
-    columns = {target: source for target, (source, _) in found.columns.items()}
-    assert columns == {"time": name.format(first), **places}
+    with pytest.raises(UnclearError) as error:
+        excite.convert([tmp_path / "plain.txt"], arm, tmp_path / "log")
+    (question,) = error.value.questions
+    assert "column2 … column4 as q, column5 … column7 as v" in question.what
+    assert "column8, column9 are left" in question.what
+    assert 'columns: {tau.shoulder: "column8"}' in question.line
+    told = {
+        "columns": {"columns": {"tau.shoulder": "column8", "tau.elbow": "column9"}},
+        "none": {"log": {"torque": "none"}},
+    }[settled]
+    found = excite.convert([tmp_path / "plain.txt"], arm, tmp_path / "log", Map.model_validate(told))
+    assert [found.columns[f"q.{joint}"][0] for joint in JOINTS] == ["column2", "column3", "column4"]
+    assert ("tau.elbow" in found.columns) == (settled == "columns")
+    assert not any(because.startswith("its name; joint by the columns") for *_, because in found.guesses)
+
+
+def test_a_simulators_whole_state_is_told_apart_by_physics(arm, tmp_path):
+    """MuJoCo's ``mjSTATE_FULLPHYSICS``: time, positions and velocities in one array without names."""
+    data = written.motion()
+    state = np.column_stack([data["time"], data["q"], data["v"]])
+    np.savez(tmp_path / "run.npz", state=state)
+    found = excite.convert([tmp_path / "run.npz"], arm, tmp_path / "log", Map(trials={"split": "none"}))
+    assert found.columns["time"] == ("state[0]", 1.0)
+    assert [found.columns[f"q.{j}"][0] for j in JOINTS] == ["state[1]", "state[2]", "state[3]"]
+    assert [found.columns[f"v.{j}"][0] for j in JOINTS] == ["state[4]", "state[5]", "state[6]"]
 
 
 def test_all_questions_come_at_once_each_with_its_line(arm, tmp_path):
