@@ -32,7 +32,7 @@ from excite.diagnosis.selection.prior import (
     with_odds,
 )
 from excite.diagnosis.selection.sampler import Draws, climb, gains_beside, sample
-from excite.diagnosis.selection.settling import Basis, gears_of, settle
+from excite.diagnosis.selection.settling import Basis, Settled, gears_of, settle
 from excite.diagnosis.selection.shapes import (
     forms_unlike_grids,
     in_plainest_forms,
@@ -309,20 +309,24 @@ def model_of_gap(
     terms = _with_bodies(free, selected, rows)
     terms = _of_some_share(terms, selected, rows, floor, _scale(full), Context(selected.full))
     # A body beside what is named alone: what stood beside it may have cancelled a part of it.
-    keys = {term.key for term in terms}
-    terms = _with_bodies([term for term in free if term.key in keys], selected, rows)
+    whole = {term.key: term for term in free if term.effect.is_body}
+    terms = _with_bodies([whole.get(term.key, term) for term in terms], selected, rows)
+    basis = Basis(
+        full, rows_of(full, modelled, floor), modelled, gram.discrepancy, selected.noise, selected.gap
+    )
     if len(terms) < len(free):
-        # What stood beside them has bent their shapes, what they are made of and how friction changes sign.
-        begun = rows_of(full, modelled, floor)
-        basis = Basis(full, begun, modelled, gram.discrepancy, selected.noise, selected.gap)
-        maker = TermMaker(Context(full), full.strict)
-        again = [term if term.effect.is_body else maker.again(term) or term for term in terms]
-        settled = settle(basis, again, once=False)
-        selected, rows = replace(selected, full=settled.basis.full), settled.basis.rows
-        terms = in_plainest_forms(settled.basis.gram, settled.terms, settled.basis.slab)
+        settled = _settled_anew(basis, terms)
+        selected, rows, terms = replace(selected, full=settled.basis.full), settled.basis.rows, settled.terms
     if sigma is not None:
         model = fit(Design(rows, tuple(terms)), range(len(terms)))
-        terms = [terms[k] for k in sorted(unlike_noise(model, selected.full, sigma, len(groups), rng))]
+        like = unlike_noise(model, selected.full, sigma, len(groups), rng)
+        if len(like) < len(terms):
+            settled = _settled_anew(basis, [terms[k] for k in sorted(like)])
+            selected, rows, terms = (
+                replace(selected, full=settled.basis.full),
+                settled.basis.rows,
+                settled.terms,
+            )
     kept = {group_of(term) for term in terms}
     others: list[Term] = []
     rivals: dict[int, tuple[Rival, ...]] = {}
@@ -349,6 +353,17 @@ def model_of_gap(
     model = fit(Design(rows, (*terms, *others, *small)), range(len(terms)))
     now = predicted(selected.full, model)
     return Found(model, nats, rivals, len(groups), selected.full, now, _likely(selected))
+
+
+def _settled_anew(basis: Basis, terms: Sequence[Term]) -> Settled:
+    """Terms of which others have gone, begun anew from what is fitted without any, in their plainest forms.
+
+    What stood beside them has bent their shapes, what they are made of and how friction changes sign.
+    """
+    maker = TermMaker(Context(basis.full), basis.full.strict)
+    again = [term if term.effect.is_body else maker.again(term) or term for term in terms]
+    settled = settle(basis, again, once=False)
+    return replace(settled, terms=in_plainest_forms(settled.basis.gram, settled.terms, settled.basis.slab))
 
 
 def _scale(full: Baseline) -> Array:
@@ -425,11 +440,14 @@ def _of_some_share(
 def _forms_that_can_be(
     term: Term, others: Sequence[Term], selected: Selected, rows: Rows, context: Context
 ) -> Iterator[Term]:
-    """The likeliest of each form of a term's law whose sizes beside others are what its name says; itself first."""
+    """A term, then the likeliest of each form with a part of its numbers, if sizes beside others are as names say."""
     atoms, tried = selected.gram.atoms, set[type[Effect]]()
     there = (atoms[int(a)].term for a in np.argsort(-selected.draws.by_atom))
     for like in (term, *(other for other in there if group_of(other) == group_of(term))):
-        if type(like.effect) in tried or (like is not term and like.effect.is_body):
+        plainer = (
+            set(like.effect.linear) < set(term.effect.linear) and like.effect.searched == term.effect.searched
+        )
+        if type(like.effect) in tried or not (like is term or plainer):
             continue
         tried.add(type(like.effect))
         model = fit(Design(rows, (*others, like)), range(len(others) + 1), left_out=False)
