@@ -11,7 +11,6 @@ import pytest
 
 import excite
 from excite.errors import RobotError
-from tests.export.models.identified_folder import known
 
 LINK = (
     "<inertial><pose>0 0 -0.2 0 0 0</pose><mass>2</mass>"
@@ -124,23 +123,6 @@ def test_limits_and_couplings_are_taken(plain: pin.Model, tmp_path: Path) -> Non
     file.write_text(model(BASE + FAR, tied))
     robot = excite.load_robot(file)
     assert robot.mechanism is not None and robot.joint_names == ("shoulder", "elbow")
-
-
-@pytest.mark.parametrize("name", ["ur10", "go2"])
-def test_what_is_written_as_sdf_is_read_as_the_same_robot(name: str, tmp_path: Path) -> None:
-    given = known(name, tmp_path)
-    written = excite.write_simulator_model(tmp_path, "sdf", tmp_path / "out")
-    back = excite.load_robot(tmp_path / "out" / next(f for f in written.files if f.endswith(".sdf")))
-    assert set(back.joint_names) == set(given.robot.joint_names)
-    assert back.mass == pytest.approx(float(given.parameters[::10].sum()), rel=1e-9)
-    if name == "ur10":
-        rng, model = np.random.default_rng(0), given.robot.model.copy()
-        for i, phi in enumerate(given.parameters.reshape(-1, 10), 1):
-            model.inertias[i] = pin.Inertia.FromDynamicParameters(phi)
-        for _ in range(3):
-            q, v, a = rng.normal(size=(3, model.nv))
-            mine = pin.rnea(back.model, back.model.createData(), q, v, a)
-            assert np.allclose(mine, pin.rnea(model, model.createData(), q, v, a), rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize(
