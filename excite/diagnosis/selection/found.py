@@ -319,9 +319,9 @@ def model_of_gap(
         selected, rows, terms = replace(selected, full=settled.basis.full), settled.basis.rows, settled.terms
     if sigma is not None:
         model = fit(Design(rows, tuple(terms)), range(len(terms)))
-        like = unlike_noise(model, selected.full, sigma, len(groups), rng)
-        if len(like) < len(terms):
-            settled = _settled_anew(basis, [terms[k] for k in sorted(like)])
+        real = [terms[k] for k in sorted(unlike_noise(model, selected.full, sigma, len(groups), rng))]
+        if len(real) < len(terms):
+            settled = _settled_anew(basis, real)
             selected, rows, terms = (
                 replace(selected, full=settled.basis.full),
                 settled.basis.rows,
