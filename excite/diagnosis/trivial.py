@@ -62,7 +62,8 @@ def alike(trials: Sequence[Commanded]) -> tuple[Repeat, ...]:
     rate = 1.0 / float(np.median(np.diff(trials[0].time)))
     step = max(1, max(len(t.time) for t in trials) // _SAMPLES)
     few = [_Thinned(t.time[::step], t.q[::step], t.v[::step]) for t in trials]
-    apart = {(i, k): _apart(few[i], few[k]) for i, k in combinations(range(len(trials)), 2)}
+    like = [_Alike.of(trial) for trial in few]
+    apart = {(i, k): like[i].apart(like[k]) for i, k in combinations(range(len(trials)), 2)}
     stated = [
         (i, k) for i, k in apart if trials[i].name == trials[k].repeats or trials[k].name == trials[i].repeats
     ]
@@ -77,16 +78,30 @@ def alike(trials: Sequence[Commanded]) -> tuple[Repeat, ...]:
     return tuple(islice(found, _PAIRS))
 
 
-def _apart(one: Moving, other: Moving) -> float:
-    """Largest difference of what does not depend on when a logger was started, as a share of deviations."""
-    spread, speed = (
-        np.maximum(*(getattr(t, name).std(axis=0).sum() for t in (one, other))) for name in ("q", "v")
-    )
-    mean, width, fast = (
-        np.abs(of(one) - of(other)).sum()
-        for of in (lambda t: t.q.mean(axis=0), lambda t: t.q.std(axis=0), lambda t: t.v.std(axis=0))
-    )
-    return float(max(mean / max(spread, 1e-300), width / max(spread, 1e-300), fast / max(speed, 1e-300)))
+@dataclass(frozen=True, eq=False)
+class _Alike:
+    """What of a command does not depend on when a logger was started, by joint: mean, deviation, and its speed's."""
+
+    mean: Array
+    spread: Array
+    speed: Array
+
+    @classmethod
+    def of(cls, trial: Moving) -> _Alike:
+        """Of a command."""
+        return cls(trial.q.mean(axis=0), trial.q.std(axis=0), trial.v.std(axis=0))
+
+    def apart(self, other: _Alike) -> float:
+        """Largest difference, as a share of deviations."""
+        spread, speed = (
+            max(float(one.sum()), float(two.sum()), 1e-300)
+            for one, two in ((self.spread, other.spread), (self.speed, other.speed))
+        )
+        return max(
+            float(np.abs(self.mean - other.mean).sum()) / spread,
+            float(np.abs(self.spread - other.spread).sum()) / spread,
+            float(np.abs(self.speed - other.speed).sum()) / speed,
+        )
 
 
 def _same(one: Moving, other: Moving, lag: float) -> bool:

@@ -29,7 +29,7 @@ from excite.diagnosis.budget.fit.design import Design
 from excite.diagnosis.budget.fit.joint_fit import Model, fit
 from excite.diagnosis.budget.fit.terms import Term, TermMaker
 from excite.diagnosis.budget.record import Found
-from excite.diagnosis.budget.shares import deviation, judged_power, power_of
+from excite.diagnosis.budget.shares import judged_power, linear_deviations, power_of
 from excite.diagnosis.budget.thresholds import THRESHOLDS
 from excite.diagnosis.effects.form import Context
 from excite.diagnosis.equations.baseline import Baseline
@@ -169,11 +169,9 @@ class Reading:
         if term.direction is not None:
             free = TermMaker(term.context, self.found.baseline.strict).make(term.effect, term.location, ())
             if free is not None:
-                term = free
                 terms = [free if i == k else other for i, other in enumerate(model.design.terms)]
                 model = fit(Design(model.design.rows, tuple(terms)), model.chosen, model.weight)
-        first = model.layout.begin[k]
-        return np.abs(term.beta(deviation(model.left_out[:, first : first + term.size])))
+        return linear_deviations(model, k)
 
     def _rivals(self, item: Named) -> list[tuple[Scored, float]]:
         """What might stand in the place of an effect, with its probability."""
@@ -254,9 +252,8 @@ def _stands_for_its_name(stage: Stage) -> bool:
 
 def _has_size(model: Model, k: int) -> bool:
     """Whether a size of a model's k-th term is told from none: what is said of the robot leaves that out."""
-    term, first = model.design.terms[k], model.layout.begin[k]
-    spread = np.abs(term.beta(deviation(model.left_out[:, first : first + term.size])))
-    there = np.abs(term.beta(model.parameters(k))) > _TOLD * spread
+    term = model.design.terms[k]
+    there = np.abs(term.beta(model.parameters(k))) > _TOLD * linear_deviations(model, k)
     return term.known or any(sure for sure, p in zip(there, term.effect.linear, strict=True) if not p.beside)
 
 

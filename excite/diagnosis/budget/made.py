@@ -23,7 +23,7 @@ from excite.diagnosis.budget.fit.joint_fit import Model, fit
 from excite.diagnosis.budget.fit.terms import ShapeStep, TermMaker
 from excite.diagnosis.budget.library import loaded
 from excite.diagnosis.budget.record import Found
-from excite.diagnosis.budget.shares import Shares, deviation, shares_of, unnamed_of
+from excite.diagnosis.budget.shares import Shares, deviation, linear_deviations, shares_of, unnamed_of
 from excite.diagnosis.budget.thresholds import THRESHOLDS
 from excite.diagnosis.effects.form import Context
 from excite.diagnosis.equations.noise_floor import repeat_floor
@@ -244,11 +244,9 @@ def stands_clear(shares: Shares, i: int, firm: bool) -> bool:
 def _named(found: Found, i: int, share: float, surely: float, clear: bool) -> Named:
     model, k = found.model, found.model.chosen[i]
     term, nats = model.design.terms[k], found.nats[k]
-    first = model.layout.begin[i]
-    here = slice(first, first + term.size)
-    beta, spread = term.beta(model.x[here]), term.beta(deviation(model.left_out[:, here]))
+    beta, spread = term.beta(model.parameters(k)), linear_deviations(model, k)
     values: dict[str, tuple[float, float | None]] = {
-        p.name: (float(b), float(abs(s))) for p, b, s in zip(term.effect.linear, beta, spread, strict=False)
+        p.name: (float(b), float(s)) for p, b, s in zip(term.effect.linear, beta, spread, strict=False)
     }
     shaped = shape_deviations(model, k)
     values |= {

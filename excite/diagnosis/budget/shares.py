@@ -87,6 +87,12 @@ def deviation(values: Array) -> Array:
     return np.sqrt((n - 1) / n * ((values - values.mean(axis=0)) ** 2).sum(axis=0))
 
 
+def linear_deviations(model: Model, k: int) -> Array:
+    """Deviations between blocks left out of the linear parameters of the design's term ``k``, ``(n_linear,)``."""
+    term, first = model.design.terms[k], model.layout.begin[model.chosen.index(k)]
+    return np.abs(term.beta(deviation(model.left_out[:, first : first + term.size])))
+
+
 @dataclass(frozen=True, eq=False)
 class Shares:
     """Shares of each channel's power above the floor.

@@ -413,8 +413,9 @@ def _of_some_share(
         cannot = [k for k, term in enumerate(kept) if not term.can_be(context, model.parameters(k))]
         if cannot:
             term = kept.pop(min(cannot, key=model.taken_by))
-            like = next(_forms_that_can_be(term, kept, selected, rows, context), None)
-            if like is None or term.key in changed:
+            forms = _forms_that_can_be(term, kept, selected, rows, context)
+            like = None if term.key in changed else next(forms, None)
+            if like is None:
                 gone.append(term)
             else:
                 kept.append(like)
