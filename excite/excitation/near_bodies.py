@@ -34,7 +34,7 @@ class NearPairs:
         sample: ``(m,)``.
         pair: ``(m,)``.
         distance: ``(m,)`` [m].
-        first: ``(m, 3)`` nearest point of the first body, world frame [m].
+        first: ``(m, 3)`` nearest point of the first body's surface, world frame [m].
         second: ``(m, 3)`` of the second.
         normal: ``(m, 3)`` unit vector from the first to the second.
     """
@@ -141,8 +141,12 @@ class NearBodies:
         # Below the table's top the way points down, and the distance is negative.
         under = (self._axes.table[first] & (way[:, 2] < 0)) | (self._axes.table[second] & (way[:, 2] > 0))
         sign = np.where(under, -1.0, 1.0)
-        distance = sign * length - self._axes.radius[first] - self._axes.radius[second]
-        return NearPairs(sample, pair, distance, one, two, sign[:, None] * normal)
+        normal = sign[:, None] * normal
+        radii = self._axes.radius[first], self._axes.radius[second]
+        distance = sign * length - radii[0] - radii[1]
+        # From the axes to the surfaces.
+        one, two = one + radii[0][:, None] * normal, two - radii[1][:, None] * normal
+        return NearPairs(sample, pair, distance, one, two, normal)
 
     def _by_coal(self, q: Array, sample: NDArray[np.intp], pair: NDArray[np.intp]) -> NearPairs:
         distance, points = np.empty(len(sample)), np.empty((3, len(sample), 3))

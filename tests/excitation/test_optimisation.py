@@ -127,6 +127,8 @@ def test_clearance_of_segments_against_coal(iiwa: Robot) -> None:
     bodies = NearBodies(iiwa, np.arange(7) + 1)
     near = bodies.find(path, bodies.kept + 10.0)[1]
     assert near.distance.min() == pytest.approx(least, abs=1e-5)
+    apart = np.einsum("mi,mi->m", near.second - near.first, near.normal)
+    assert np.allclose(apart, near.distance, atol=1e-6)
 
 
 def test_closest_points_of_segments_against_a_grid() -> None:
