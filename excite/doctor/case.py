@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.doctor.doubt import Doubt
-from excite.doctor.thresholds import read_table
+from excite.doctor.thresholds import THRESHOLD, read_table
 from excite.doctor.torque_samples import TorqueSamples, torque_samples
 from excite.finding import Finding
 from excite.logs.log import Log, Trial
@@ -38,12 +38,14 @@ class Case:
         log: as the rules before have left it.
         findings: what was found so far.
         doubts: what the log tells only about, as far as it could not be repaired to the last.
+        latest_s: torques that are less late than this are left so [s].
     """
 
     robot: Robot
     log: Log
     findings: list[Finding] = field(default_factory=list)
     doubts: set[Doubt] = field(default_factory=set)
+    latest_s: float = THRESHOLD.late_s
     _sampled: tuple[Log, TorqueSamples | None] | None = None
 
     def add(

@@ -259,7 +259,7 @@ _UNITS_AND_SIGNS = (
     Mistake("revolutions", partial(find_unit, unit=2.0 * np.pi, name="revolutions"), of_posture=True),
     Mistake("position_sign", find_position_sign, of_posture=True),
 )
-_DELAY = Mistake("torque_late", find_delay, leaves=frozenset({Doubt.DELAY}))
+DELAY = Mistake("torque_late", find_delay, leaves=frozenset({Doubt.DELAY}))
 _GRAVITY = Mistake("gravity", find_gravity, leaves=frozenset({Doubt.GRAVITY}))
 _ZERO = Mistake("zero_position", find_zeros, leaves=frozenset({Doubt.POSITION}), of_posture=True)
 
@@ -274,7 +274,7 @@ OF_TORQUES: tuple[Mistake, ...] = (
     _GRAVITY,
     Mistake("compensated", find_missing_weight),
     Mistake("clock", find_clock, leaves=frozenset({Doubt.CLOCK})),
-    _DELAY,
+    DELAY,
 )
 
 OF_WRENCHES: tuple[Mistake, ...] = (
@@ -289,5 +289,5 @@ OF_WRENCHES: tuple[Mistake, ...] = (
     # One alone shows in how a robot stands.
     replace(_ZERO, corrections=partial(find_zeros, together=0)),
     _GRAVITY,
-    _DELAY,
+    DELAY,
 )

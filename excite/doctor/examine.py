@@ -37,6 +37,7 @@ from excite.doctor.checks.values import (
     find_weak_torques,
 )
 from excite.doctor.doubt import Doubt
+from excite.doctor.thresholds import THRESHOLD
 from excite.errors import IllLogError
 from excite.finding import Examination, merge_findings, worst_first
 from excite.logs.files import save_log
@@ -118,18 +119,25 @@ class Chart(Examination):
 
 @one_blas_thread
 @step("look the log through")
-def examine(robot: Robot, log: Log, settings: ProblemSettings | None = None) -> Chart:
+def examine(
+    robot: Robot,
+    log: Log,
+    settings: ProblemSettings | None = None,
+    *,
+    latest_s: float = THRESHOLD.late_s,
+) -> Chart:
     """Look a log through with every rule, one after the other.
 
     Args:
         robot: the nominal model.
         log: the log.
         settings: coupling and torque constants that the log does not state; none if None.
+        latest_s: torques that are less late than this are left so [s]: whoever asks finds their delay along.
 
     Returns:
         The repaired log and the findings.
     """
-    case = Case(robot, log)
+    case = Case(robot, log, latest_s=latest_s)
     if settings is not None:
         constants = {**log.header.torque_constants, **settings.drive_gains}
         case.change_header(torque_constants=constants, coupling=settings.coupling or log.header.coupling)

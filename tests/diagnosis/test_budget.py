@@ -356,16 +356,16 @@ def shares(value: list[float], lost: list[float]) -> Shares:
     """What one effect takes of two joints, known to a tenth."""
     row, tenth = np.array([value]), np.full((1, 2), 0.1)
     one = np.ones(2)
-    return Shares(one, one, one, one, row, tenth, np.array([lost]), tenth, np.array([True]))
+    return Shares(one, one, one, one, row, tenth, np.array([lost]), tenth)
 
 
 def test_an_effect_that_shares_what_another_takes_is_not_clear() -> None:
     """Let in alone it takes a part of what the other one takes; without it next to nothing is lost."""
-    assert stands_clear(shares([0.5, 0.0], [0.9, 0.0]), 0, firm=True)
-    assert not stands_clear(shares([0.5, 0.0], [0.001, 0.0]), 0, firm=True)
+    assert stands_clear(shares([0.5, 0.0], [0.9, 0.0]), 0)
+    assert not stands_clear(shares([0.5, 0.0], [0.001, 0.0]), 0)
 
 
 def test_an_effect_is_clear_where_another_joint_has_the_gap_without_it() -> None:
     """A servo too weak at the last joint: without it the link is lighter, and the joints before have the gap."""
-    assert stands_clear(shares([0.0, 0.998], [721.0, 0.014]), 0, firm=True)
-    assert not stands_clear(shares([0.0, 0.0], [0.09, 0.09]), 0, firm=False)
+    assert stands_clear(shares([0.0, 0.998], [721.0, 0.014]), 0)
+    assert not stands_clear(shares([0.0, 0.0], [0.09, 0.09]), 0)

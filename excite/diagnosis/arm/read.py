@@ -73,31 +73,43 @@ class Reading:
         return self._named(kept, stages, whole=whole) if kept else self._open()
 
     def _that_explain(self, chosen: Sequence[Named]) -> tuple[list[Named], list[Stage]]:
-        """Those that have a size and leave less of what judges, each and all together, put into the equations."""
+        """Those that have a size and leave less of what judges, each and all together, put into the equations.
+
+        What has not goes one at a time, the weakest first: beside it others may have none.
+        """
         kept = list(chosen)
         while kept:
             model = self._fitted_together(kept)
-            terms = model.terms
-            left, nothing = power_of(model).mean, power_of(fit(model.design, ())).mean
-            if ((left - nothing) / self.scorer.scale**2).sum() >= 0.0:
-                break
-            there = [
-                item
-                for k, item in enumerate(kept)
-                if (not terms[k].effect.is_body or terms[k].can_be(terms[k].context, model.parameters(k)))
-                and _has_size(model, k)
-                and _closes(model, k, left)
-            ]
+            gone = self._to_go(model)
+            if gone is not None:
+                del kept[gone]
+                continue
+            stages = self._stages(kept, model)
+            # A search that ended where its name stands for something else has found that.
+            there = [item for item, stage in zip(kept, stages, strict=False) if _stands_for_its_name(stage)]
             if there == kept:
-                stages = self._stages(kept, model)
-                # A search that ended where its name stands for something else has found that.
-                there = [
-                    item for item, stage in zip(kept, stages, strict=False) if _stands_for_its_name(stage)
-                ]
-                if there == kept:
-                    return kept, stages
+                return kept, stages
             kept = there
         return [], []
+
+    def _to_go(self, model: Model) -> int | None:
+        """The term of a model that goes next; None where all may stay."""
+        left, terms = power_of(model).mean, model.terms
+        if self._weighed(left) >= self._weighed(power_of(fit(model.design, ())).mean):
+            others = [[i for i in model.chosen if i != k] for k in model.chosen]
+            return int(np.argmin([self._weighed(judged_power(model.design, o).mean) for o in others]))
+        gone = [
+            k
+            for k, term in enumerate(terms)
+            if (term.effect.is_body and not term.can_be(term.context, model.parameters(k)))
+            or not _has_size(model, k)
+            or not _closes(model, k, left)
+        ]
+        return min(gone, key=model.taken_by, default=None)
+
+    def _weighed(self, power: Array) -> float:
+        """Mean squares of all joints in units of their torques."""
+        return float((power / self.scorer.scale**2).sum())
 
     def _open(self) -> tuple[Attribution, Judgement]:
         """Nothing that is named is the gap."""

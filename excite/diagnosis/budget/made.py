@@ -181,7 +181,7 @@ def budget_of(found: Found, floor: Array, scale: Array) -> Budget:
             i,
             float(shares.value[i] @ weight),
             float(np.maximum(shares.value[i] - shares.half[i], 0.0) @ weight),
-            stands_clear(shares, i, _firm(found, shares, i)),
+            stands_clear(shares, i),
         )
         for i, term in enumerate(model.terms)
         if not term.effect.nameless
@@ -221,12 +221,7 @@ def _channel(
     return ChannelBudget(level, gap, tuple(effects), tuple(unnamed), rest, weight, unit)
 
 
-def _firm(found: Found, shares: Shares, i: int) -> bool:
-    """Whether an effect has a size that is none by chance, though shares may be too wide to tell."""
-    return bool(shares.sized[i]) and found.nats[found.model.chosen[i]] >= THRESHOLDS.rival
-
-
-def stands_clear(shares: Shares, i: int, firm: bool) -> bool:
+def stands_clear(shares: Shares, i: int) -> bool:
     """Whether an effect surely takes something of a joint's gap, and what is left there is clearly more without it.
 
     At any joint: without the gain of a finger's last joint the last link is fitted lighter, and that leaves too much at
@@ -235,9 +230,8 @@ def stands_clear(shares: Shares, i: int, firm: bool) -> bool:
     Args:
         shares: of all effects.
         i: which effect.
-        firm: whether its size surely is none by chance.
     """
-    sure = (shares.value[i] > shares.half[i]) | (shares.lost[i] > shares.unsure[i]) | firm
+    sure = (shares.value[i] > shares.half[i]) | (shares.lost[i] > shares.unsure[i])
     return bool((sure & (shares.lost[i] >= THRESHOLDS.trifle)).any())
 
 

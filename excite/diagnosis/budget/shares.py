@@ -106,7 +106,6 @@ class Shares:
         half: ``(n_terms, n_joints)`` half widths of the 90 % intervals.
         lost: ``(n_terms, n_joints)`` by how much more is left without each alone, as a share of what is left with all.
         unsure: ``(n_terms, n_joints)`` half widths of the 90 % intervals of that.
-        sized: ``(n_terms,)`` whether the 90 % interval of the effect's own size leaves zero out.
     """
 
     level: Array
@@ -117,7 +116,6 @@ class Shares:
     half: Array
     lost: Array
     unsure: Array
-    sized: NDArray[np.bool_]
 
 
 def shares_of(model: Model, floor: Array) -> Shares:
@@ -159,7 +157,6 @@ def shares_of(model: Model, floor: Array) -> Shares:
             empty,
             empty,
             empty,
-            np.zeros(0, dtype=np.bool_),
         )
     values = [
         _normalised(
@@ -179,27 +176,7 @@ def shares_of(model: Model, floor: Array) -> Shares:
     left = np.maximum(everything.mean, 1e-300)
     more = np.array([item.mean for item in lost]) / left
     unsure = wide * np.array([np.hypot(deviation(item.blocks), deviation(item.fits)) for item in lost]) / left
-    with_size = np.array([_has_size(model, k) for k in chosen])
-    return Shares(level, room, nothing.mean, everything.mean, value, half, more, unsure, with_size)
-
-
-def _has_size(model: Model, k: int) -> bool:
-    """Whether an effect has a size without any block that differs from zero beside how much blocks disagree on it.
-
-    Of several parameters what counts is how far they reach along those of all blocks, as their columns weigh them; of a
-    gear, whose size is known with its stiffness or its play, the share of it that all blocks would have.
-    """
-    term, n = model.design.terms[k], len(model.left_out)
-    if n < 2:
-        return False
-    if term.known:
-        model = fit(model.design, model.chosen, model.weight, freed=k)
-    first = model.layout.begin[model.chosen.index(k)]
-    here = slice(first, first + term.size)
-    along = model.normal[here, here] @ model.x[here]
-    reach = model.left_out[:, here] @ along / max(float(model.x[here] @ along), 1e-300)
-    there = not term.known or float(model.x[first]) > 0.0
-    return there and bool(stdtrit(n - 1, 0.95) * deviation(reach) < 1.0)
+    return Shares(level, room, nothing.mean, everything.mean, value, half, more, unsure)
 
 
 def _normalised(taken: Array, before: Array, after: Array, level: Array) -> Array:

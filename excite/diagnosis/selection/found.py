@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from excite.diagnosis.budget.fit.design import Design, Rows
 from excite.diagnosis.budget.fit.joint_fit import Model, fit
 from excite.diagnosis.budget.fit.terms import Term, TermMaker
 from excite.diagnosis.budget.library import Library
-from excite.diagnosis.budget.prediction import Prediction, predicted, unlike_noise
+from excite.diagnosis.budget.prediction import Prediction, predicted
 from excite.diagnosis.budget.record import Found, Rival, rows_of
 from excite.diagnosis.budget.shares import shares_of
 from excite.diagnosis.effects.effect import Effect
@@ -21,6 +22,7 @@ from excite.diagnosis.effects.form import Context
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.standing_joints import stands_throughout
 from excite.diagnosis.selection.gram import Gram, Noise, discrepancy_columns
+from excite.diagnosis.selection.predictive import that_predict
 from excite.diagnosis.selection.prior import (
     Atom,
     Key,
@@ -319,8 +321,8 @@ def model_of_gap(
         selected, rows, terms = replace(selected, full=settled.basis.full), settled.basis.rows, settled.terms
     if sigma is not None:
         model = fit(Design(rows, tuple(terms)), range(len(terms)))
-        real = [terms[k] for k in sorted(unlike_noise(model, selected.full, sigma, len(groups), rng))]
-        if len(real) < len(terms):
+        real = that_predict(model, selected.full, sigma, partial(_forms, selected), rng)
+        if real != terms:
             settled = _settled_anew(basis, real)
             selected, rows, terms = (
                 replace(selected, full=settled.basis.full),
@@ -442,17 +444,25 @@ def _forms_that_can_be(
     term: Term, others: Sequence[Term], selected: Selected, rows: Rows, context: Context
 ) -> Iterator[Term]:
     """A term, then the likeliest of each form with a part of its numbers, if sizes beside others are as names say."""
-    atoms, tried = selected.gram.atoms, set[type[Effect]]()
-    there = (atoms[int(a)].term for a in np.argsort(-selected.draws.by_atom))
-    for like in (term, *(other for other in there if group_of(other) == group_of(term))):
-        plainer = (
-            set(like.effect.linear) < set(term.effect.linear) and like.effect.searched == term.effect.searched
-        )
-        if type(like.effect) in tried or not (like is term or plainer):
-            continue
-        tried.add(type(like.effect))
+    own = term.effect
+    parts = (
+        like
+        for like in _forms(selected, term)
+        if set(like.effect.linear) < set(own.linear) and like.effect.searched == own.searched
+    )
+    for like in (term, *parts):
         model = fit(Design(rows, (*others, like)), range(len(others) + 1), left_out=False)
         if like.can_be(context, model.parameters(len(others))):
+            yield like
+
+
+def _forms(selected: Selected, term: Term) -> Iterator[Term]:
+    """The likeliest atom of each other form of a term's law."""
+    atoms, tried = selected.gram.atoms, {type(term.effect)}
+    for a in np.argsort(-selected.draws.by_atom):
+        like = atoms[int(a)].term
+        if group_of(like) == group_of(term) and type(like.effect) not in tried:
+            tried.add(type(like.effect))
             yield like
 
 

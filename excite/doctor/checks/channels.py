@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,11 +12,11 @@ from numpy.typing import NDArray
 from excite.arrays import Array
 from excite.display import percent
 from excite.doctor.case import Case
-from excite.doctor.channel_errors import OF_TORQUES, OF_WRENCHES, Misreading, misreadings
+from excite.doctor.channel_errors import DELAY, OF_TORQUES, OF_WRENCHES, Misreading, misreadings
 from excite.doctor.channel_mapping import Reading
 from excite.doctor.checks.values import of_unknown_unit
 from excite.doctor.inertial_prior import STRONG_ODDS, Judgement
-from excite.doctor.mistakes.torques import OtherMachine, carried_load, other_machine
+from excite.doctor.mistakes.torques import OtherMachine, carried_load, find_delay, other_machine
 from excite.doctor.samples import Samples
 from excite.doctor.thresholds import THRESHOLD
 from excite.doctor.torque_samples import TorqueSamples, torque_samples
@@ -36,7 +37,12 @@ def find_misreadings(case: Case) -> None:
     if samples is None:
         return
     mistakes = OF_TORQUES if isinstance(samples, TorqueSamples) else OF_WRENCHES
-    possible = [one for one in mistakes if not one.of_posture or header.posture == "measured"]
+    late = replace(DELAY, corrections=partial(find_delay, late_s=case.latest_s))
+    possible = [
+        late if one is DELAY else one
+        for one in mistakes
+        if not one.of_posture or header.posture == "measured"
+    ]
     reading, found = misreadings(samples, stated, possible)
     if found and isinstance(samples, TorqueSamples):
         # Torques in a unit that nothing tells, too small for bodies anywhere near the nominal ones, betray nothing.

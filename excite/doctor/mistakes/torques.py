@@ -305,8 +305,8 @@ def _clouds(phi: Array) -> Array:
 # Torques that were logged long after, or before, the positions that they belong to.
 
 
-def find_delay(samples: Samples, reading: Reading) -> Iterable[Correction]:
-    """The shift at which the torques agree with the motion."""
+def find_delay(samples: Samples, reading: Reading, late_s: float = THRESHOLD.late_s) -> Iterable[Correction]:
+    """The shift at which the torques agree with the motion, where they are later than ``late_s``."""
     # Friction that builds up over a way after each reversal looks late, too; weights and inertia do not.
     tells = samples.tells(reading)
     if reading.late_s != 0.0 or not tells.any():
@@ -316,7 +316,7 @@ def find_delay(samples: Samples, reading: Reading) -> Iterable[Correction]:
         return float(samples.left(replace(reading, late_s=float(late)))[tells].sum())
 
     def is_usual(early: float, late: float) -> bool:
-        return -THRESHOLD.early_s < early and late < THRESHOLD.late_s
+        return -THRESHOLD.early_s < early and late < late_s
 
     near, far = np.arange(-25, 26) * 0.02, np.arange(-50, 51) * 0.1
     scores = [left(late) for late in near]
