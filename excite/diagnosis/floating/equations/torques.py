@@ -13,10 +13,10 @@ from excite.diagnosis.effects.friction import CoulombFriction, ViscousFriction
 from excite.diagnosis.effects.gears.gear_effect import Armature
 from excite.diagnosis.effects.readings import TorqueBias
 from excite.diagnosis.floating.equations.record import TORQUE, FloatingRecord
-from excite.diagnosis.floating.equations.state import Free, State, cross, inertial_errors
+from excite.diagnosis.floating.equations.state import Free, State, inertial_errors
 from excite.errors import LogError
+from excite.regressor.contact_forces import carried_wrench, tree_contact_maps
 from excite.regressor.kernels import inverse_dynamics, joint_torque_regressor
-from excite.regressor.tree import PRISMATIC
 from excite.rows.drive_terms import smooth_sign
 
 # Speed about standstill within which dry friction changes sign [rad/s].
@@ -52,42 +52,7 @@ class TorqueState(State):
     @cached_property
     def contacts(self) -> Array:
         """``(n, nv, k)`` generalised forces per unit of each force or moment that a foot can transmit."""
-        parts = [np.zeros((len(self.q), self.tree.nv, 0))]
-        for foot in self.record.robot.feet:
-            if foot.radius > 0.0:
-                up = -self.tree.gravity / np.linalg.norm(self.tree.gravity)
-                places = [self.poses.point(foot.joint, foot.centre) - foot.radius * up]
-            elif foot.flat:
-                places = [self.poses.translation[:, foot.joint]]
-            else:
-                places = [self.poses.point(foot.joint, corner) for corner in foot.sole]
-            parts += [self._of_force(foot.joint, place) for place in places]
-            parts += [self._of_moment(foot.joint)] if foot.flat else []
-        return np.concatenate(parts, axis=2)
-
-    def _of_force(self, joint: int, place: Array) -> Array:
-        """``(n, nv, 3)`` of a force at a point of a joint's link, world axes."""
-        out = np.zeros((len(place), self.tree.nv, 3))
-        out[:, :6] = super().at_base(np.tile(np.eye(3), (len(place), 1, 1)), place)
-        for index in self._chain(joint):
-            axis = self.poses.rotation[:, index] @ self.tree.axes[index]
-            arm = place - self.poses.translation[:, index]
-            slides = self.tree.kinds[index] == PRISMATIC
-            out[:, self.tree.idx_v[index]] = axis if slides else cross(axis, arm)
-        return out
-
-    def _of_moment(self, joint: int) -> Array:
-        """``(n, nv, 3)`` of a moment on a joint's link, world axes."""
-        out = np.zeros((len(self.q), self.tree.nv, 3))
-        out[:, 3:6] = self.poses.rotation[:, 1].transpose(0, 2, 1)
-        for index in self._chain(joint):
-            if self.tree.kinds[index] != PRISMATIC:
-                out[:, self.tree.idx_v[index]] = self.poses.rotation[:, index] @ self.tree.axes[index]
-        return out
-
-    def _chain(self, joint: int) -> list[int]:
-        """Joints between the base and a link, by index in the tree."""
-        return [] if joint <= 1 else [joint, *self._chain(int(self.tree.parents[joint]))]
+        return tree_contact_maps(self.tree, self.poses, self.record.robot.feet)
 
     @property
     def free(self) -> NDArray[np.int64]:
@@ -102,11 +67,10 @@ class TorqueState(State):
     @cached_property
     def levers(self) -> dict[str, Array]:
         """``(n, n_base + n_free, n_joints)``: the joints' torques in each row."""
-        n, free, joints = self.n_base, self.free, self.contacts[:, 6:].transpose(0, 2, 1)
-        rows = np.zeros((len(self.q), n + len(free), joints.shape[2]))
+        n, free = self.n_base, self.free
+        rows = np.zeros((len(self.q), n + len(free), self.contacts.shape[1] - 6))
         if n:
-            inverse = np.linalg.pinv(joints, rcond=_STRETCHED)
-            rows[:, :n] = -(inverse @ self.contacts[:, :6].transpose(0, 2, 1)).transpose(0, 2, 1)
+            rows[:, :n] = carried_wrench(self.contacts, _STRETCHED)
         rows[:, n + np.arange(len(free)), free] = 1.0
         return {TORQUE: rows}
 
