@@ -1,8 +1,7 @@
-"""Effects that were found, in the equations of an arm one after the other."""
+"""Effects of known size in the equations of an arm, one after the other, and the verdict on them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,8 +14,6 @@ from excite.diagnosis.effects.form import Context
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.joint_torque import Fit, Solver
 from excite.diagnosis.equations.noise_floor import other_postures, repeat_floor
-
-# An effect at a place, fitted alone: a grid of non-linear parameters first, then a local search.
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,11 +68,6 @@ class Hypothesis:
     def context(self) -> Context:
         """Predictions that its columns were made of."""
         return self.made_at or Context(self.baseline)
-
-    @property
-    def loss(self) -> float:
-        """``Σ_j log σ_j``: what the search makes small."""
-        return float(np.log(self.fit.sigma).sum())
 
     @property
     def physical(self) -> bool:
@@ -134,141 +126,6 @@ def along(item: Hypothesis, direction: Array) -> Hypothesis:
     return replace(whole, fit=fit)
 
 
-@dataclass(frozen=True, eq=False)
-class Search:
-    """Fits effects against one baseline.
-
-    Attributes:
-        context: the context.
-        solver: the equations.
-    """
-
-    context: Context
-    solver: Solver
-
-    def try_at(self, effect: Effect, location: str, theta: Theta, iterations: int = 6) -> Hypothesis | None:
-        """One fit; None where its linear parameters are not physical, or no joint feels it, or it is not finite."""
-        columns = at_rows(self.context, effect.shape(self.context, location, theta))
-        if effect.linear and columns.extra is None:
-            return None
-        for values in (columns.extra, columns.offset):
-            if values is not None and not np.isfinite(values).all():
-                return None
-        fit = self.solver.fit(columns.extra, columns.offset, iterations, effect.widths)
-        if not effect.admissible(self.context, location, theta, fit.extra):
-            return None
-        return Hypothesis(effect, location, theta, columns, fit, self.context.baseline)
-
-    def coarse(self, effect: Effect, location: str) -> Hypothesis | None:
-        """The best of the grids of the effect and its other forms."""
-        tried = (
-            self.try_at(form, location, theta, 3)
-            for form in (effect, *effect.forms)
-            for theta in form.grid(self.context, location)
-        )
-        found = [item for item in tried if item is not None]
-        return min(found, key=lambda item: item.loss, default=None)
-
-    def refine(self, start: Hypothesis, evaluations: int = 14, step: float = 0.25) -> Hypothesis:
-        """Local search of the non-linear parameters on a logarithmic scale (Nelder, Mead 1965).
-
-        Args:
-            start: where from.
-            evaluations: fits at most, for each parameter.
-            step: size of the first simplex, relative.
-
-        Returns:
-            The best found, ``start`` itself where nothing is better.
-        """
-        best = self.try_at(start.effect, start.location, start.theta) or start
-        searched, n = start.effect.searched, len(start.theta)
-        if n == 0:
-            return best
-        origin = np.log(best.theta)
-
-        def loss(point: Array) -> float:
-            nonlocal best
-            low, high = (np.log([getattr(p, side) for p in searched]) for side in ("low", "high"))
-            inside = np.clip(point, low, high)
-            item = self.try_at(start.effect, start.location, tuple(np.exp(inside).tolist()))
-            if item is None:
-                return best.loss + 1.0
-            if item.loss < best.loss:
-                best = item
-            return item.loss + float(np.abs(point - inside).sum())
-
-        simplex = origin + np.vstack([np.zeros(n), step * np.eye(n)])
-        nelder_mead(loss, simplex, evaluations * n, near=0.01, flat=1e-4)
-        return best
-
-
-# Search without derivatives: the simplex method of Nelder and Mead.
-
-
-class _Spent(Exception):
-    """All evaluations have been made."""
-
-
-def nelder_mead(
-    loss: Callable[[Array], float], simplex: Array, evaluations: int, near: float, flat: float
-) -> None:
-    """Make a loss small (Nelder, Mead 1965); whoever asks keeps the best point that ``loss`` has been asked for.
-
-    A loss costs a fit or more, and a search a few dozen of them; ``scipy.optimize`` takes longer to load than many
-    a search runs.
-
-    Args:
-        loss: of a point ``(n,)``.
-        simplex: ``(n + 1, n)`` points to begin with.
-        evaluations: losses asked for at most.
-        near: done when all points are within this distance of the best, in every coordinate,
-        flat: and all losses within this of its own.
-    """
-    points, left = np.array(simplex, dtype=float), evaluations
-
-    def asked(point: Array) -> float:
-        nonlocal left
-        if left <= 0:
-            raise _Spent
-        left -= 1
-        return loss(point)
-
-    try:
-        values = np.array([asked(point) for point in points])
-        while left > 0:
-            order = np.argsort(values)
-            points, values = points[order], values[order]
-            if np.abs(points[1:] - points[0]).max() <= near and np.abs(values[1:] - values[0]).max() <= flat:
-                break
-            _moved(asked, points, values)
-    except _Spent:
-        return
-
-
-def _moved(asked: Callable[[Array], float], points: Array, values: Array) -> None:
-    """Replace the worst point, the last, by a better one on the line through the others' middle; else shrink."""
-    middle = points[:-1].sum(axis=0) / (len(points) - 1)
-    worst = points[-1].copy()
-    reflected = 2.0 * middle - worst
-    value = asked(reflected)
-    if value < values[0]:
-        further = 3.0 * middle - 2.0 * worst
-        again = asked(further)
-        points[-1], values[-1] = (further, again) if again < value else (reflected, value)
-    elif value < values[-2]:
-        points[-1], values[-1] = reflected, value
-    else:
-        outside = value < values[-1]
-        closer = 1.5 * middle - 0.5 * worst if outside else 0.5 * middle + 0.5 * worst
-        again = asked(closer)
-        if again <= value if outside else again < values[-1]:
-            points[-1], values[-1] = closer, again
-            return
-        for k in range(1, len(points)):
-            points[k] = points[0] + 0.5 * (points[k] - points[0])
-            values[k] = asked(points[k])
-
-
 # What the attribution found, step by step.
 
 
@@ -302,47 +159,37 @@ class Scored:
 
 
 @dataclass(frozen=True, eq=False)
-class Stage:
-    """One step of the attribution.
-
-    Attributes:
-        context: what the effects were tried against.
-        ranking: candidates, best first.
-        accepted: the one that was accepted, None at the end.
-    """
-
-    context: Context
-    ranking: tuple[Scored, ...]
-    accepted: Scored | None
-
-
-@dataclass(frozen=True, eq=False)
 class Attribution:
-    """All steps.
+    """Effects that explain a record, each fitted beside those before it.
 
     Attributes:
-        stages: in order; the last accepts nothing.
-        before: fit of the baseline.
-        after: fit with all accepted effects.
-        final: the baseline with them.
+        baseline: what is modelled alone, fitted.
+        final: the same with all accepted effects in it.
         floor: ``(n_joints,)`` noise floor after them [N·m].
         scale: ``(n_joints,)`` standard deviation of each torque in the identification trials [N·m];
             infinite where the joint stands throughout.
+        ranking: candidates for the first effect, best first.
+        accepted: effects in order; the baseline of each has those before it.
         stranger: what explains the rest better than any effect that has a name, and has none itself.
     """
 
-    stages: tuple[Stage, ...]
-    before: Fit
-    after: Fit
+    baseline: Baseline
     final: Baseline
     floor: Array
     scale: Array
+    ranking: tuple[Scored, ...] = ()
+    accepted: tuple[Scored, ...] = ()
     stranger: Scored | None = None
 
-    @property
-    def accepted(self) -> tuple[Scored, ...]:
-        """Accepted effects in order."""
-        return tuple(s.accepted for s in self.stages if s.accepted is not None)
+    def beside(self, count: int) -> Baseline:
+        """The baseline with the first effects in it."""
+        if count in {0, len(self.accepted)}:
+            return self.final if count else self.baseline
+        return self.accepted[count].hypothesis.baseline
+
+    def first(self, count: int) -> Attribution:
+        """The first effects alone."""
+        return replace(self, accepted=self.accepted[:count], final=self.beside(count))
 
 
 # A verdict and what it rests on.
@@ -373,67 +220,9 @@ class Judgement:
     chances: tuple[float, ...] = ()
 
 
-def withdrawn(attribution: Attribution, baseline: Baseline) -> Attribution:
-    """The attribution with nothing accepted, its first ranking kept.
-
-    Args:
-        attribution: all its steps.
-        baseline: the baseline that they began with.
-    """
-    first = replace(attribution.stages[0], accepted=None)
-    return replace(attribution, stages=(first,), after=attribution.before, final=baseline)
-
-
-# Evidence for a hypothesis: a likelihood ratio over effective samples, and the power it takes away.
+# Evidence for a hypothesis: a likelihood ratio over effective samples.
 
 _LAGS = 200
-
-
-@dataclass(frozen=True, eq=False)
-class Power:
-    """Mean squares of residuals by joint.
-
-    Attributes:
-        identification: ``(n_joints,)`` [(N·m)²].
-        validation: ``(n_joints,)``; the identification trials' where there are no others.
-    """
-
-    identification: Array
-    validation: Array
-
-
-@dataclass(frozen=True, eq=False)
-class Judge:
-    """Compares fits of the same rows.
-
-    Attributes:
-        use: identification rows.
-        count: ``(n_joints, 2)`` effective samples in identification and validation rows.
-        floor: ``(n_joints,)`` noise in the band [N·m].
-    """
-
-    use: NDArray[np.bool_]
-    count: Array
-    floor: Array
-
-    def power(self, residual: Array) -> Power:
-        """Mean squares of residuals ``(n_joints, n_rows)``."""
-        squares = residual**2
-        inside = squares[:, self.use].mean(axis=1)
-        outside = squares[:, ~self.use].mean(axis=1) if (~self.use).any() else inside
-        return Power(inside, outside)
-
-    def ratio(self, before: Array, after: Array) -> Array:
-        """Log-likelihood ratio by joint ``(n_joints, 2)`` [nats] from residuals: identification, validation."""
-        least = self.floor**2
-        p, r = self.power(before), self.power(after)
-        logs = np.column_stack(
-            [
-                np.log(np.maximum(p.identification, least) / np.maximum(r.identification, least)),
-                np.log(p.validation / r.validation),
-            ]
-        )
-        return 0.5 * self.count * logs
 
 
 def effective_counts(residual: Array, use: NDArray[np.bool_], trial: NDArray[np.int64]) -> Array:
@@ -534,16 +323,22 @@ class Scorer:
         first, last = self.baseline.judged(before.residual), self.baseline.judged(item.fit.residual)
         # Of what this hypothesis leaves: what another has left to explain would count for correlated noise.
         counts = effective_counts(last, samples.identification, samples.trial_of_row)
+        power, before_it = (_mean_squares(rows, samples.identification) for rows in (last, first))
         # Repeated trials may show less noise than the spectrum above the band makes one expect.
-        judge = Judge(samples.identification, counts, np.minimum(self.spectral, self.floor(item.fit)))
-        ratio = judge.ratio(first, last)
-        cost = 0.5 * item.n_parameters * np.log(max(judge.count.sum(), 2.0)) + np.log(200.0)
+        least = np.zeros_like(power)
+        least[:, 0] = np.minimum(self.spectral, self.floor(item.fit)) ** 2
+        ratio = 0.5 * counts * np.log(np.maximum(before_it, least) / np.maximum(power, least))
+        cost = 0.5 * item.n_parameters * np.log(max(counts.sum(), 2.0)) + np.log(200.0)
         own = item.effect.own_joint and item.location in samples.joints
         place = samples.joints.index(item.location) if own else int(np.argmax(ratio.sum(axis=1)))
-        left = judge.power(last)
-        power = np.column_stack([left.identification, left.validation])
         evidence = float(ratio.sum() - cost) if nats is None else nats
         return Scored(item, evidence, place, power, counts)
+
+
+def _mean_squares(residual: Array, use: NDArray[np.bool_]) -> Array:
+    """``(n_joints, 2)`` of identification and validation rows; of the former alone where there are no others."""
+    sides = (use, ~use) if (~use).any() else (use, use)
+    return np.column_stack([(residual[:, rows] ** 2).mean(axis=1) for rows in sides])
 
 
 # Where what is left after all effects is more than noise.
@@ -565,7 +360,7 @@ _UNREPEATED, _UNREPEATED_LARGE, _LARGE = 3.0, 1.5, 0.05
 def structured_joints(attribution: Attribution, spectral: Array) -> tuple[str, ...]:
     """Joints whose residual after all accepted effects is significantly more than noise."""
     samples = attribution.final.samples
-    residual, use = attribution.final.judged(attribution.after.residual), samples.identification
+    residual, use = attribution.final.judged(attribution.final.fit.residual), samples.identification
     counts = effective_counts(residual, use, samples.trial_of_row).sum(axis=1)
     power = (residual**2).mean(axis=1)
     floor = np.maximum(attribution.floor, spectral) ** 2

@@ -115,14 +115,11 @@ def _joint(item: Scored, samples: ArmSamples) -> str:
     return item.location if item.location in samples.joints else samples.joints[item.place]
 
 
-def advice(
-    baseline: Baseline, attribution: Attribution, judgement: Judgement, out: Path | None
-) -> NextExperiment | None:
+def advice(attribution: Attribution, judgement: Judgement, out: Path | None) -> NextExperiment | None:
     """What would tell apart the names, or the places, that the record leaves open.
 
     Args:
-        baseline: the baseline before the first effect.
-        attribution: all its steps.
+        attribution: the effects.
         judgement: the verdict on it.
         out: folder for the motion; none is planned without it.
 
@@ -131,10 +128,10 @@ def advice(
     """
     if judgement.verdict not in {"effect", "ambiguous"}:
         return None
-    best, second = attribution.accepted[0], judgement.renamed[0]
+    baseline, best, second = attribution.baseline, attribution.accepted[0], judgement.renamed[0]
     # Rivals of another name, then other places of the same.
     places = judgement.tied[0][1:]
-    same = (s for s in attribution.stages[0].ranking if s.name == best.name and s.location in places)
+    same = (s for s in attribution.ranking if s.name == best.name and s.location in places)
     others = [*judgement.rivals, *same][:_MOST]
     if not others and second is None:
         return None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy as np
 from excite.arrays import Array
 from excite.diagnosis.answer.answer import Rollout
 from excite.diagnosis.answer.candidate import Estimate
-from excite.diagnosis.attribution import Attribution, Scored, structured_joints, withdrawn
+from excite.diagnosis.attribution import Attribution, Scored, structured_joints
 from excite.diagnosis.effects.readings import ActuatorLag, late
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.dry_friction.reversals import between_reversals, told_delay
@@ -108,34 +108,31 @@ class ClosedLoop:
 
 
 @step("roll out in the simulator")
-def roll_out(
-    record: ServoRecord, attribution: Attribution, baseline: Baseline, out: Path | None
-) -> ClosedLoop:
+def roll_out(record: ServoRecord, attribution: Attribution, out: Path | None) -> ClosedLoop:
     """Closed-loop roll-outs, with no effect that rebuilt torques are not exact enough for.
 
     Args:
         record: the log.
-        attribution: all its steps.
-        baseline: before the first effect.
+        attribution: the effects.
         out: folder for the augmented model.
     """
-    samples = baseline.samples
+    samples = attribution.baseline.samples
     order = record.order(samples)
     inside = np.concatenate([t.q for t in samples.trials if t.identification])[:, list(samples.index)]
-    strong = without_faint(attribution, baseline)
+    strong = without_faint(attribution)
     found = {
         "deviation": np.maximum(inside.std(axis=0), 1e-9),
         "floor": position_floor(samples, record.logged, record.joints),
         "sentences": tracking_sentences(attribution.final, record),
         "strength": max((effect_strength(item) for item in attribution.accepted[:1]), default=np.inf),
-        "structured": structured_joints(strong, baseline.solver.equations.floor),
+        "structured": structured_joints(strong, attribution.baseline.solver.equations.floor),
         "delay": delay_for_lag(strong, record),
     }
     drives = {t.name: record.drive(t.name, order) for t in samples.trials}
     horizon = min(_HORIZON_S, 0.4 * min(float(t.time[-1]) for t in samples.trials))
     plan = Plan(horizon, drives, "q_cmd", least_gain=_GAIN, all_effects=True, noise=found["floor"])
     try:
-        made = compare_rollouts(strong, baseline, plan)
+        made = compare_rollouts(strong, plan)
     except InputError as error:
         return ClosedLoop(Rollout({}, {}, horizon, None, "q_cmd", (f"no roll-outs: {error}",)), **found)
     band = min(2.0 * samples.bands.rows_hz / samples.rate_hz, 1.0)
@@ -152,25 +149,14 @@ def effect_strength(item: Scored) -> float:
     return float((made / samples.rows([t.measured for t in samples.trials]).std(axis=0)).max())
 
 
-def without_faint(attribution: Attribution, baseline: Baseline) -> Attribution:
-    """The attribution up to the first effect that rebuilt torques are not exact enough for.
+def without_faint(attribution: Attribution) -> Attribution:
+    """The effects up to the first that rebuilt torques are not exact enough for.
 
-    The noise floor stays, and the parameters of the effects before it that were searched beside it: what is so faint
+    The noise floor stays, and the parameters of the effects before it that were fitted beside it: what is so faint
     moves neither by more than 0.3 %.
-
-    Args:
-        attribution: all its steps.
-        baseline: the baseline that they began with.
     """
-    strengths = enumerate(effect_strength(item) for item in attribution.accepted)
-    k = next((k for k, strength in strengths if strength < EXACT), None)
-    if k is None:
-        return attribution
-    if k == 0:
-        return withdrawn(attribution, baseline)
-    stages = (*attribution.stages[:k], replace(attribution.stages[k], accepted=None))
-    final = attribution.stages[k].context.baseline
-    return replace(attribution, stages=stages, after=final.fit, final=final)
+    strengths = [effect_strength(item) for item in attribution.accepted]
+    return attribution.first(next((k for k, size in enumerate(strengths) if size < EXACT), len(strengths)))
 
 
 def delay_for_lag(attribution: Attribution, record: ServoRecord) -> Estimate | None:
@@ -183,11 +169,11 @@ def delay_for_lag(attribution: Attribution, record: ServoRecord) -> Estimate | N
     none.
 
     Args:
-        attribution: all its steps.
+        attribution: the effects.
         record: the log.
     """
-    first = attribution.stages[0]
-    if first.accepted is None or first.accepted.name != ActuatorLag.name:
+    first = next(iter(attribution.accepted), None)
+    if first is None or first.name != ActuatorLag.name:
         return None
 
     def late_commands(base: Baseline, delay: float) -> Array:
@@ -202,14 +188,14 @@ def delay_for_lag(attribution: Attribution, record: ServoRecord) -> Estimate | N
     def late_torques(base: Baseline, delay: float) -> Array:
         return late(base, -delay)
 
-    base, lag = first.context.baseline, first.accepted.hypothesis
+    base, lag = first.hypothesis.baseline, first.hypothesis
     told = [told_delay(base, float(lag.fit.extra[0]), change) for change in (late_commands, late_torques)]
     best = min((one for one in told if one is not None), key=lambda one: one.loss, default=None)
     if best is None:
         return None
     there, use = between_reversals(base.samples), base.solver.equations.use
     left = np.log(((lag.fit.residual * there)[:, use] ** 2).mean(axis=1)).sum()
-    independent = float(first.accepted.count[:, 0].mean())
+    independent = float(first.count[:, 0].mean())
     return None if 0.5 * independent * (best.loss - left) > _CLEAR else Estimate(best.size, best.std, "s")
 
 

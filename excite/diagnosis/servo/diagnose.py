@@ -20,7 +20,6 @@ from excite.diagnosis.effects.effect import Effect, Shape, Theta
 from excite.diagnosis.effects.form import Context, Form, Sizes
 from excite.diagnosis.effects.readings import EncoderOffset, TimeDelay, TorqueGain
 from excite.diagnosis.effects.registry import EFFECTS
-from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.joint_torque import Fit
 from excite.diagnosis.equations.resampling import arm_samples
 from excite.diagnosis.servo.closed_loop import EXACT, ClosedLoop, ServoRecord, Witness, roll_out
@@ -77,8 +76,8 @@ def diagnose_commands(robot: Robot, log: Log, rng: np.random.Generator, out: Pat
     commands = ServoRecord(servo, signals, lag, {t.name: t for t in trials}, joints)
     loops: list[ClosedLoop] = []
 
-    def simulate(attribution: Attribution, baseline: Baseline) -> Rollout:
-        loops.append(roll_out(commands, attribution, baseline, out))
+    def simulate(attribution: Attribution) -> Rollout:
+        loops.append(roll_out(commands, attribution, out))
         return loops[0].rollout
 
     record = TorqueRecord(

@@ -342,7 +342,7 @@ def unphysical(mismatch: float, unit: str) -> tuple[str, ...]:
 # Accepted effects as changes of a robot's description.
 
 
-def robot_changes(attribution: Attribution, baseline: Baseline) -> tuple[RobotChanges, ...]:
+def robot_changes(attribution: Attribution) -> tuple[RobotChanges, ...]:
     """What the first none, one, two … of the accepted effects change.
 
     Friction and rotor inertia are all that the model of the record has, with what ``modelled`` had fitted; bodies are
@@ -350,12 +350,9 @@ def robot_changes(attribution: Attribution, baseline: Baseline) -> tuple[RobotCh
 
     Args:
         attribution: the attribution.
-        baseline: the baseline before it.
     """
     effects = found_effects(attribution)
-    beside = [baseline, *(stage.context.baseline for stage in attribution.stages[1 : len(effects)])]
-    beside += [attribution.final] if effects else []
-    return tuple(_changes(each, effects[:count]) for count, each in enumerate(beside))
+    return tuple(_changes(attribution.beside(n), effects[:n]) for n in range(len(effects) + 1))
 
 
 def _changes(baseline: Baseline, effects: Sequence[Found]) -> RobotChanges:
