@@ -128,7 +128,8 @@ def _wrench_basis(foot: Foot, up: Array) -> Array:
     places = foot.sole if foot.radius <= 0.0 else [foot.centre - foot.radius * up]
     skew = [np.cross(place[..., None, :], np.eye(3)) for place in places]
     return np.concatenate(
-        [np.concatenate([np.broadcast_to(np.eye(3), s.shape), s.swapaxes(-1, -2)], axis=-2) for s in skew], axis=-1
+        [np.concatenate([np.broadcast_to(np.eye(3), s.shape), s.swapaxes(-1, -2)], axis=-2) for s in skew],
+        axis=-1,
     )
 
 

@@ -16,9 +16,8 @@ from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.noise_floor import spectral_floor
 from excite.diagnosis.equations.resampling import arm_samples
-from excite.diagnosis.servo.closed_loop import ServoRecord, delay_for_lag
 from excite.diagnosis.servo.diagnose import servo_effects
-from excite.diagnosis.servo.servo import Servo, read_signals
+from excite.diagnosis.servo.servo import Servo, ServoRecord, delay_for_lag, read_signals
 from excite.logs.files import load_log
 from excite.logs.log import Log, Trial
 from excite.logs.robot import nominal_robot

@@ -11,8 +11,8 @@ from excite.diagnosis.answer.answer import Diagnosis
 from excite.diagnosis.answer.candidate import Candidate, Estimate
 from excite.diagnosis.answer.gap import ChannelGap, Gap
 from excite.diagnosis.attribution import Attribution
-from excite.diagnosis.servo.closed_loop import effect_strength, without_faint
 from excite.diagnosis.servo.diagnose import is_confirmed, with_twin
+from excite.diagnosis.servo.servo import effect_strength, without_faint
 
 
 def gap(before: float, after: float, floor: float) -> Gap:

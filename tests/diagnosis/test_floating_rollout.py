@@ -13,14 +13,13 @@ import pytest
 
 from excite.diagnosis.diagnose import diagnose
 from excite.diagnosis.floating import simulator as rollout_compare
-from excite.diagnosis.floating.effects.bodies import SwingingJoint
-from excite.diagnosis.floating.effects.effect import FloatingEffect
-from excite.diagnosis.floating.effects.forces import PressedContact, Surface, UnloggedContact
-from excite.diagnosis.floating.effects.registry import FLOATING_EFFECTS
-from excite.diagnosis.floating.equations.problem import Problem, build_problem
-from excite.diagnosis.floating.equations.record import FloatingRecord, prepare_record
-from excite.diagnosis.floating.equations.state import State
-from excite.diagnosis.floating.search.refinement import Fitted, Placed, explained_state, nominal_fit, refine
+from excite.diagnosis.floating.bodies import SwingingJoint
+from excite.diagnosis.floating.effect import FloatingEffect
+from excite.diagnosis.floating.forces import PressedContact, Surface, UnloggedContact
+from excite.diagnosis.floating.hypotheses import Fitted, Placed, explained_state, nominal_fit, refine
+from excite.diagnosis.floating.problem import Problem, build_problem
+from excite.diagnosis.floating.record import FloatingRecord, prepare_record
+from excite.diagnosis.floating.registry import FLOATING_EFFECTS
 from excite.diagnosis.floating.simulator import (
     Reloaded,
     Simulator,
@@ -29,6 +28,7 @@ from excite.diagnosis.floating.simulator import (
     standing_model,
     unheard,
 )
+from excite.diagnosis.floating.state import State
 from excite.logs.columns import BASE_POSE
 from excite.logs.files import load_log
 

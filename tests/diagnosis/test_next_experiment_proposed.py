@@ -22,9 +22,8 @@ from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.dry_friction.friction_sign import SignChange
 from excite.diagnosis.equations.noise_floor import spectral_floor
 from excite.diagnosis.equations.resampling import arm_samples
-from excite.diagnosis.next_experiment.advice import FILE
+from excite.diagnosis.next_experiment.advice import FILE, Expectation
 from excite.diagnosis.next_experiment.candidates import draw_motions
-from excite.diagnosis.next_experiment.evidence import Expectation
 from excite.logs.log import Log, LogHeader, Trial
 from excite.motion.files import load_motion
 from excite.robot.loading import load_robot

@@ -46,8 +46,7 @@ from excite.diagnosis.equations.standing_joints import held_power, stands_throug
 from excite.diagnosis.equations.units import at_joint, force_unit
 from excite.diagnosis.next_experiment.advice import advice
 from excite.diagnosis.selection.found import model_of_gap
-from excite.diagnosis.simulator.augmented_plant import robot_changes
-from excite.diagnosis.simulator.model_text import Found, found_effects
+from excite.diagnosis.simulator.augmented_plant import Found, found_effects, robot_changes
 from excite.diagnosis.simulator.rollout_compare import simulated
 from excite.diagnosis.trivial import of_torques
 from excite.finding import Finding

@@ -17,23 +17,25 @@ from excite.arrays import Array
 from excite.atomic import write_text
 from excite.diagnosis.answer.answer import Rollout
 from excite.diagnosis.answer.gap import RolloutPath
-from excite.diagnosis.floating.effects.effect import StandingNote
-from excite.diagnosis.floating.effects.registry import EVERY_FORM
-from excite.diagnosis.floating.equations.problem import Problem
-from excite.diagnosis.floating.equations.record import FloatingRecord
-from excite.diagnosis.floating.equations.spectrum import BAND_HZ
-from excite.diagnosis.floating.equations.state import State
-from excite.diagnosis.floating.search.refinement import Fitted, Placed, apply_all, explained_state, refine
-from excite.diagnosis.simulator.augmented_plant import PhysicalBodies, nearest_bodies, unphysical
-from excite.diagnosis.simulator.model_text import (
+from excite.diagnosis.floating.effect import StandingNote
+from excite.diagnosis.floating.hypotheses import Fitted, Placed, apply_all, explained_state, refine
+from excite.diagnosis.floating.problem import Problem
+from excite.diagnosis.floating.record import FloatingRecord
+from excite.diagnosis.floating.registry import EVERY_FORM
+from excite.diagnosis.floating.spectrum import BAND_HZ
+from excite.diagnosis.floating.state import State
+from excite.diagnosis.simulator.augmented_plant import (
     LOUDER,
     MODEL,
     NOTE,
     AugmentedModel,
+    PhysicalBodies,
     ignored,
     load_model,
     model_notes,
+    nearest_bodies,
     refused,
+    unphysical,
     without,
 )
 from excite.errors import InputError

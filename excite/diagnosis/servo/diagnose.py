@@ -22,9 +22,18 @@ from excite.diagnosis.effects.readings import EncoderOffset, TimeDelay, TorqueGa
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.joint_torque import Fit
 from excite.diagnosis.equations.resampling import arm_samples
-from excite.diagnosis.servo.closed_loop import EXACT, ClosedLoop, ServoRecord, Witness, roll_out
 from excite.diagnosis.servo.gains import known_servo, told_gains
-from excite.diagnosis.servo.servo import Servo, cycle_lag, read_signals, servo_floor
+from excite.diagnosis.servo.servo import (
+    EXACT,
+    ClosedLoop,
+    Servo,
+    ServoRecord,
+    Witness,
+    cycle_lag,
+    read_signals,
+    roll_out,
+    servo_floor,
+)
 from excite.diagnosis.trivial import of_positions
 from excite.errors import LogError, RobotError
 from excite.logs.log import Log, Trial

@@ -18,8 +18,14 @@ from excite.diagnosis.attribution import Attribution
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.noise_floor import white_floor
 from excite.diagnosis.equations.samples import ArmSamples
-from excite.diagnosis.simulator.augmented_plant import augmented_model
-from excite.diagnosis.simulator.model_text import MODEL, AugmentedModel, found_effects, told_states, without
+from excite.diagnosis.simulator.augmented_plant import (
+    MODEL,
+    AugmentedModel,
+    augmented_model,
+    found_effects,
+    told_states,
+    without,
+)
 from excite.diagnosis.simulator.rollout import HORIZON_S, Drive, Piece, Plan, Simulator, cut_pieces
 from excite.errors import InputError
 from excite.logs.signals.butterworth import lowpass, noise_bandwidth
