@@ -253,22 +253,23 @@ def fit_delayed_command(trials: Sequence[EvenTrial]) -> LinearFilter:
     """The simplest servo there is: each joint is where its command was some time ago, to a scale and an offset."""
     latest = min(_LATEST_S, 0.25 * min(float(t.time[-1]) for t in trials))
     step = max(float(np.median(np.diff(trials[0].time))), _STEP_S)
-    begin = [np.arange(0.0, latest + 0.5 * step, step)] * trials[0].command.shape[1]
-    coarse = _fit_filters(trials, [delays[:, None] for delays in begin], _RIDGES[:1])
-    fine = [near + step / _FINER * np.arange(1 - _FINER, _FINER) for near in coarse.length_s]
-    return _fit_filters(trials, [delays[delays >= 0.0][:, None] for delays in fine], _RIDGES[:1])
+    begin = [list(np.arange(0.0, latest + 0.5 * step, step)[:, None])] * trials[0].command.shape[1]
+    coarse = _fit_filters(trials, begin, _RIDGES[:1])
+    nearby = step / _FINER * np.arange(1 - _FINER, _FINER)
+    fine = [[np.array([near + by]) for by in nearby if near + by >= 0.0] for near in coarse.length_s]
+    return _fit_filters(trials, fine, _RIDGES[:1])
 
 
 def fit_fir(trials: Sequence[EvenTrial]) -> LinearFilter:
     """Filters by ridge regression, of a length and a ridge that suit best."""
     period, shortest = float(np.median(np.diff(trials[0].time))), min(len(t.time) for t in trials)
     lengths = sorted({min(max(1, round(s / period)), shortest // 4) for s in _LENGTHS_S})
-    tried = [period * np.arange(0, n + 1, max(1, -(-n // _TAPS))) for n in lengths]
+    tried = [np.asarray(period * np.arange(0, n + 1, max(1, -(-n // _TAPS)))) for n in lengths]
     return _fit_filters(trials, [tried] * trials[0].command.shape[1], _RIDGES)
 
 
 def _fit_filters(
-    trials: Sequence[EvenTrial], choices: Sequence[Sequence[Array] | Array], ridges: Sequence[float]
+    trials: Sequence[EvenTrial], choices: Sequence[Sequence[Array]], ridges: Sequence[float]
 ) -> LinearFilter:
     """Of each joint's choices of lags, and of ridges, those that leave least of trials left out in turn."""
     thin = max(1, sum(len(t.time) for t in trials) // _ROWS)
