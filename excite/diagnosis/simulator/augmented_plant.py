@@ -394,8 +394,6 @@ def in_no_description(effect: str, location: str) -> str:
 # First part of the names of the ``<custom>`` texts in which effects stand.
 NOTE = "excite"
 MODEL = "augmented.xml"
-# By what an effect is made larger to see whether the model hears of it.
-LOUDER = 1.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -418,11 +416,6 @@ def without(left: Sequence[str]) -> tuple[str, ...]:
         return ()
     reason = "roll-outs of the identification trials are no nearer with it"
     return (f"the model is without {', '.join(left)}: {reason}",)
-
-
-def ignored(effect: str, location: str) -> str:
-    """What is said of an effect that moves no roll-out of the model in which it stands."""
-    return f"the simulator ignores {effect} at {location}"
 
 
 def load_model(xml: str) -> mujoco.MjModel:
