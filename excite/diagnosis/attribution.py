@@ -14,6 +14,7 @@ from excite.diagnosis.effects.form import Context
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.joint_torque import Fit, Solver
 from excite.diagnosis.equations.noise_floor import other_postures, repeat_floor
+from excite.doctor.inertial_prior import count_effective_samples
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,33 +223,14 @@ class Judgement:
 
 # Evidence for a hypothesis: a likelihood ratio over effective samples.
 
-_LAGS = 200
-
-
 def effective_counts(residual: Array, use: NDArray[np.bool_], trial: NDArray[np.int64]) -> Array:
-    """Effective samples of each joint's residual, ``(n_joints, 2)``: n / (1 + 2 Σ ρ_k) by initial positive sums.
-
-    (Geyer 1992, section 3.3: pairs of neighbouring autocorrelations are added while their sum is positive.)
-    """
+    """Effective samples of each joint's residual, ``(n_joints, 2)``: of identification and of validation rows."""
     counts = np.zeros((len(residual), 2))
     for side, rows in enumerate((use, ~use)):
-        if not rows.any():
-            continue
-        totals = np.zeros((len(residual), _LAGS))
-        for k in np.unique(trial[rows]):
-            r = np.ascontiguousarray(residual[:, trial == k])
-            r = r - r.mean(axis=1, keepdims=True)
-            f = np.fft.rfft(r, 2 * r.shape[1], axis=1)
-            acf = np.fft.irfft(np.abs(f) ** 2, axis=1)[:, :_LAGS]
-            totals[:, : acf.shape[1]] += acf
-        for j, total in enumerate(totals):
-            rho = total / max(total[0], 1e-300)
-            pairs = rho[0:-1:2] + rho[1::2]
-            stop = np.flatnonzero(pairs <= 0.0)
-            pairs = pairs[: stop[0]] if len(stop) else pairs
-            tau = max(1.0, 2.0 * pairs.sum() - 1.0)
+        if rows.any():
             # Rows that hold no known torque leave nothing.
-            counts[j, side] = np.count_nonzero(residual[j, rows]) / tau
+            known = (residual[:, rows] != 0.0).mean(axis=1)
+            counts[:, side] = known * count_effective_samples(residual[:, rows].T, trial[rows])
     return counts
 
 
