@@ -223,6 +223,7 @@ class Judgement:
 
 # Evidence for a hypothesis: a likelihood ratio over effective samples.
 
+
 def effective_counts(residual: Array, use: NDArray[np.bool_], trial: NDArray[np.int64]) -> Array:
     """Effective samples of each joint's residual, ``(n_joints, 2)``: of identification and of validation rows."""
     counts = np.zeros((len(residual), 2))
