@@ -16,7 +16,7 @@ from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.own_columns import SCALED
 from excite.diagnosis.equations.standstill import long_trials
 from excite.diagnosis.floating.diagnose import diagnose_floating
-from excite.diagnosis.floating.effects.registry import FLOATING_EFFECTS
+from excite.diagnosis.floating.registry import FLOATING_EFFECTS
 from excite.diagnosis.servo.diagnose import diagnose_commands
 from excite.diagnosis.servo.gains import torque_constants
 from excite.diagnosis.servo.servo import read_signals

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations, islice
@@ -134,60 +134,6 @@ def _difference(
     return values[pair.first][here] - np.column_stack(other)
 
 
-# The simplest servo there is: each joint is where its command was some time ago, to a scale and an offset.
-
-# What follows its command later than this is no servo [s]; so fine is the first search [s], and so many times finer the
-# second.
-_LATEST_S, _STEP_S, _FINER = 0.5, 0.005, 10
-
-
-@dataclass(frozen=True, eq=False)
-class DelayedCommand:
-    """``q_j(t) = scale_j q_cmd_j(t − delay_j) + offset_j``.
-
-    Attributes:
-        delay_s: ``(n_joints,)`` [s].
-        scale: ``(n_joints,)``.
-        offset: ``(n_joints,)`` [rad or m].
-    """
-
-    delay_s: Array
-    scale: Array
-    offset: Array
-
-    def predicted(self, trial: EvenTrial) -> Array:
-        """Positions ``(n, n_joints)`` [rad or m]."""
-        columns = zip(trial.command.T, self.delay_s, strict=True)
-        late = [np.interp(trial.time - delay, trial.time, column) for column, delay in columns]
-        return np.column_stack(late) * self.scale + self.offset
-
-
-def fit_delayed_command(trials: Sequence[EvenTrial]) -> DelayedCommand:
-    """The delay, scale and offset of each joint with the least squared error on these trials."""
-    thin = max(1, sum(len(t.time) for t in trials) // _ROWS)
-    latest = min(_LATEST_S, 0.25 * min(float(t.time[-1]) for t in trials))
-    step = max(float(np.median(np.diff(trials[0].time))), _STEP_S)
-    fine = step / _FINER * np.arange(1 - _FINER, _FINER)
-
-    def fitted(joint: int, delay: float) -> list[float]:
-        """Mean squared error, delay, scale and offset."""
-        late = np.concatenate(
-            [np.interp(t.time[::thin] - delay, t.time, t.command[:, joint]) for t in trials]
-        )
-        here = np.concatenate([t.position[::thin, joint] for t in trials])
-        x, y = late - late.mean(), here - here.mean()
-        power = float(x @ x)
-        scale = float(x @ y) / power if power > 0.0 else 0.0
-        error = float(((y - scale * x) ** 2).mean())
-        return [error, delay, scale, float(here.mean() - scale * late.mean())]
-
-    found = []
-    for j in range(trials[0].command.shape[1]):
-        near = min(fitted(j, float(delay)) for delay in np.arange(0.0, latest + 0.5 * step, step))[1]
-        found.append(min(fitted(j, float(delay)) for delay in near + fine if delay >= 0.0))
-    return DelayedCommand(*np.array(found).T[1:])
-
-
 # Commands and positions of trials on even clocks, and which of their samples judge.
 
 # A piece of a trial: its name, its first and its last instant after the trial's start [s].
@@ -260,8 +206,11 @@ def common_rate(log: Log) -> float:
     return float(np.median([trial_rate(log.header, trial) for trial in log.trials]))
 
 
-# A linear filter of finite response from each joint's command to its position.
+# Linear filters of finite response from each joint's command to its position; one of one tap is a delay.
 
+# What follows its command later than this is no servo [s]; so fine is the first search for a delay [s], and so many
+# times finer the second.
+_LATEST_S, _STEP_S, _FINER = 0.5, 0.005, 10
 # Lengths that are tried [s]: from a stiff servo's to that of one which sways.
 _LENGTHS_S = (0.05, 0.1, 0.2, 0.3, 0.5, 0.8)
 # Taps at most; between those of a long filter lie samples that are left out.
@@ -276,56 +225,69 @@ _PARTS = 4
 
 
 @dataclass(frozen=True, eq=False)
-class Fir:
+class LinearFilter:
     """``q_j(t) = offset_j + Σ_k weight_jk q_cmd_j(t − lags_jk)``.
 
     Attributes:
-        lags: ``(n_taps,)`` of each joint [samples].
+        lags: ``(n_taps,)`` of each joint [s].
         weights: ``(n_taps + 1,)`` of each joint, the offset last [rad or m].
-        period_s: between samples [s].
     """
 
-    lags: tuple[NDArray[np.intp], ...]
+    lags: tuple[Array, ...]
     weights: tuple[Array, ...]
-    period_s: float
 
     def predicted(self, trial: EvenTrial) -> Array:
         """Positions ``(n, n_joints)`` [rad or m]."""
-        rows = np.arange(len(trial.time))
-        columns = zip(trial.command.T, self.lags, self.weights, strict=True)
-        return np.column_stack([_taps(command, lags, rows) @ weights for command, lags, weights in columns])
+        rows, each = np.arange(len(trial.time)), zip(self.lags, self.weights, strict=True)
+        return np.column_stack(
+            [_taps(trial, j, lags, rows) @ weights for j, (lags, weights) in enumerate(each)]
+        )
 
     @property
     def length_s(self) -> Array:
-        """Length of each joint's filter, ``(n_joints,)`` [s]."""
-        return np.array([lags[-1] * self.period_s for lags in self.lags])
+        """Largest lag of each joint, ``(n_joints,)`` [s]."""
+        return np.array([lags[-1] for lags in self.lags])
 
 
-def fit_fir(trials: Sequence[EvenTrial]) -> Fir:
-    """Filters by ridge regression, their length and ridge chosen by what is left out of these trials in turn."""
-    period = float(np.median(np.diff(trials[0].time)))
-    shortest = min(len(t.time) for t in trials)
+def fit_delayed_command(trials: Sequence[EvenTrial]) -> LinearFilter:
+    """The simplest servo there is: each joint is where its command was some time ago, to a scale and an offset."""
+    latest = min(_LATEST_S, 0.25 * min(float(t.time[-1]) for t in trials))
+    step = max(float(np.median(np.diff(trials[0].time))), _STEP_S)
+    begin = [list(np.arange(0.0, latest + 0.5 * step, step)[:, None])] * trials[0].command.shape[1]
+    coarse = _fit_filters(trials, begin, _RIDGES[:1])
+    nearby = step / _FINER * np.arange(1 - _FINER, _FINER)
+    fine = [[np.array([near + by]) for by in nearby if near + by >= 0.0] for near in coarse.length_s]
+    return _fit_filters(trials, fine, _RIDGES[:1])
+
+
+def fit_fir(trials: Sequence[EvenTrial]) -> LinearFilter:
+    """Filters by ridge regression, of a length and a ridge that suit best."""
+    period, shortest = float(np.median(np.diff(trials[0].time))), min(len(t.time) for t in trials)
     lengths = sorted({min(max(1, round(s / period)), shortest // 4) for s in _LENGTHS_S})
+    tried = [np.asarray(period * np.arange(0, n + 1, max(1, -(-n // _TAPS)))) for n in lengths]
+    return _fit_filters(trials, [tried] * trials[0].command.shape[1], _RIDGES)
+
+
+def _fit_filters(
+    trials: Sequence[EvenTrial], choices: Sequence[Sequence[Array]], ridges: Sequence[float]
+) -> LinearFilter:
+    """Of each joint's choices of lags, and of ridges, those that leave least of trials left out in turn."""
     thin = max(1, sum(len(t.time) for t in trials) // _ROWS)
     rows = [(t, np.arange(0, len(t.time), thin)) for t in trials]
     if len(rows) == 1:
         rows = [(trials[0], part) for part in np.array_split(rows[0][1], _PARTS)]
-    found = []
-    for j in range(trials[0].command.shape[1]):
-        tried = []
-        for length in lengths:
-            lags = np.arange(0, length + 1, max(1, -(-length // _TAPS)), dtype=np.intp)
-            made = [np.column_stack([_taps(t.command[:, j], lags, r), t.position[r, j]]) for t, r in rows]
+
+    def tried(j: int) -> Iterator[tuple[float, Array, Array]]:
+        for lags in choices[j]:
+            made = [np.column_stack([_taps(t, j, lags, r), t.position[r, j]]) for t, r in rows]
             parts = np.array([x.T @ x for x in made])
-            whole = parts.sum(axis=0)
-            for ridge in _RIDGES:
-                left = 0.0
-                for part in parts:
-                    both = np.append(_ridge_solution(whole - part, ridge), -1.0)
-                    left += float(both @ part @ both)
-                tried.append((left, lags, _ridge_solution(whole, ridge)))
-        found.append(min(tried, key=lambda item: item[0]))
-    return Fir(tuple(lags for _, lags, _ in found), tuple(weights for _, _, weights in found), period)
+            for ridge in ridges:
+                both = (np.append(_ridge_solution(parts.sum(axis=0) - part, ridge), -1.0) for part in parts)
+                left = sum(float(x @ part @ x) for x, part in zip(both, parts, strict=True))
+                yield left, lags, _ridge_solution(parts.sum(axis=0), ridge)
+
+    best = [min(tried(j), key=lambda item: item[0]) for j in range(len(choices))]
+    return LinearFilter(tuple(lags for _, lags, _ in best), tuple(weights for *_, weights in best))
 
 
 def _ridge_solution(products: Array, ridge: float) -> Array:
@@ -337,9 +299,9 @@ def _ridge_solution(products: Array, ridge: float) -> Array:
     return np.asarray(np.linalg.solve(normal, products[:-1, -1]))
 
 
-def _taps(command: Array, lags: NDArray[np.intp], rows: NDArray[np.intp]) -> Array:
+def _taps(trial: EvenTrial, joint: int, lags: Array, rows: NDArray[np.intp]) -> Array:
     """Earlier commands and one, ``(n_rows, n_taps + 1)``; before a trial its first one held."""
-    earlier = command[np.maximum(rows[:, None] - lags, 0)]
+    earlier = np.interp(trial.time[rows, None] - lags, trial.time, trial.command[:, joint])
     return np.column_stack([earlier, np.ones(len(rows))])
 
 
@@ -385,7 +347,7 @@ def of_positions(
             model=None if model is None else model.get(name),
             floor=0.0 if floor is None else floor.get(name, 0.0),
             unit="m" if slides(robot, name) else "rad",
-            delay_s=float(late.delay_s[j]),
+            delay_s=float(late.length_s[j]),
             fir_s=float(fir.length_s[j]),
         )
         for j, name in enumerate(joints)

@@ -23,6 +23,7 @@ from excite.arrays import Array
 from excite.diagnosis.answer.answer import Absorbed, Diagnosis, NextExperiment, Verdict
 from excite.diagnosis.answer.candidate import Candidate, Estimate, RobotChanges
 from excite.diagnosis.answer.gap import ChannelGap, Gap, Where, share_closed
+from excite.diagnosis.selection import sampler
 from excite.diagnosis.servo.gains import stated_servo
 from excite.doctor.inertial_prior import count_effective_samples, likely_spread
 from excite.errors import LogError
@@ -383,10 +384,9 @@ def _with_asked_torques(log: Log) -> Log:
 
 
 class _Sized(NamedTuple):
-    """Sizes of columns in units of their deviations, their evidence and covariance."""
+    """Sizes of columns in units of their deviations, and their covariance."""
 
     size: Array
-    evidence: float
     covariance: Array
 
 
@@ -394,8 +394,8 @@ class _Sized(NamedTuple):
 class _Limbs:
     """Rows of all joints, contact forces taken out, and the effects in them.
 
-    Sizes are a posteriori means of a linear model with normal priors; which effects there are is chosen forwards by
-    evidence. Noise is that of a model with every column, in effective samples.
+    Sizes are a posteriori means of a linear model with normal priors; which effects there are is what the selection of
+    all records ascends to. Noise is that of a model with every column, in effective samples.
 
     Attributes:
         problem: its rows.
@@ -493,9 +493,7 @@ class _Limbs:
         a = np.sum([part[0] for part in kept], axis=0)[np.ix_(chosen, chosen)] + np.eye(len(chosen))
         h = np.sum([part[1] for part in kept], axis=0)[list(chosen)]
         factor = cho_factor(a)
-        size = cho_solve(factor, h)
-        evidence = 0.5 * h @ size - np.log(np.diagonal(factor[0])).sum()
-        return _Sized(size, float(evidence), cho_solve(factor, np.eye(len(chosen))))
+        return _Sized(cho_solve(factor, h), cho_solve(factor, np.eye(len(chosen))))
 
     def left(self, chosen: Sequence[int]) -> Array:
         """``(n_rows,)`` target less what chosen columns explain of it."""
@@ -506,36 +504,50 @@ class _Limbs:
         """Columns that all models have."""
         return list(range(self.n_base))
 
+    def _selection(self, barred: set[int]) -> sampler.Problem:
+        """Which effects there are, all else integrated out; each pays for the choice among all."""
+        gram, right = (np.sum(part, axis=0) for part in zip(*self.parts, strict=True))
+        n, k = self.n_base, len(right) - self.n_base
+        seen = np.linalg.solve(gram[:n, :n] + np.eye(n), np.column_stack([gram[:n, n:], right[:n]]))
+        each, free = np.arange(k), np.full(k, 1e30)
+        return sampler.Problem(
+            gram=np.ascontiguousarray(gram[n:, n:] - gram[n:, :n] @ seen[:, :-1]),
+            right=right[n:] - gram[n:, :n] @ seen[:, -1],
+            precision=np.ones(k),
+            constant=np.zeros(k),
+            low=-free,
+            high=free,
+            mass=np.zeros(k),
+            first=each,
+            width=np.ones(k, dtype=np.int64),
+            group=each,
+            log_prior=np.where([n + i in barred for i in each], -np.inf, -np.log(k)),
+            begin=each,
+            n_atoms=np.ones(k, dtype=np.int64),
+            needs=np.full(k, -1),
+        )
+
     @cached_property
     def chosen(self) -> dict[int, float]:
-        """Columns of effects and the evidence of each, those that judging rows take less from and small ones gone."""
+        """Columns of effects and the evidence of each, most first; none that is small or leaves judging rows more."""
         barred: set[int] = set()
-        chosen = self._forward(barred)
-        while chosen:
-            sizes, _ = self.sizes([*self.baseline, *chosen])
-            idle = {
-                k
-                for k, size in zip(chosen, sizes[self.n_base :], strict=True)
-                if not self._matters(k, size, chosen)
-            }
-            if not idle:
-                break
-            barred |= idle
-            chosen = self._forward(barred)
-        return chosen
-
-    def _forward(self, barred: set[int]) -> dict[int, float]:
-        """Columns by evidence, each less the price of the choice."""
-        chosen: dict[int, float] = {}
-        price = np.log(len(self.names) - self.n_base)
         while True:
-            old = self.fitted([*self.baseline, *chosen]).evidence + price
-            open_ = [k for k in range(self.n_base, len(self.names)) if k not in chosen and k not in barred]
-            gains = {k: self.fitted([*self.baseline, *chosen, k]).evidence - old for k in open_}
-            best = max(gains, key=lambda k: gains[k], default=-1)
-            if best < 0 or gains[best] <= 0.0:
-                return chosen
-            chosen[best] = gains[best]
+            problem = self._selection(barred)
+            mode = sampler.climb(problem, np.full(len(problem.first), -1))
+            chosen = [self.n_base + int(a) for a in mode if a >= 0]
+            gains = {k: self._gains(problem, [other for other in chosen if other != k])[k] for k in chosen}
+            sizes = self.sizes([*self.baseline, *chosen])[0][self.n_base :]
+            idle = {k for k, size in zip(chosen, sizes, strict=True) if not self._matters(k, size, gains)}
+            if not idle:
+                return dict(sorted(gains.items(), key=lambda item: -item[1]))
+            barred |= idle
+
+    def _gains(self, problem: sampler.Problem, others: Sequence[int]) -> dict[int, float]:
+        """By column, evidence of an effect beside others."""
+        state = np.full(len(problem.first), -1)
+        inside = np.array(others, dtype=np.int64) - self.n_base
+        state[inside] = inside
+        return dict(enumerate(sampler.gains_beside(problem, state).tolist(), start=self.n_base))
 
     def _matters(self, k: int, size: float, chosen: Mapping[int, float]) -> bool:
         """Whether a size is one, and its joint's judging rows are clearly better for it."""
@@ -551,7 +563,7 @@ class _Limbs:
 
     def sizes(self, chosen: Sequence[int]) -> tuple[Array, Array]:
         """Sizes in their units, with deviations: the larger of the equations' and of stretches left out."""
-        whole, _, covariance = self.fitted(chosen)
+        whole, covariance = self.fitted(chosen)
         without = np.array([self.fitted(chosen, without=k).size for k in range(len(self.parts))])
         spread = np.sqrt((len(without) - 1) * without.var(axis=0))
         std = np.maximum(spread, np.sqrt(np.diagonal(covariance)))
@@ -585,12 +597,10 @@ class _Limbs:
     def rivals(self) -> Iterator[Candidate]:
         """What could stand in the place of the first effect, beside the others, at odds of one to twenty."""
         first, *others = self.chosen
-        beside = [*self.baseline, *others]
-        best = self.fitted([*beside, first]).evidence
-        for k in range(self.n_base, len(self.names)):
-            if k not in self.chosen and (odds := self.fitted([*beside, k]).evidence - best) > -np.log(20.0):
-                sizes, stds = self.sizes([*beside, k])
-                yield self.candidate(k, float(sizes[-1]), float(stds[-1]), self.chosen[first] + odds)
+        for k, evidence in self._gains(self._selection(set()), others).items():
+            if k not in self.chosen and evidence > self.chosen[first] - np.log(20.0):
+                sizes, stds = self.sizes([*self.baseline, *others, k])
+                yield self.candidate(k, float(sizes[-1]), float(stds[-1]), evidence)
 
     def _gap(self, columns: Sequence[int]) -> float:
         rows, left = self.judge, self.left(columns)

@@ -8,12 +8,14 @@ for identification Khorshidi et al. 2024). Both steps are linear, so a matrix a 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
 from excite.arrays import Array, distinct_rows
-from excite.regressor.kernels import inverse_dynamics, joint_torque_regressor
+from excite.regressor.kernels import Placements, forward_kinematics, inverse_dynamics, joint_torque_regressor
+from excite.regressor.tree import FREE_FLYER, PRISMATIC, KinematicTree, read_tree
 from excite.robot.joint_values import per_joint
 from excite.robot.robot import Foot, Robot
 
@@ -63,29 +65,57 @@ def stance_flags(robot: Robot, n: int) -> NDArray[np.bool_]:
 
 
 def contact_maps(robot: Robot, q: Array, feet: list[Foot]) -> Array:
+    """:func:`tree_contact_maps` of a robot's model, as its motors exert the forces; ``q (n, nq)`` configurations."""
+    tree = read_tree(robot.model)
+    return robot.on_motors(q, tree_contact_maps(tree, forward_kinematics(tree, q), feet))
+
+
+def tree_contact_maps(tree: KinematicTree, poses: Placements, feet: Sequence[Foot]) -> Array:
     """Generalised forces per unit of what feet can transmit, ``(n, nv, k)``.
 
     A point foot transmits three forces, a ball where it is lowest, an edge six on two points (of rank five), a sole
     a force and a moment.
 
     Args:
-        robot: a robot with a free base.
-        q: ``(n, nq)`` configurations.
+        tree: of a robot with a free base.
+        poses: of its joints, n of each.
         feet: those that carry.
     """
-    model, data = robot.model, robot.model.createData()
-    jacobians = np.empty((len(feet), len(q), 6, model.nv))
-    ups = np.empty((len(feet), len(q), 3))
-    for i, row in enumerate(q):
-        pin.computeJointJacobians(model, data, row)
-        for k, foot in enumerate(feet):
-            jacobians[k, i] = pin.getJointJacobian(model, data, foot.joint, pin.ReferenceFrame.LOCAL)
-            ups[k, i] = data.oMi[foot.joint].rotation[2]
-    maps = [
-        jacobian.transpose(0, 2, 1) @ _wrench_basis(foot, up)
-        for foot, jacobian, up in zip(feet, jacobians, ups, strict=True)
-    ]
-    return robot.on_motors(q, np.concatenate(maps, axis=2))
+    n = len(poses.translation)
+    maps = [np.zeros((n, tree.nv, 0))]
+    for foot in feet:
+        turned = poses.rotation[:, foot.joint]
+        wrenches = _wrench_basis(foot, turned[:, 2])
+        force, moment = turned @ wrenches[..., :3, :], turned @ wrenches[..., 3:, :]
+        made, joint = np.zeros((n, tree.nv, force.shape[2])), foot.joint
+        while joint > 0:
+            arm = poses.translation[:, foot.joint] - poses.translation[:, joint]
+            about = moment + np.cross(arm[:, :, None], force, axis=1)
+            at, axes = tree.idx_v[joint], poses.rotation[:, joint].transpose(0, 2, 1)
+            if tree.kinds[joint] == FREE_FLYER:
+                made[:, at : at + 6] = np.concatenate([axes @ force, axes @ about], axis=1)
+            else:
+                acts = force if tree.kinds[joint] == PRISMATIC else about
+                made[:, at] = ((tree.axes[joint] @ axes)[:, None] @ acts)[:, 0]
+            joint = int(tree.parents[joint])
+        maps.append(made)
+    return np.concatenate(maps, axis=2)
+
+
+def carried_wrench(maps: Array, stretched: float) -> Array:
+    """What joint torques say of the wrench on the base: ``X`` with ``A_b + X A_j = 0``, ``(n, 6, n_joints)``.
+
+    Each leg's torques tell its foot's force, and ``[1, X]`` takes generalised forces to what is left at the base. It
+    spans the same rows as :func:`contact_elimination` where legs have a torque for each force, has full rank and
+    follows the posture smoothly; the order of the rows is the wrench's.
+
+    Args:
+        maps: ``(n, 6 + n_joints, k)`` of :func:`contact_maps`.
+        stretched: singular values below this share of the largest count as zero: a leg that is stretched tells no
+            force along it.
+    """
+    base, joints = (maps[:, rows].transpose(0, 2, 1) for rows in (slice(6), slice(6, None)))
+    return np.asarray(-(np.linalg.pinv(joints, rcond=stretched) @ base).transpose(0, 2, 1))
 
 
 def _wrench_basis(foot: Foot, up: Array) -> Array:
@@ -95,14 +125,12 @@ def _wrench_basis(foot: Foot, up: Array) -> Array:
     """
     if foot.flat:
         return np.eye(6)
-    if foot.radius > 0.0:
-        x, y, z = (foot.centre - foot.radius * up).T
-        wrenches = np.zeros((len(up), 6, 3))
-        wrenches[:, :3] = np.eye(3)
-        for row, column, value in ((3, 1, -z), (3, 2, y), (4, 0, z), (4, 2, -x), (5, 0, -y), (5, 1, x)):
-            wrenches[:, row, column] = value
-        return wrenches
-    return np.hstack([np.vstack([np.eye(3), pin.skew(corner)]) for corner in foot.sole])
+    places = foot.sole if foot.radius <= 0.0 else [foot.centre - foot.radius * up]
+    skew = [np.cross(place[..., None, :], np.eye(3)) for place in places]
+    return np.concatenate(
+        [np.concatenate([np.broadcast_to(np.eye(3), s.shape), s.swapaxes(-1, -2)], axis=-2) for s in skew],
+        axis=-1,
+    )
 
 
 def _eliminate_contacts(maps: Array, weight: Array) -> Array:

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from excite.diagnosis.effects.registry import EFFECTS
-from excite.diagnosis.floating.effects.registry import EVERY_FORM
+from excite.diagnosis.floating.registry import EVERY_FORM
 from excite.logs.vocabulary import EFFECTS as WORDS
 from excite.rows.drive_terms import DRIVE_TERMS
 from excite.simulation.effects.registry import INJECTED_EFFECTS

@@ -17,9 +17,9 @@ from benchmarks.blind.make import build_floating_case
 from benchmarks.blind.score import BlindScore, score_diagnoses
 from excite.diagnosis.floating.answer import residual_of
 from excite.diagnosis.floating.diagnose import Analysis, analyse, diagnosis_of
-from excite.diagnosis.floating.equations.record import prepare_record
-from excite.diagnosis.floating.equations.spectrum import in_band
-from excite.diagnosis.floating.equations.state import State
+from excite.diagnosis.floating.record import prepare_record
+from excite.diagnosis.floating.spectrum import in_band
+from excite.diagnosis.floating.state import State
 from excite.errors import NoSolutionError
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log

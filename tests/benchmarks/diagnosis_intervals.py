@@ -195,7 +195,7 @@ def residuals_on(found: Attribution, samples: ArmSamples) -> tuple[Array, Array]
     """
     joints = range(len(samples.joints))
     tau = samples.rows([t.tau for t in samples.trials], joints)
-    first = _on(found.stages[0].context.baseline, samples)
+    first = _on(found.baseline, samples)
     added, drive, sum_ = (np.zeros_like(first.total) for _ in range(3))
     for item in found.accepted:
         h = item.hypothesis

@@ -8,7 +8,6 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from excite.diagnosis.attribution import Search as Hypotheses
 from excite.diagnosis.attribution import along
 from excite.diagnosis.budget.bodies import body, likeliest_beside
 from excite.diagnosis.budget.fit.design import Design
@@ -22,6 +21,7 @@ from excite.diagnosis.equations.noise_floor import spectral_floor
 from excite.diagnosis.equations.resampling import arm_samples
 from excite.logs.files import load_log, save_log
 from excite.logs.robot import nominal_robot
+from tests.diagnosis.hypotheses import fitted
 from tests.diagnosis.two_joints import URDF, moved, two_joint_log
 
 MODELLED = ("rigid_body_fixed", "viscous_friction", "coulomb_friction")
@@ -86,8 +86,7 @@ def test_a_body_without_the_constant_that_it_stood_beside_is_another(baseline: B
 
 
 def test_parameters_in_fixed_proportions_are_no_surer_than_free_ones(baseline: Baseline) -> None:
-    item = Hypotheses(Context(baseline), baseline.solver).coarse(EFFECTS["payload"], "lower")
-    assert item is not None
+    item = fitted(baseline, EFFECTS["payload"], "lower")
     made = along(item, BALL.toDynamicParameters())
     assert (made.fit.extra_std >= item.fit.extra_std).all()
     assert made.fit.extra[0] == pytest.approx(BALL.mass, rel=0.02)

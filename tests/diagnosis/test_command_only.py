@@ -14,9 +14,16 @@ from excite.diagnosis.diagnose import diagnose
 from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.noise_floor import spectral_floor
 from excite.diagnosis.equations.resampling import arm_samples
-from excite.diagnosis.servo.closed_loop import ServoRecord, tracking_sentences
 from excite.diagnosis.servo.gains import known_servo, stated_servo, told_gains
-from excite.diagnosis.servo.servo import Servo, cycle_lag, delayed, read_signals, servo_floor
+from excite.diagnosis.servo.servo import (
+    Servo,
+    ServoRecord,
+    cycle_lag,
+    delayed,
+    read_signals,
+    servo_floor,
+    tracking_sentences,
+)
 from excite.errors import LogError
 from excite.logs.files import load_log
 from excite.logs.log import Log, LogHeader, Trial

@@ -9,19 +9,19 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from excite.diagnosis.attribution import Scorer, Search
+from excite.diagnosis.attribution import Scorer
 from excite.diagnosis.effects.form import Context
 from excite.diagnosis.effects.readings import ActuatorLag
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.noise_floor import spectral_floor
 from excite.diagnosis.equations.resampling import arm_samples
-from excite.diagnosis.servo.closed_loop import ServoRecord, delay_for_lag
 from excite.diagnosis.servo.diagnose import servo_effects
-from excite.diagnosis.servo.servo import Servo, read_signals
+from excite.diagnosis.servo.servo import Servo, ServoRecord, delay_for_lag, read_signals
 from excite.logs.files import load_log
 from excite.logs.log import Log, Trial
 from excite.logs.robot import nominal_robot
+from tests.diagnosis.hypotheses import fitted
 
 
 @pytest.fixture(scope="module")
@@ -49,15 +49,16 @@ def test_an_offset_of_the_log_alone_is_told_from_a_constant_torque(clean: Log, f
         rebuilt = read_signals(robot, clean, asked)
         made.append(replace(asked, tau=servo.kp * (asked.q_cmd - asked.q) + rebuilt.feedforward(feedforward)))
     baseline = baseline_of(clean, made)
-    context = Context(baseline)
-    search = Search(context, baseline.solver)
     library = {e.name: e for e in servo_effects(servo, clean.header.joints)}
     place = clean.header.joints[joint]
-    found = search.refine(search.coarse(library["encoder_offset"], place))
-    constant = search.coarse(library["torque_bias"], place)
+    followed, constant = library["encoder_offset"], fitted(baseline, library["torque_bias"], place)
+    # The secant of one fit is that of the next.
+    found = fitted(baseline, *followed.forms, place, (1.0,))
+    found = fitted(baseline, *followed.forms, place, (float(np.exp(found.fit.extra[0])),))
     assert found.fit.extra[0] == pytest.approx(offset, rel=0.01)
-    assert "in_log_only" in found.effect.estimates(context, place, found.theta, found.fit)
-    assert found.loss < constant.loss - 0.5
+    assert "in_log_only" in found.effect.estimates(Context(baseline), place, found.theta, found.fit)
+    for other in (constant, fitted(baseline, followed, place, (1.0,))):
+        assert np.log(found.fit.sigma).sum() < np.log(other.fit.sigma).sum() - 0.5
 
 
 @pytest.mark.parametrize("lags", [True, False])
@@ -69,13 +70,11 @@ def test_a_lag_is_told_from_a_delay(clean: Log, lags: bool):
         early = np.column_stack([np.interp(trial.time + late, trial.time, c) for c in trial.tau.T])
         made.append(replace(trial, tau=trial.tau + late * rate if lags else early))
     baseline = baseline_of(clean, made)
-    lag = Search(Context(baseline), baseline.solver).coarse(ActuatorLag(), "torque")
-    assert lag is not None
+    lag = fitted(baseline, ActuatorLag(), "torque")
     scored = Scorer(baseline, spectral_floor(baseline.samples), 0.0, np.ones(7)).scored(baseline.fit, lag)
-    stage = SimpleNamespace(context=Context(baseline), accepted=scored)
     robot, servo = nominal_robot(clean), Servo(np.full(7, 1e3), np.zeros(7), "none", True)
     signals = {t.name: read_signals(robot, clean, replace(t, q_cmd=t.q + t.tau / servo.kp)) for t in made}
     record = ServoRecord(servo, signals, 0.0, {}, clean.header.joints)
-    delay = delay_for_lag(SimpleNamespace(stages=[stage]), record)
+    delay = delay_for_lag(SimpleNamespace(accepted=[scored]), record)
     assert (delay is None) is lags
     assert lags or delay.value == pytest.approx(late, rel=0.05)

@@ -10,9 +10,9 @@ import pytest
 from excite.diagnosis.answer.answer import Diagnosis
 from excite.diagnosis.answer.candidate import Candidate, Estimate
 from excite.diagnosis.answer.gap import ChannelGap, Gap
-from excite.diagnosis.attribution import Attribution, Stage
-from excite.diagnosis.servo.closed_loop import effect_strength, without_faint
+from excite.diagnosis.attribution import Attribution
 from excite.diagnosis.servo.diagnose import is_confirmed, with_twin
+from excite.diagnosis.servo.servo import effect_strength, without_faint
 
 
 def gap(before: float, after: float, floor: float) -> Gap:
@@ -88,15 +88,13 @@ def test_effects_end_where_rebuilt_torques_do(sizes: tuple[float, ...], left: in
     rng = np.random.default_rng(0)
     tau = rng.standard_normal((500, 1))
     samples = SimpleNamespace(trials=[SimpleNamespace(measured=tau)], rows=np.concatenate)
-    stages = []
+    accepted = []
     for k, size in enumerate(sizes):
         fit = SimpleNamespace(extra=np.array([size]))
         columns = SimpleNamespace(extra=np.ones((1, 500, 1)))
         base = SimpleNamespace(samples=samples, fit=f"fit before {k}")
-        item = SimpleNamespace(hypothesis=SimpleNamespace(baseline=base, columns=columns, fit=fit))
-        stages.append(Stage(SimpleNamespace(baseline=base), (), item))
-    last = SimpleNamespace(fit="fit of all")
-    first = stages[0].context.baseline
-    kept = without_faint(Attribution(tuple(stages), first.fit, last.fit, last, np.ones(1), np.ones(1)), first)
+        accepted.append(SimpleNamespace(hypothesis=SimpleNamespace(baseline=base, columns=columns, fit=fit)))
+    last, first = SimpleNamespace(fit="fit of all"), accepted[0].hypothesis.baseline
+    kept = without_faint(Attribution(first, last, np.ones(1), np.ones(1), accepted=tuple(accepted)))
     assert len(kept.accepted) == left
-    assert kept.after == kept.final.fit == ("fit of all" if left == len(sizes) else f"fit before {left}")
+    assert kept.final.fit == ("fit of all" if left == len(sizes) else f"fit before {left}")

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from excite.diagnosis.answer.gap import ChannelGap, Gap
-from excite.diagnosis.servo.closed_loop import witness
 from excite.diagnosis.servo.diagnose import is_confirmed
+from excite.diagnosis.servo.servo import witness
 
 SHAPE = (8, 400, 3)
 

@@ -9,7 +9,7 @@ import pytest
 
 from excite.diagnosis.diagnose import diagnose, in_doubt
 from excite.diagnosis.effects.registry import EFFECTS
-from excite.diagnosis.floating.effects.registry import FLOATING_EFFECTS
+from excite.diagnosis.floating.registry import FLOATING_EFFECTS
 from excite.doctor.channel_errors import OF_TORQUES
 from excite.doctor.doubt import Doubt
 from excite.logs.log import Log, Trial

@@ -7,9 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from excite.diagnosis.attribution import Search, along, extended
+from excite.diagnosis.attribution import along, extended
 from excite.diagnosis.diagnose import diagnose
-from excite.diagnosis.effects.form import Context
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.baseline_fit import fit_baseline
@@ -18,6 +17,7 @@ from excite.diagnosis.equations.resampling import arm_samples
 from excite.logs.files import load_log
 from excite.logs.robot import nominal_robot
 from tests.diagnosis.few_trials import few_trials
+from tests.diagnosis.hypotheses import fitted
 
 
 @pytest.fixture(scope="module")
@@ -40,22 +40,21 @@ def test_a_fit_is_the_one_that_its_predictions_belong_to(baseline: Baseline):
 
 @pytest.mark.parametrize("name", ["torque_bias", "torque_gain"])
 def test_predictions_with_an_effect_are_those_of_the_fit_with_it(baseline: Baseline, name: str):
-    item = Search(Context(baseline), baseline.solver).coarse(EFFECTS[name], "panda_joint4")
-    assert item is not None
-    after = extended(item)
+    after = extended(fitted(baseline, EFFECTS[name], "panda_joint4"))
     scale = baseline.samples.trials[0].tau.std(axis=0)[:, None]
     off = np.abs(left(after) - after.plain(after.fit.residual)) / scale
     assert off.max() < 0.02
 
 
 def test_a_body_of_which_only_the_size_is_fitted_keeps_its_proportions(baseline: Baseline):
-    item = Search(Context(baseline), baseline.solver).coarse(EFFECTS["payload"], "panda_link6")
-    assert item is not None
+    item = fitted(baseline, EFFECTS["payload"], "panda_link6")
     half_a_decimetre_out = np.array([1.0, 0.05, 0.0, 0.0, 1e-4, 0.0, 2.6e-3, 0.0, 0.0, 2.6e-3])
     made = along(item, half_a_decimetre_out)
     np.testing.assert_allclose(made.fit.extra, made.fit.extra[0] * half_a_decimetre_out)
     free = baseline.solver.fit(item.columns.extra)
-    assert made.loss > float(np.log(free.sigma).sum())
+    assert np.log(made.fit.sigma).sum() > np.log(free.sigma).sum()
+    # Parameters in fixed proportions are no surer than free ones.
+    assert (made.fit.extra_std >= item.fit.extra_std).all()
     after = extended(made)
     scale = baseline.samples.trials[0].tau.std(axis=0)[:, None]
     off = np.abs(left(after) - after.plain(after.fit.residual)) / scale

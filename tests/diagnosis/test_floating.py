@@ -10,17 +10,16 @@ import pinocchio as pin
 import pytest
 
 from excite.diagnosis.floating.answer import gap_of, left_by_parameters, residual_of
+from excite.diagnosis.floating.bodies import SwingingJoint
 from excite.diagnosis.floating.diagnose import attribute, unknown_places
-from excite.diagnosis.floating.effects.bodies import SwingingJoint
-from excite.diagnosis.floating.effects.effect import FloatingEffect, Reads, links, segment_of
-from excite.diagnosis.floating.effects.forces import PressedContact, Surface
-from excite.diagnosis.floating.effects.registry import FLOATING_EFFECTS
-from excite.diagnosis.floating.equations.problem import Problem, build_problem, find_unloaded
-from excite.diagnosis.floating.equations.record import FloatingRecord, prepare_record
-from excite.diagnosis.floating.equations.state import State
-from excite.diagnosis.floating.search.ranking import Ranked
-from excite.diagnosis.floating.search.refinement import Placed, nominal_fit, refine
-from excite.diagnosis.floating.search.together import needed
+from excite.diagnosis.floating.effect import FloatingEffect, Reads, links, segment_of
+from excite.diagnosis.floating.forces import PressedContact, Surface
+from excite.diagnosis.floating.hypotheses import Placed, nominal_fit, refine
+from excite.diagnosis.floating.problem import Problem, build_problem, find_unloaded
+from excite.diagnosis.floating.record import FloatingRecord, prepare_record
+from excite.diagnosis.floating.registry import FLOATING_EFFECTS
+from excite.diagnosis.floating.search import Ranked, needed
+from excite.diagnosis.floating.state import State
 from excite.errors import LogError
 from excite.logs.files import load_log
 from excite.logs.log import Log

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from excite.diagnosis.floating.answer import trial_curves
-from excite.diagnosis.floating.effects.registry import FLOATING_EFFECTS
-from excite.diagnosis.floating.equations.problem import build_problem
-from excite.diagnosis.floating.equations.record import prepare_record
-from excite.diagnosis.floating.search.refinement import Placed, nominal_fit
+from excite.diagnosis.floating.hypotheses import Placed, nominal_fit
+from excite.diagnosis.floating.problem import build_problem
+from excite.diagnosis.floating.record import prepare_record
+from excite.diagnosis.floating.registry import FLOATING_EFFECTS
 from excite.logs.files import load_log
 
 

@@ -9,16 +9,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from excite.diagnosis.attribution import Search
-from excite.diagnosis.effects.form import Context
 from excite.diagnosis.effects.readings import ActuatorLag
 from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.noise_floor import spectral_floor
 from excite.diagnosis.equations.resampling import arm_samples
-from excite.diagnosis.servo.closed_loop import ServoRecord, delay_for_lag
-from excite.diagnosis.servo.servo import Servo, read_signals
+from excite.diagnosis.servo.servo import Servo, ServoRecord, delay_for_lag, read_signals
 from excite.logs.files import load_log, save_log
 from excite.logs.robot import nominal_robot
+from tests.diagnosis.hypotheses import fitted
 from tests.diagnosis.two_joints import moved, two_joint_log
 
 LATE = 0.012
@@ -46,15 +44,12 @@ def test_a_delay_in_the_place_of_a_lag_has_its_own_size(tmp_path: Path, of_comma
     samples = arm_samples(robot, log, made)
     modelled = ("rigid_body_fixed", "viscous_friction", "coulomb_friction", "armature")
     baseline = fit_baseline(samples, modelled, spectral_floor(samples))
-    context = Context(baseline)
-    lag = Search(context, baseline.solver).try_at(ActuatorLag(), "torque", ())
-    assert lag is not None
+    lag = fitted(baseline, ActuatorLag(), "torque")
     assert abs(lag.fit.extra[0] - LATE) > 0.05 * LATE
 
     def told(accepted: SimpleNamespace | None):
-        stage = SimpleNamespace(context=context, accepted=accepted)
         record = ServoRecord(servo, signals, 0.0, {}, log.header.joints)
-        return delay_for_lag(SimpleNamespace(stages=[stage]), record)
+        return delay_for_lag(SimpleNamespace(accepted=() if accepted is None else (accepted,)), record)
 
     size = told(SimpleNamespace(name="actuator_lag", hypothesis=lag, count=np.ones((2, 2))))
     assert size is not None and size.std is not None

@@ -24,7 +24,7 @@ def test_a_stop_beside_an_effect_that_says_more(
     none: Any = None
     likely = () if named is None else (_term("", named),)
     record = SimpleNamespace(
-        _nothing=Attribution((), none, none, none, none, none),
+        _nothing=Attribution(none, none, none, none),
         _terms={("end_stop", "elbow"): _term("position", 17.0)},
         _likely=likely,
         _scored=tuple,

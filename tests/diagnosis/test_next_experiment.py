@@ -16,8 +16,7 @@ from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.noise_floor import spectral_floor
 from excite.diagnosis.equations.resampling import arm_samples
 from excite.diagnosis.next_experiment.candidates import retraced, within_record
-from excite.diagnosis.simulator.augmented_plant import augmented_model, physical_plant, plant_with
-from excite.diagnosis.simulator.model_text import Found
+from excite.diagnosis.simulator.augmented_plant import Found, augmented_model, physical_plant, plant_with
 from excite.identification.inertia import pseudo_inertia_matrices
 from excite.logs.files import load_log
 from excite.logs.robot import nominal_robot

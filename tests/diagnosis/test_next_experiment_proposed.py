@@ -12,7 +12,7 @@ import pytest
 
 from excite.arrays import Array
 from excite.diagnosis.answer.answer import Diagnosis
-from excite.diagnosis.attribution import Scored, Scorer, Search
+from excite.diagnosis.attribution import Scored, Scorer
 from excite.diagnosis.diagnose import diagnose
 from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
 from excite.diagnosis.effects.form import Context
@@ -22,9 +22,8 @@ from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.dry_friction.friction_sign import SignChange
 from excite.diagnosis.equations.noise_floor import spectral_floor
 from excite.diagnosis.equations.resampling import arm_samples
-from excite.diagnosis.next_experiment.advice import FILE
+from excite.diagnosis.next_experiment.advice import FILE, Expectation
 from excite.diagnosis.next_experiment.candidates import draw_motions
-from excite.diagnosis.next_experiment.evidence import Expectation
 from excite.logs.log import Log, LogHeader, Trial
 from excite.motion.files import load_motion
 from excite.robot.loading import load_robot
@@ -32,6 +31,7 @@ from excite.robot.robot import Robot
 from excite.robot.shapes.collision import _SHAPES
 from excite.safety.check import check_motion
 from tests.benchmarks.next_experiment import outcome
+from tests.diagnosis.hypotheses import fitted
 from tests.diagnosis.poor_logs import RECIPES
 
 RATE = 100.0
@@ -114,10 +114,9 @@ def doubt(robot: Robot) -> Doubt:
     samples = arm_samples(robot, log, log.trials)
     floor = spectral_floor(samples)
     baseline = fit_baseline(samples, MODELLED, floor)
-    search, scorer = Search(Context(baseline), baseline.solver), Scorer(baseline, floor, 0.0, np.ones(7))
-    first = samples.joints[0]
-    fitted = [search.coarse(EFFECTS[name], first) for name in ("joint_spring", "eccentric")]
-    rivals = [scorer.scored(baseline.fit, item) for item in fitted if item is not None]
+    scorer, first = Scorer(baseline, floor, 0.0, np.ones(7)), samples.joints[0]
+    alike = [fitted(baseline, EFFECTS[name], first) for name in ("joint_spring", "eccentric")]
+    rivals = [scorer.scored(baseline.fit, item) for item in alike]
     return Doubt(baseline, rivals, floor)
 
 

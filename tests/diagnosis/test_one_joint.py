@@ -9,9 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from excite.diagnosis.attribution import Scorer, Search
+from excite.diagnosis.attribution import Scorer
 from excite.diagnosis.diagnose import diagnose
-from excite.diagnosis.effects.form import Context
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.noise_floor import spectral_floor
@@ -20,6 +19,7 @@ from excite.diagnosis.next_experiment.advice import propose
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log, LogHeader, Trial
 from excite.logs.robot import nominal_robot
+from tests.diagnosis.hypotheses import fitted
 
 URDF = """<robot name="axis">
   <link name="frame"/>
@@ -171,9 +171,8 @@ def test_a_motion_is_sought_for_a_robot_of_one_joint(tmp_path: Path) -> None:
     samples = arm_samples(nominal_robot(log), log, log.trials)
     floor = spectral_floor(samples)
     baseline = fit_baseline(samples, log.header.modelled, floor)
-    search = Search(Context(baseline), baseline.solver)
-    tried = [search.coarse(EFFECTS[name], "slide") for name in ("torque_bias", "joint_spring")]
+    tried = [fitted(baseline, EFFECTS[name], "slide") for name in ("torque_bias", "joint_spring")]
     scorer = Scorer(baseline, floor, 0.0, np.ones(1))
-    rivals = [scorer.scored(baseline.fit, item) for item in tried if item]
+    rivals = [scorer.scored(baseline.fit, item) for item in tried]
     found = propose(baseline, rivals, floor, seed=0)
     assert found is None or found.motion.q.shape[1] == 1

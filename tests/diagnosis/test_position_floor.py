@@ -11,8 +11,8 @@ import pytest
 from excite.diagnosis.answer.gap import ChannelGap, Gap
 from excite.diagnosis.diagnose import diagnose
 from excite.diagnosis.equations.resampling import arm_samples
-from excite.diagnosis.servo.closed_loop import position_floor
 from excite.diagnosis.servo.diagnose import above_noise
+from excite.diagnosis.servo.servo import position_floor
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Trial
 from excite.logs.robot import nominal_robot

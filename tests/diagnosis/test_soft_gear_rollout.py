@@ -8,7 +8,7 @@ import pytest
 
 from excite.diagnosis.effects.form import Draft, Sizes
 from excite.diagnosis.effects.gears.gear_effect import JointElasticity
-from excite.diagnosis.simulator.model_text import write_note
+from excite.diagnosis.simulator.augmented_plant import write_note
 from excite.diagnosis.simulator.rollout import Drive, Simulator, Window
 
 ROTOR, LINK, STIFFNESS = 0.2, 0.5, 100.0

@@ -10,7 +10,7 @@ from scipy.special import expit
 
 from excite.diagnosis.effects.form import DEFLECTION, Draft, Sizes
 from excite.diagnosis.effects.gears.backlash import Backlash, SoftBacklash, SoftPlay
-from excite.diagnosis.simulator.model_text import write_note
+from excite.diagnosis.simulator.augmented_plant import write_note
 from excite.diagnosis.simulator.rollout import Drive, Simulator, Window
 
 INERTIA, WEIGHT, VISCOUS = 0.5, 4.0, 0.3

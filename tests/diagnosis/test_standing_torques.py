@@ -11,9 +11,9 @@ import pytest
 
 import excite
 from excite.diagnosis.answer.answer import Diagnosis
-from excite.diagnosis.floating.effects.registry import FLOATING_EFFECTS
-from excite.diagnosis.floating.equations.problem import build_problem
-from excite.diagnosis.floating.equations.record import TORQUE, prepare_record
+from excite.diagnosis.floating.problem import build_problem
+from excite.diagnosis.floating.record import TORQUE, prepare_record
+from excite.diagnosis.floating.registry import FLOATING_EFFECTS
 from excite.logs.log import Log
 from excite.motion.collection import library_folder
 from excite.motion.motion import Motion

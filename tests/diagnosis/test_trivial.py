@@ -89,9 +89,10 @@ def test_a_pure_delay_is_found_to_a_fraction_of_a_sample():
     late = np.column_stack([np.interp(time - 0.0335, time, c) for c in wanted.T])
     trial = EvenTrial("a", True, None, time, 0.8 * late - 0.1, wanted, np.ones(len(time), dtype=bool))
     found = fit_delayed_command([trial])
-    assert found.delay_s == pytest.approx(0.0335, abs=5e-4)
-    assert found.scale == pytest.approx(0.8, abs=1e-3)
-    assert found.offset == pytest.approx(-0.1, abs=1e-3)
+    assert found.length_s == pytest.approx(0.0335, abs=5e-4)
+    scale, offset = np.array(found.weights).T
+    assert scale == pytest.approx(0.8, abs=1e-3)
+    assert offset == pytest.approx(-0.1, abs=1e-3)
 
 
 def test_a_command_that_stands_is_no_trouble():

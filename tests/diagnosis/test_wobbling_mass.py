@@ -11,12 +11,12 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import make_interp_spline
 from scipy.optimize import root
 
+from excite.diagnosis.floating.bodies import WobblingMass
 from excite.diagnosis.floating.diagnose import attribute
-from excite.diagnosis.floating.effects.bodies import WobblingMass
-from excite.diagnosis.floating.equations.problem import build_problem
-from excite.diagnosis.floating.equations.record import FloatingRecord, prepare_record
-from excite.diagnosis.floating.equations.spectrum import in_band
-from excite.diagnosis.floating.equations.state import State
+from excite.diagnosis.floating.problem import build_problem
+from excite.diagnosis.floating.record import FloatingRecord, prepare_record
+from excite.diagnosis.floating.spectrum import in_band
+from excite.diagnosis.floating.state import State
 from excite.logs.files import load_log
 
 # A human on plates, nominal inertials given and right; nothing hidden.

@@ -7,8 +7,8 @@ from dataclasses import asdict, dataclass
 
 from excite.diagnosis.effects.effect import Effect
 from excite.diagnosis.effects.registry import EFFECTS
-from excite.diagnosis.floating.effects.effect import FloatingEffect
-from excite.diagnosis.floating.effects.registry import EVERY_FORM
+from excite.diagnosis.floating.effect import FloatingEffect
+from excite.diagnosis.floating.registry import EVERY_FORM
 
 _NOTED = "none of its own: a note for whoever runs the model"
 

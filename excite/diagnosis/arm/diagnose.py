@@ -26,7 +26,7 @@ from excite.diagnosis.effects.effect import Effect
 from excite.diagnosis.effects.form import Context
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.baseline_fit import fit_baseline
-from excite.diagnosis.equations.joint_torque import TRIALS, Fit
+from excite.diagnosis.equations.joint_torque import TRIALS
 from excite.diagnosis.equations.known_drives import known_terms, less_known
 from excite.diagnosis.equations.noise_floor import (
     bands_by_noise,
@@ -46,8 +46,7 @@ from excite.diagnosis.equations.standing_joints import held_power, stands_throug
 from excite.diagnosis.equations.units import at_joint, force_unit
 from excite.diagnosis.next_experiment.advice import advice
 from excite.diagnosis.selection.found import model_of_gap
-from excite.diagnosis.simulator.augmented_plant import robot_changes
-from excite.diagnosis.simulator.model_text import Found, found_effects
+from excite.diagnosis.simulator.augmented_plant import Found, found_effects, robot_changes
 from excite.diagnosis.simulator.rollout_compare import simulated
 from excite.diagnosis.trivial import of_torques
 from excite.finding import Finding
@@ -94,8 +93,10 @@ def listed_candidates(
     attribution: Attribution, judgement: Judgement, gap: Gap, effects: tuple[Candidate, ...]
 ) -> tuple[tuple[Candidate, ...], int]:
     """Candidates for the first effect, likeliest first, and how many of them are tied."""
-    first = attribution.stages[0]
-    made = [candidate_of(item, Context(item.hypothesis.baseline), gap, attribution) for item in first.ranking]
+    made = [
+        candidate_of(item, Context(item.hypothesis.baseline), gap, attribution)
+        for item in attribution.ranking
+    ]
     if not effects:
         return tuple(made[:_LISTED]), 0
     # The place may be open where the name is not.
@@ -136,8 +137,8 @@ def diagnose_arm(robot: Robot, log: Log, rng: np.random.Generator, out: Path | N
         LogError: no torques, trials too short.
     """
 
-    def simulate(attribution: Attribution, baseline: Baseline) -> Rollout:
-        return simulated(attribution, baseline, out)
+    def simulate(attribution: Attribution) -> Rollout:
+        return simulated(attribution, out)
 
     return diagnose_torques(TorqueRecord(robot, log, log.header.modelled, out), rng, simulate)
 
@@ -145,14 +146,14 @@ def diagnose_arm(robot: Robot, log: Log, rng: np.random.Generator, out: Path | N
 def diagnose_torques(
     record: TorqueRecord,
     rng: np.random.Generator,
-    simulate: Callable[[Attribution, Baseline], Rollout | None],
+    simulate: Callable[[Attribution], Rollout | None],
 ) -> Diagnosis:
     """Diagnose repaired trials that have torques, measured or reconstructed.
 
     Args:
         record: the trials, their model and what to try.
         rng: of the bootstrap.
-        simulate: makes the roll-outs from the attribution and the baseline before it.
+        simulate: makes the roll-outs from the attribution.
 
     Returns:
         The diagnosis.
@@ -164,8 +165,7 @@ def diagnose_torques(
         found.attribution,
         found.judgement,
     )
-    first = attribution.stages[0]
-    before, after = (baseline.plain(fit.residual) for fit in (attribution.before, attribution.after))
+    before, after = (baseline.plain(fit.residual) for fit in (baseline.fit, attribution.final.fit))
     closed = after if attribution.accepted else before
     gap = gap_of(samples, before, closed, _floor(found, before), attribution.scale, rng)
     effects = tuple(
@@ -188,16 +188,16 @@ def diagnose_torques(
         candidates=listed,
         effects=effects,
         gap=gap,
-        where=locate(first.context, attribution.before, found.budget.weights),
-        simulation=simulate(attribution, baseline),
+        where=locate(Context(baseline), found.budget.weights),
+        simulation=simulate(attribution),
         n_tied=n_tied,
-        next_experiment=advice(baseline, attribution, judgement, record.out),
+        next_experiment=advice(attribution, judgement, record.out),
         warnings=_warnings(record, found, effects),
         budget=found.budget,
         absorbed=absorbed(baseline),
         faults=found.findings,
         trivial={} if record.reconstructed_noise else of_torques(samples, closed),
-        changes=robot_changes(attribution, baseline),
+        changes=robot_changes(attribution),
         curves=trial_curves(samples, before, closed),
     )
 
@@ -284,7 +284,7 @@ def trial_curves(samples: ArmSamples, before: Array, after: Array) -> Curves:
 _LEAST = 0.02
 
 
-def locate(context: Context, fit: Fit, shares: Mapping[str, float]) -> tuple[Where, ...]:
+def locate(context: Context, shares: Mapping[str, float]) -> tuple[Where, ...]:
     """Map of the baseline's residual, largest share first.
 
     The dependence is the share of a joint's residual power on the identification trials that functions of
@@ -292,14 +292,13 @@ def locate(context: Context, fit: Fit, shares: Mapping[str, float]) -> tuple[Whe
 
     Args:
         context: the baseline.
-        fit: its fit.
         shares: by joint, its share of the gap, as the budget has it: one joint has but one.
 
     Returns:
         One line a joint.
     """
     samples = context.baseline.samples
-    use, rest = samples.identification, context.baseline.plain(fit.residual)
+    use, rest = samples.identification, context.baseline.plain(context.baseline.fit.residual)
     lines = []
     for j, name in enumerate(context.joints):
         dependence = {

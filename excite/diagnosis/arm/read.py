@@ -17,8 +17,6 @@ from excite.diagnosis.attribution import (
     Judgement,
     Scored,
     Scorer,
-    Search,
-    Stage,
     along,
     at_rows,
     extended,
@@ -69,10 +67,10 @@ class Reading:
         first, *others = sorted(sure, key=lambda item: -item.surely)
         # Of what has a rival elsewhere than in the first place nobody knows the name.
         chosen = [first, *(item for item in others if alone(item))]
-        kept, stages = self._that_explain(chosen)
-        return self._named(kept, stages, whole=whole) if kept else self._open()
+        kept, accepted = self._that_explain(chosen)
+        return self._named(kept, accepted, whole=whole) if kept else self._open()
 
-    def _that_explain(self, chosen: Sequence[Named]) -> tuple[list[Named], list[Stage]]:
+    def _that_explain(self, chosen: Sequence[Named]) -> tuple[list[Named], list[Scored]]:
         """Those that have a size and leave less of what judges, each and all together, put into the equations.
 
         What has not goes one at a time, the weakest first: beside it others may have none.
@@ -84,11 +82,12 @@ class Reading:
             if gone is not None:
                 del kept[gone]
                 continue
-            stages = self._stages(kept, model)
+            accepted = self._put_in(kept, model)
             # A search that ended where its name stands for something else has found that.
-            there = [item for item, stage in zip(kept, stages, strict=False) if _stands_for_its_name(stage)]
+            made = [scored.hypothesis for scored in accepted]
+            there = [item for item, h in zip(kept, made, strict=True) if h.physical and h.settled]
             if there == kept:
-                return kept, stages
+                return kept, accepted
             kept = there
         return [], []
 
@@ -116,7 +115,6 @@ class Reading:
         structured = structured_joints(self._nothing, self.scorer.spectral)
         named = (self._terms[item.effect, item.location] for item in self.budget.named)
         ranking = self._scored((*named, *self._likely))[:_LISTED]
-        stage = Stage(Context(self.scorer.baseline), ranking, None)
         strange = [term for term in self._terms.values() if term.effect.nameless]
         # What has no name is the gap only where it says more than all that has one, each alone.
         most = max((scored.evidence for scored in ranking), default=0.0)
@@ -124,26 +122,25 @@ class Reading:
         if stranger is not None:
             place = stranger.location
             structured = (place, *(name for name in structured if name != place))
-        made = replace(self._nothing, stages=(stage,), stranger=stranger)
+        made = replace(self._nothing, ranking=ranking, stranger=stranger)
         return made, Judgement("unknown" if structured else "none", (), (), (), structured)
 
     def _named(
-        self, kept: Sequence[Named], stages: list[Stage], *, whole: bool
+        self, kept: Sequence[Named], accepted: Sequence[Scored], *, whole: bool
     ) -> tuple[Attribution, Judgement]:
         """Effects, the largest share first; ``whole`` where they are the gap and not the part of it at their places."""
-        last = stages[-1].context.baseline
-        rivals, (first,) = self._rivals(kept[0]), stages[0].ranking
+        last, first = signs_again(extended(accepted[-1].hypothesis)), accepted[0]
+        rivals = self._rivals(kept[0])
         beside = tuple(scored for scored, _ in rivals)
         others = (self._terms[item.effect, item.location] for item in kept[1:])
         # Rivals stand beside the friction that was found, what is likely alone beside that which the gap has bent.
         known = {(scored.name, scored.location) for scored in beside}
         likely = (term for term in self._likely if term.key not in known)
         listed = (first, *beside, *self._scored((*others, *likely)))[:_LISTED]
-        stages[0] = replace(stages[0], ranking=listed)
         after = replace(
             self._nothing,
-            stages=tuple(stages),
-            after=last.fit,
+            ranking=listed,
+            accepted=tuple(accepted),
             final=last,
             floor=self.scorer.floor(last.fit),
         )
@@ -164,16 +161,17 @@ class Reading:
         )
         return after, judgement
 
-    def _stages(self, kept: Sequence[Named], model: Model) -> list[Stage]:
-        """The effects one after the other, each of the size that the model has it; at last nothing."""
-        stages, current = list[Stage](), self._begun
+    def _put_in(self, kept: Sequence[Named], model: Model) -> list[Scored]:
+        """The effects one after the other, each of the size that the model has it."""
+        accepted = list[Scored]()
         for k, item in enumerate(kept):
+            current = extended(accepted[-1].hypothesis) if accepted else self._begun
             term = model.design.terms[k]
             beta, std = term.beta(model.parameters(k)), self._spread(model, k)
-            made = self.scorer.scored(current.fit, known_hypothesis(term, current, beta, std), item.nats)
-            stages.append(Stage(Context(current), (made,), made))
-            current = extended(made.hypothesis)
-        return [*stages, Stage(Context(signs_again(current)), (), None)]
+            accepted.append(
+                self.scorer.scored(current.fit, known_hypothesis(term, current, beta, std), item.nats)
+            )
+        return accepted
 
     def _spread(self, model: Model, k: int) -> Array:
         """Deviations between blocks left out of a term's linear parameters; of a body as where all of them are free."""
@@ -200,8 +198,7 @@ class Reading:
     @cached_property
     def _nothing(self) -> Attribution:
         base = self.scorer.baseline
-        first = Stage(Context(base), (), None)
-        return Attribution((first,), base.fit, base.fit, base, self.scorer.floor(base.fit), self.scorer.scale)
+        return Attribution(base, base, self.scorer.floor(base.fit), self.scorer.scale)
 
     @cached_property
     def _begun(self) -> Baseline:
@@ -248,18 +245,7 @@ class Reading:
         # Friction on other bristles, or on none, has other columns.
         other = term.effect.friction and baseline.signs != term.context.baseline.signs
         made = hypothesis_of(term, baseline, term.context if named and not other else None)
-        if made is None:
-            return None
-        if made.effect.along:
-            # Play before friction is told by rows near standstill, which count here and hardly in the model of the gap.
-            made = Search(Context(made.baseline), made.baseline.solver).refine(made)
-        return self.scorer.scored(baseline.fit, made) if made.physical else None
-
-
-def _stands_for_its_name(stage: Stage) -> bool:
-    """Whether what a stage accepts is physical, and its search ended within what its name stands for."""
-    item = stage.accepted
-    return item is not None and item.hypothesis.physical and item.hypothesis.settled
+        return None if made is None or not made.physical else self.scorer.scored(baseline.fit, made)
 
 
 def _has_size(model: Model, k: int) -> bool:

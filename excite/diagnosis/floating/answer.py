@@ -10,18 +10,11 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.diagnosis.answer.gap import ChannelGap, Curves, Gap, Where, share_closed
-from excite.diagnosis.floating.equations.noise_level import noise_floor, noise_level
-from excite.diagnosis.floating.equations.problem import Problem
-from excite.diagnosis.floating.equations.record import FloatingRecord
-from excite.diagnosis.floating.equations.spectrum import BAND_HZ, in_band
-from excite.diagnosis.floating.equations.state import State
-from excite.diagnosis.floating.search.refinement import (
-    Fitted,
-    columns_of,
-    explained_state,
-    nominal_fit,
-    refine,
-)
+from excite.diagnosis.floating.hypotheses import Fitted, columns_of, explained_state, nominal_fit, refine
+from excite.diagnosis.floating.problem import Problem, noise_floor, noise_level
+from excite.diagnosis.floating.record import FloatingRecord
+from excite.diagnosis.floating.spectrum import BAND_HZ, in_band
+from excite.diagnosis.floating.state import State
 from excite.logs.signals.spectrum import welch_spectrum
 
 # Curves of the wrench on the base.

@@ -13,17 +13,24 @@ from excite.diagnosis.answer.answer import Diagnosis, NextExperiment, Verdict
 from excite.diagnosis.answer.candidate import Candidate
 from excite.diagnosis.answer.gap import Gap
 from excite.diagnosis.floating.answer import gap_of, locate, trial_curves
-from excite.diagnosis.floating.effects.effect import links, segment_of
-from excite.diagnosis.floating.effects.registry import NAMELESS
-from excite.diagnosis.floating.equations.noise_level import noise_floor
-from excite.diagnosis.floating.equations.problem import Problem, build_problem
-from excite.diagnosis.floating.equations.record import prepare_record
-from excite.diagnosis.floating.equations.spectrum import BAND_HZ, NOT_NOISE, in_band, repeat_levels
-from excite.diagnosis.floating.equations.state import State, cross
-from excite.diagnosis.floating.search.ranking import DECISIVE, NOISE_SLACK, Ranked, Ranker
-from excite.diagnosis.floating.search.refinement import Fitted, Placed, explained_state, nominal_fit, refine
-from excite.diagnosis.floating.search.together import FORM_DOUBT, Step, rivals, search, tied_places
+from excite.diagnosis.floating.effect import links, segment_of
+from excite.diagnosis.floating.hypotheses import Fitted, Placed, explained_state, nominal_fit, refine
+from excite.diagnosis.floating.problem import NOISE_SLACK, Problem, build_problem, noise_floor
+from excite.diagnosis.floating.record import prepare_record
+from excite.diagnosis.floating.registry import NAMELESS
+from excite.diagnosis.floating.search import (
+    DECISIVE,
+    FORM_DOUBT,
+    Ranked,
+    Ranker,
+    Step,
+    rivals,
+    search,
+    tied_places,
+)
 from excite.diagnosis.floating.simulator import NO_ROLLOUTS, simulated
+from excite.diagnosis.floating.spectrum import BAND_HZ, NOT_NOISE, in_band, repeat_levels
+from excite.diagnosis.floating.state import State, cross
 from excite.logs.columns import WRENCH_AXES
 from excite.logs.log import Log
 from excite.robot.robot import Robot

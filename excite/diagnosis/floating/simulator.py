@@ -17,23 +17,23 @@ from excite.arrays import Array
 from excite.atomic import write_text
 from excite.diagnosis.answer.answer import Rollout
 from excite.diagnosis.answer.gap import RolloutPath
-from excite.diagnosis.floating.effects.effect import StandingNote
-from excite.diagnosis.floating.effects.registry import EVERY_FORM
-from excite.diagnosis.floating.equations.problem import Problem
-from excite.diagnosis.floating.equations.record import FloatingRecord
-from excite.diagnosis.floating.equations.spectrum import BAND_HZ
-from excite.diagnosis.floating.equations.state import State
-from excite.diagnosis.floating.search.refinement import Fitted, Placed, apply_all, explained_state, refine
-from excite.diagnosis.simulator.augmented_plant import PhysicalBodies, nearest_bodies, unphysical
-from excite.diagnosis.simulator.model_text import (
-    LOUDER,
+from excite.diagnosis.floating.effect import StandingNote
+from excite.diagnosis.floating.hypotheses import Fitted, Placed, apply_all, refine
+from excite.diagnosis.floating.problem import Problem
+from excite.diagnosis.floating.record import FloatingRecord
+from excite.diagnosis.floating.registry import EVERY_FORM
+from excite.diagnosis.floating.spectrum import BAND_HZ
+from excite.diagnosis.floating.state import State
+from excite.diagnosis.simulator.augmented_plant import (
     MODEL,
     NOTE,
     AugmentedModel,
-    ignored,
+    PhysicalBodies,
     load_model,
     model_notes,
+    nearest_bodies,
     refused,
+    unphysical,
     without,
 )
 from excite.errors import InputError
@@ -292,8 +292,8 @@ class Simulator:
 
 HORIZON_S = 0.5
 CHANNELS = ("base.px", "base.py", "base.pz", "base.rx", "base.ry", "base.rz")
-# Roll-outs by which it is told whether an effect helps, and whether the simulator hears of it.
-_CHECKED, _HEARD = 40, 3
+# Roll-outs by which it is told whether an effect helps.
+_CHECKED = 40
 
 
 @dataclass(frozen=True, eq=False)
@@ -387,7 +387,7 @@ def _compared(
         horizon_s=(windows[0].stop - windows[0].start - 1) / record.rate_hz,
         model=None,
         driven_by="the sensors' wrenches and the joints' motion, the base free",
-        warnings=(*made.model.warnings, *unheard(made), *without(left)),
+        warnings=(*made.model.warnings, *without(left)),
         floor=_rms(nominal.errors(windows, noise) - plain),
         path=base_path(record, windows, plain, moved),
     )
@@ -426,26 +426,6 @@ def _helpful(nominal: Reloaded, after: Fitted) -> Reloaded:
             if all(float(np.mean(left[count] / left[other])) < 1.0 for other in (0, count - 1)):
                 return made[count]
     return nominal
-
-
-def unheard(made: Reloaded) -> tuple[str, ...]:
-    """Effects that the written model, loaded again, ignores: half as large again, they move no roll-out.
-
-    They are looked for where they matter most.
-    """
-    problem, fitted, said = made.problem, made.fitted, []
-    every = [*_windows(problem.record, validation=False), *_windows(problem.record, validation=True)]
-    here = explained_state(problem, fitted).residual
-    for k, item in enumerate(fitted.placed):
-        theta = (*fitted.theta[:k], LOUDER * fitted.theta[k], *fitted.theta[k + 1 :])
-        louder = replace(fitted, theta=theta)
-        change = np.abs(explained_state(problem, louder).residual - here).sum(axis=1)
-        windows = sorted(every, key=lambda window: -float(change[window].sum()))[:_HEARD]
-        moved = Reloaded(problem, louder).errors(windows) - made.errors(windows)
-        # What is no number, since so much of it makes a roll-out diverge, is not zero either.
-        if not moved.any():
-            said.append(ignored(item.effect.name, item.location))
-    return tuple(said)
 
 
 def _noise(problem: Problem, rng: np.random.Generator) -> Noise:

@@ -20,12 +20,20 @@ from excite.diagnosis.effects.effect import Effect, Shape, Theta
 from excite.diagnosis.effects.form import Context, Form, Sizes
 from excite.diagnosis.effects.readings import EncoderOffset, TimeDelay, TorqueGain
 from excite.diagnosis.effects.registry import EFFECTS
-from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.joint_torque import Fit
 from excite.diagnosis.equations.resampling import arm_samples
-from excite.diagnosis.servo.closed_loop import EXACT, ClosedLoop, ServoRecord, Witness, roll_out
 from excite.diagnosis.servo.gains import known_servo, told_gains
-from excite.diagnosis.servo.servo import Servo, cycle_lag, read_signals, servo_floor
+from excite.diagnosis.servo.servo import (
+    EXACT,
+    ClosedLoop,
+    Servo,
+    ServoRecord,
+    Witness,
+    cycle_lag,
+    read_signals,
+    roll_out,
+    servo_floor,
+)
 from excite.diagnosis.trivial import of_positions
 from excite.errors import LogError, RobotError
 from excite.logs.log import Log, Trial
@@ -77,8 +85,8 @@ def diagnose_commands(robot: Robot, log: Log, rng: np.random.Generator, out: Pat
     commands = ServoRecord(servo, signals, lag, {t.name: t for t in trials}, joints)
     loops: list[ClosedLoop] = []
 
-    def simulate(attribution: Attribution, baseline: Baseline) -> Rollout:
-        loops.append(roll_out(commands, attribution, baseline, out))
+    def simulate(attribution: Attribution) -> Rollout:
+        loops.append(roll_out(commands, attribution, out))
         return loops[0].rollout
 
     record = TorqueRecord(

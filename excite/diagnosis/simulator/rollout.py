@@ -13,7 +13,7 @@ from excite.arrays import Array
 from excite.diagnosis.effects.bristle import Bristle
 from excite.diagnosis.effects.form import DEFLECTION, JointStep, Note
 from excite.diagnosis.equations.samples import ArmSamples
-from excite.diagnosis.simulator.model_text import load_model, read_notes
+from excite.diagnosis.simulator.augmented_plant import load_model, read_notes
 from excite.logs.signals.butterworth import central_differences, lowpass
 from excite.mujoco_warnings import has_diverged, without_log_file
 

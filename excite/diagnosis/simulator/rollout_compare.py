@@ -18,8 +18,14 @@ from excite.diagnosis.attribution import Attribution
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.noise_floor import white_floor
 from excite.diagnosis.equations.samples import ArmSamples
-from excite.diagnosis.simulator.augmented_plant import augmented_model
-from excite.diagnosis.simulator.model_text import MODEL, AugmentedModel, found_effects, told_states, without
+from excite.diagnosis.simulator.augmented_plant import (
+    MODEL,
+    AugmentedModel,
+    augmented_model,
+    found_effects,
+    told_states,
+    without,
+)
 from excite.diagnosis.simulator.rollout import HORIZON_S, Drive, Piece, Plan, Simulator, cut_pieces
 from excite.errors import InputError
 from excite.logs.signals.butterworth import lowpass, noise_bandwidth
@@ -61,20 +67,20 @@ class Comparison:
 
 
 @step("roll out in the simulator")
-def simulated(attribution: Attribution, baseline: Baseline, out: Path | None) -> Rollout:
+def simulated(attribution: Attribution, out: Path | None) -> Rollout:
     """Roll-outs before and after the accepted effects; the augmented model is written where there is a folder.
 
     Each runs for half a second with the logged torques and no feedback, which would hide the gap.
     """
-    drives = {t.name: Drive(t.time, t.measured) for t in baseline.samples.trials}
+    drives = {t.name: Drive(t.time, t.measured) for t in attribution.baseline.samples.trials}
     try:
-        return compare_rollouts(attribution, baseline, Plan(HORIZON_S, drives, "logged torque")).written(out)
+        return compare_rollouts(attribution, Plan(HORIZON_S, drives, "logged torque")).written(out)
     except InputError as error:
         # A joint that no simulator has, or a log that leaves joints out, is no reason to say nothing else.
         return Rollout({}, {}, HORIZON_S, None, warnings=(f"no roll-outs: {error}",))
 
 
-def compare_rollouts(attribution: Attribution, baseline: Baseline, plan: Plan) -> Comparison:
+def compare_rollouts(attribution: Attribution, plan: Plan) -> Comparison:
     """Roll-outs before and after the accepted effects, each from the record's positions and velocities.
 
     Effects that bring the roll-outs of the identification trials no nearer to the record are left out of the model, the
@@ -82,13 +88,13 @@ def compare_rollouts(attribution: Attribution, baseline: Baseline, plan: Plan) -
 
     Args:
         attribution: the attribution.
-        baseline: the baseline before it.
         plan: horizon and drives.
 
     Raises:
         InputError: the log or the model gives no roll-outs, or those of the nominal simulator diverge.
     """
-    samples, effects = baseline.samples, found_effects(attribution)
+    baseline, effects = attribution.baseline, found_effects(attribution)
+    samples = baseline.samples
     if len(samples.joints) < samples.robot.n_joints:
         raise InputError(
             "some joints of the robot have no torque in the log",
@@ -111,9 +117,7 @@ def compare_rollouts(attribution: Attribution, baseline: Baseline, plan: Plan) -
     @cache
     def with_first(count: int) -> tuple[AugmentedModel, Array]:
         """The model with the first effects, and the torque that its gears carry."""
-        last = count == len(effects) > 0
-        context = attribution.stages[min(count, len(attribution.stages) - 1)].context
-        beside = attribution.final if last else baseline if count == 0 else context.baseline
+        beside = attribution.beside(count)
         return augmented_model(beside, effects[:count]), beside.rigid
 
     def errors_with(count: int, plan: Plan) -> Array:

@@ -20,7 +20,7 @@ from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.joint_torque import Fit
 from excite.diagnosis.equations.noise_floor import spectral_floor
 from excite.diagnosis.equations.resampling import arm_samples
-from excite.diagnosis.simulator.model_text import Found
+from excite.diagnosis.simulator.augmented_plant import Found
 from excite.diagnosis.simulator.rollout import Drive, Plan
 from excite.diagnosis.simulator.rollout_compare import rollout_errors
 from excite.logs.files import load_log, save_log

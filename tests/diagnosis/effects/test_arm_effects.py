@@ -29,8 +29,7 @@ from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.baseline import Baseline, Derived
 from excite.diagnosis.equations.dry_friction.friction_sign import SignChange
 from excite.diagnosis.servo.diagnose import LoggedOffset
-from excite.diagnosis.simulator.augmented_plant import augmented_model
-from excite.diagnosis.simulator.model_text import Found, read_notes
+from excite.diagnosis.simulator.augmented_plant import Found, augmented_model, read_notes
 from excite.logs.vocabulary import EFFECTS as WORDS
 from tests.diagnosis.effects.arm_record import Case, baseline, forms, place
 

@@ -10,21 +10,14 @@ import pytest
 from excite.arrays import Array
 from excite.diagnosis.answer.effect_summary import effect_summaries
 from excite.diagnosis.effects.registry import EFFECTS
-from excite.diagnosis.floating.effects.effect import (
-    Beyond,
-    FloatingEffect,
-    Part,
-    Reads,
-    StandingNote,
-    segment_of,
-)
-from excite.diagnosis.floating.effects.forces import PressedContact, Surface, UnloggedContact
-from excite.diagnosis.floating.effects.registry import EVERY_FORM
-from excite.diagnosis.floating.equations.problem import Problem, build_problem
-from excite.diagnosis.floating.equations.record import prepare_record
-from excite.diagnosis.floating.equations.state import State
-from excite.diagnosis.floating.search.refinement import Fitted, Placed, explained_state, nominal_fit
+from excite.diagnosis.floating.effect import Beyond, FloatingEffect, Part, Reads, StandingNote, segment_of
+from excite.diagnosis.floating.forces import PressedContact, Surface, UnloggedContact
+from excite.diagnosis.floating.hypotheses import Fitted, Placed, explained_state, nominal_fit
+from excite.diagnosis.floating.problem import Problem, build_problem
+from excite.diagnosis.floating.record import prepare_record
+from excite.diagnosis.floating.registry import EVERY_FORM
 from excite.diagnosis.floating.simulator import Simulator, standing_model
+from excite.diagnosis.floating.state import State
 from excite.errors import InputError
 from excite.logs.files import load_log
 from excite.logs.vocabulary import EFFECTS as WORDS

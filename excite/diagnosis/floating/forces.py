@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.floating.effects.effect import (
+from excite.diagnosis.floating.effect import (
     Beyond,
     FloatingEffect,
     Parameter,
@@ -19,8 +19,8 @@ from excite.diagnosis.floating.effects.effect import (
     points,
     segment_of,
 )
-from excite.diagnosis.floating.equations.record import FloatingRecord
-from excite.diagnosis.floating.equations.state import State, cross
+from excite.diagnosis.floating.record import FloatingRecord
+from excite.diagnosis.floating.state import State, cross
 
 # Something pulls at a link: a cable, a tether, a hand.
 

@@ -3,8 +3,7 @@
 Filtered noise is strongly correlated in time, wrenches at a base share their force noise between channels,
 and noise of accelerations grows with the square of frequency: a constant force is seen a hundred times more
 sharply than the root mean square of the residual suggests. In the frequency domain all of that is one
-covariance matrix a frequency (Whittle 1953).
-"""
+covariance matrix a frequency (Whittle 1953)."""
 
 from __future__ import annotations
 
@@ -14,8 +13,8 @@ from functools import cached_property
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.floating.equations.record import FloatingRecord
-from excite.diagnosis.floating.equations.state import State
+from excite.diagnosis.floating.record import FloatingRecord
+from excite.diagnosis.floating.state import State
 
 BAND_HZ = 3.5
 # Where predictions hold acceleration noise and hardly any motion.

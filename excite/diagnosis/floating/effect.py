@@ -13,8 +13,8 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Estimate
-from excite.diagnosis.floating.equations.record import FloatingRecord
-from excite.diagnosis.floating.equations.state import State
+from excite.diagnosis.floating.record import FloatingRecord
+from excite.diagnosis.floating.state import State
 from excite.doctor.doubt import Doubt
 
 # An effect's form in a MuJoCo model of a standing robot: a part of the model, or a note beside it.

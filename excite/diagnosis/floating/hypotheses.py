@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.floating.effects.effect import FloatingEffect
-from excite.diagnosis.floating.effects.registry import FLOATING_EFFECTS
-from excite.diagnosis.floating.equations.problem import LinearFit, Problem
-from excite.diagnosis.floating.equations.state import State
+from excite.diagnosis.floating.effect import FloatingEffect
+from excite.diagnosis.floating.problem import LinearFit, Problem
+from excite.diagnosis.floating.registry import FLOATING_EFFECTS
+from excite.diagnosis.floating.state import State
 
 _MAX_STEPS = 8
 _CONVERGED_NATS = 0.5

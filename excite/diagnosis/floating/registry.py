@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from excite.diagnosis.floating.effects.bodies import (
+from excite.diagnosis.floating.bodies import (
     JointElasticity,
     LinkInertia,
     LinkLengthError,
@@ -10,17 +10,15 @@ from excite.diagnosis.floating.effects.bodies import (
     SwingingJoint,
     WobblingMass,
 )
-from excite.diagnosis.floating.effects.drives import (
+from excite.diagnosis.floating.effect import FloatingEffect
+from excite.diagnosis.floating.forces import ExternalForce, PressedContact, Surface, UnloggedContact
+from excite.diagnosis.floating.readings import (
+    BaseOrientationBias,
     DriveArmature,
     DriveBias,
     DriveCoulomb,
     DriveGain,
     DriveViscous,
-)
-from excite.diagnosis.floating.effects.effect import FloatingEffect
-from excite.diagnosis.floating.effects.forces import ExternalForce, PressedContact, Surface, UnloggedContact
-from excite.diagnosis.floating.effects.readings import (
-    BaseOrientationBias,
     EncoderOffset,
     SensorBias,
     SensorCrosstalk,

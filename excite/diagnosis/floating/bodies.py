@@ -11,7 +11,7 @@ from scipy.fft import dct, idct
 
 from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Estimate
-from excite.diagnosis.floating.effects.effect import (
+from excite.diagnosis.floating.effect import (
     Beyond,
     FloatingEffect,
     Parameter,
@@ -23,7 +23,7 @@ from excite.diagnosis.floating.effects.effect import (
     points,
     segment_of,
 )
-from excite.diagnosis.floating.equations.state import State, cross, joint_turn, moved_branch
+from excite.diagnosis.floating.state import State, cross, joint_turn, moved_branch
 from excite.doctor.doubt import Doubt
 
 # A link's inertial parameters are wrong, or it carries a body that the model lacks.

@@ -1,1 +1,0 @@
-"""Effects that a floating-base log can show, one a file."""

@@ -1,1 +1,0 @@
-"""The wrench equations of a free base: record, state under a hypothesis, derivatives, fit."""

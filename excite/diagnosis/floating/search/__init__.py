@@ -1,1 +1,0 @@
-"""The search for effects of robots with a free base."""
