@@ -62,16 +62,17 @@ def find_scale(samples: TorqueSamples, reading: Reading) -> Scale | None:
     close = told & (samples.agreement(reading) > THRESHOLD.closely)
     # No load makes every torque that tells anything much smaller: friction may hide the others.
     small = told.sum() >= 2 and gains[told].max() < 1.0 / THRESHOLD.scales_far
-    most = close.sum() >= 2 and (small or 2 * close.sum() >= len(close))
+    half = 2 * close.sum() >= len(close)
+    most = close.sum() >= 2 and (small or half)
     if most:
         size = np.log(gains[close])
         outside = max(size.min(), -size.max()) > np.log(THRESHOLD.scales_far)
-        for cause, expected in _causes(samples) if 2 * close.sum() >= len(close) else ():
+        for cause, expected in _causes(samples) if half else ():
             away, own = size - np.log(expected[close]), np.log(expected[close])
             # As logged they agree no less with newton metres, or with one factor, of which there are other causes.
             if np.abs(away).max() < np.log(THRESHOLD.scale_off) <= min(np.abs(size).max(), np.ptp(own)):
                 return Scale(1.0 / expected, np.exp(size), cause, apart=True, far=True)
-        if outside and np.ptp(size) > THRESHOLD.scales_agree:
+        if outside and (np.ptp(size) > THRESHOLD.scales_agree or not half):
             factors = 1.0 / np.where(told, gains, np.exp(np.median(size)))
             least, largest = (f"{np.exp(x):.0f}" for x in (-size.max(), -size.min()))
             before = f", torques before gears of about {span(least, largest, ' to ')} to 1"
@@ -79,7 +80,7 @@ def find_scale(samples: TorqueSamples, reading: Reading) -> Scale | None:
             cause = f"currents, whose torque constants are not known{gears}, or another unit"
             return Scale(factors, np.exp(size), cause, apart=True, far=True)
     # A few joints that are off carry something that the model does not have.
-    if (2 * told.sum() < len(told) and not small) or told.sum() < min(2, len(told)):
+    if 2 * told.sum() < len(told) or told.sum() < min(2, len(told)):
         return None
     factor = float(np.median(gains[told]))
     spread = float(np.abs(np.log(gains[told] / factor)).max())
