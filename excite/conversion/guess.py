@@ -625,8 +625,9 @@ def _ask_for_torques(state: Guessing) -> None:
             break
     if state.unplaced:
         of = {i.joint: clues[i.source].number if i.source in clues else None for i in found.of("q")}
-        number = clues[state.unplaced[0]].number
-        may_be = [joint for joint, own in of.items() if own is not None and own == number]
+        first = clues[state.unplaced[0]]
+        may_be = [first.exact] if first.exact in state.joints else []
+        may_be = may_be or [joint for joint, own in of.items() if own is not None and own == first.number]
         may_be = may_be or [i.joint for i in found.of("q") if i.source in state.live] or list(state.joints)
         found.ask(
             "torques of no joint",

@@ -272,7 +272,7 @@ OF_TORQUES: tuple[Mistake, ...] = (
     Mistake("order", find_order, of_posture=True),
     _ZERO,
     _GRAVITY,
-    Mistake("compensated", find_missing_weight),
+    Mistake("compensated", find_missing_weight, may_surprise=True),
     Mistake("clock", find_clock, leaves=frozenset({Doubt.CLOCK})),
     DELAY,
 )

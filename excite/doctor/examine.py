@@ -6,11 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-import numpy as np
-
 from excite.doctor.case import KINDS, Case
 from excite.doctor.channel_errors import OF_TORQUES, OF_WRENCHES
-from excite.doctor.checks.channels import find_misreadings, find_other_machine
+from excite.doctor.checks.channels import ADDED, add_weight, find_misreadings, find_other_machine
 from excite.doctor.checks.clock import (
     find_counted_rows,
     find_held_rows,
@@ -43,13 +41,10 @@ from excite.finding import Examination, merge_findings, worst_first
 from excite.logs.files import save_log
 from excite.logs.load_with_robot import robot_and_log
 from excite.logs.log import Log
-from excite.logs.robot import robot_in_log
 from excite.progress import step
-from excite.regressor.kernels import inverse_dynamics
 from excite.results import HIDDEN
 from excite.robot.load import RobotLike
 from excite.robot.robot import Robot
-from excite.rows.kinematics import in_configurations
 from excite.rows.settings import ProblemSettings
 from excite.threads import one_blas_thread
 
@@ -172,38 +167,13 @@ def doctor(
     chart = examine(nominal, loaded)
     if repair is not None:
         if any(found.kind == "compensated" and found.repaired for found in chart.findings):
-            chart = _with_weight(nominal, chart, loaded.header.gravity)
+            whole = add_weight(nominal, chart.log, loaded.header.gravity)
+            told = ADDED if any(whole.header.gravity) else None
+            found = (
+                replace(one, remedy=told) if told and one.kind == "compensated" else one
+                for one in chart.findings
+            )
+            chart = replace(chart, log=whole, findings=tuple(found))
         save_log(chart.log, repair)
         chart = replace(chart, repaired=str(repair))
     return chart
-
-
-def _with_weight(robot: Robot, chart: Chart, gravity: tuple[float, float, float]) -> Chart:
-    """The chart of a log whose torques have no weight, with that of the nominal model added to them.
-
-    What is identified then are weights by the model that the driver has, as far as the nominal one is that.
-
-    Args:
-        robot: the nominal model.
-        chart: what was found, ``compensated`` among it.
-        gravity: that the log states, in the world frame [m/s²].
-
-    Returns:
-        The chart as it is for a log of currents, or of motors that are coupled, whose share of a weight is not known.
-    """
-    header = chart.log.header.model_copy(update={"gravity": gravity})
-    if header.torque == "current" or header.coupling:
-        return chart
-    mechanics = robot_in_log(robot, header, chart.log.folder)
-    columns = [mechanics.n_base_v + mechanics.joint_index(joint) for joint in header.joints]
-    trials = []
-    for trial in chart.log.trials:
-        q = in_configurations(mechanics, header.joints, trial.q)
-        still = np.zeros((len(q), mechanics.model.nv))
-        weight = inverse_dynamics(mechanics.model, q, still, still)[:, columns]
-        trials.append(trial if trial.tau is None else replace(trial, tau=trial.tau + weight))
-    added = "the nominal weight was added to the torques; log the measured torques"
-    findings = [replace(one, remedy=added) if one.kind == "compensated" else one for one in chart.findings]
-    return replace(
-        chart, log=replace(chart.log, header=header, trials=tuple(trials)), findings=tuple(findings)
-    )

@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
 
 from excite.arrays import Array, Moved
 from excite.doctor.channel_mapping import Reading
@@ -119,6 +120,13 @@ class Samples(ABC):
         below = at.astype(np.int64)
         share = (at - below).reshape(-1, *(1,) * (self.logged.ndim - 1))
         return np.asarray((1.0 - share) * self.logged[below] + share * self.logged[below + 1])
+
+
+def minimize_near(left: Callable[[float], float], best: float, step: float, within: float) -> float:
+    """The value within a step of the best of a grid at which least is left."""
+    bounds = (best - step, best + step)
+    found = minimize_scalar(left, bounds=bounds, method="bounded", options={"xatol": within})
+    return float(found.x)
 
 
 # A mistake in how a log calls its channels: what undoing it would make of them.

@@ -60,16 +60,19 @@ def find_scale(samples: TorqueSamples, reading: Reading) -> Scale | None:
     gains, shares = samples.gains(reading)
     told = (shares > THRESHOLD.telling_share) & (gains > 0.0)
     close = told & (samples.agreement(reading) > THRESHOLD.closely)
-    most = close.sum() >= 2 and 2 * close.sum() >= len(close)
+    # No load makes every torque that tells anything much smaller: friction may hide the others.
+    small = told.sum() >= 2 and gains[told].max() < 1.0 / THRESHOLD.scales_far
+    half = 2 * close.sum() >= len(close)
+    most = close.sum() >= 2 and (small or half)
     if most:
         size = np.log(gains[close])
         outside = max(size.min(), -size.max()) > np.log(THRESHOLD.scales_far)
-        for cause, expected in _causes(samples):
+        for cause, expected in _causes(samples) if half else ():
             away, own = size - np.log(expected[close]), np.log(expected[close])
             # As logged they agree no less with newton metres, or with one factor, of which there are other causes.
             if np.abs(away).max() < np.log(THRESHOLD.scale_off) <= min(np.abs(size).max(), np.ptp(own)):
                 return Scale(1.0 / expected, np.exp(size), cause, apart=True, far=True)
-        if outside and np.ptp(size) > THRESHOLD.scales_agree:
+        if outside and (np.ptp(size) > THRESHOLD.scales_agree or not half):
             factors = 1.0 / np.where(told, gains, np.exp(np.median(size)))
             least, largest = (f"{np.exp(x):.0f}" for x in (-size.max(), -size.min()))
             before = f", torques before gears of about {span(least, largest, ' to ')} to 1"

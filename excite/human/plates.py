@@ -257,8 +257,9 @@ class _Plates:
                 )
                 self.add_finding("units", text, {"factor": 1e-3}, plate.name)
                 return scaled
-            return plate
-        about = np.cross(plate.corners.mean(axis=0), plate.force)
+        # Moments are about the laboratory's origin where the file has no plate's place.
+        middle = np.zeros(3) if plate.corners is None else plate.corners.mean(axis=0)
+        about = np.cross(middle, plate.force)
         for factor, unit in _LEVER_UNITS.items():
             scaled = replace(plate, moment=about + factor * (plate.moment - about))
             if self.is_possible(scaled):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 # Powers of angle, length, time, force and current.
 Dimension = tuple[int, int, int, int, int]
@@ -114,6 +114,7 @@ _POWERS = str.maketrans(
 _POWERS |= {ord("μ"): "µ"}
 _TERM = re.compile(r"([a-zµ°]+)(?:\^?([+-]?\d)(?![\d.]))?")
 _NUMBER = re.compile(r"(.*?)((?:[_ .\[(]+\d+[\])]*)?\s*)$", re.DOTALL)
+_COUNTS = re.compile(r"counts/([1-9]\d{1,9})")
 _EDGES = " _./:,-"
 # Words that names use for other things.
 _OTHERWISE = frozenset("u r in g a cycle cycles second seconds turn".split())
@@ -233,11 +234,27 @@ def _multiply_dimension(dimension: Dimension, power: int) -> Dimension:
     return a, b, c, d, e
 
 
+class _Sizes(dict[str, float]):
+    """Sizes by unit; counts of any number a turn, ``counts/16384``, are one."""
+
+    def __missing__(self, unit: str) -> float:
+        found = _COUNTS.fullmatch(unit)
+        if found is None:
+            raise KeyError(unit)
+        return math.tau / int(found[1])
+
+    def __contains__(self, unit: object) -> bool:
+        return super().__contains__(unit) or bool(isinstance(unit, str) and _COUNTS.fullmatch(unit))
+
+    def get(self, unit: str, default: Any = None) -> Any:
+        return self[unit] if unit in self else default
+
+
 # Servos count parts of a turn, or of 300 degrees.
-TO_SI = {unit.name: unit.size for unit in TABLE if unit.name and not math.isnan(unit.size)} | {
-    "counts/4096": 2.0 * math.pi / 4096.0,
-    "counts/1024": math.radians(300.0) / 1024.0,
-}
+TO_SI = _Sizes(
+    {unit.name: unit.size for unit in TABLE if unit.name and not math.isnan(unit.size)}
+    | {"counts/1024": math.radians(300.0) / 1024.0}
+)
 """Size of every unit that has a name [rad, m, s, N, A, and what is made of them]."""
 COMPOUND: dict[tuple[Dimension, float], str] = {}
 """Units that are put together, by what they are of and the logarithm of their size."""

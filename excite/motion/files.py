@@ -292,11 +292,14 @@ def check_joints(columns: Iterable[str], robot: Robot, path: Path, whose: str) -
     if unknown and whose not in ("", robot.name):
         raise OtherRobotError(whose, robot.name, path)
     if unknown:
+        lacks = unknown[0] not in robot.description.locked_joints
         raise MotionError(
-            f"robot {robot.name!r} has no such joint",
+            f"robot {robot.name!r} " + ("has no such joint" if lacks else "holds this joint still"),
             source=path,
             field=f"q.{unknown[0]}",
-            remedy="check the robot",
+            remedy="check the robot"
+            if lacks
+            else "leave its columns out, or state its range in the model and take it from locked_joints in robot.yaml",
         )
 
 

@@ -393,12 +393,20 @@ class CheckReport(Tabled, Stated):
             lines += [verdict.summary(), *([f"  margins: {margins}"] if margins else [])]
             if verdict.robust is not None:
                 lines.append(f"  {verdict.robust.in_words()}")
+            if any(one.kind == "rate_too_low" for one in verdict.violations):
+                lines.append(f"  {_NO_CURVE}")
         lines.append(total)
         if self.assumed:
             named = ", ".join(dict.fromkeys(one.what for one in self.assumed))
             lines.append(f"as far as what was assumed of the robot holds: {named}")
         return "\n".join(lines)
 
+
+# What leads on where rows are too far apart.
+_NO_CURVE = (
+    "such rows tell no curve: write velocities beside the positions, 20 rows a second or more, or as the first line "
+    'what the controller runs through them: # {"schema": "excite.motion/1", "curve": "linear"} (hold, blend)'
+)
 
 # Units of what limits a motion: those of a joint are what it moves in, radians or metres.
 

@@ -133,6 +133,9 @@ def test_one_of_several_torques_of_a_joint_is_asked_for(names, asked, zeros, dat
     (tmp_path / "map.yaml").write_text("\n".join(["schema: excite.map/1", *lines]))
     found = excite.convert([file], arm, tmp_path / "log", tmp_path / "map.yaml")
     assert found.log.header.torque == "motor_side"
+    # The second joint's are that one's, called by its name or by its number.
+    told = any(word in asked for word in ("elbow", "2"))
+    assert not told or found.columns["tau.elbow"][0] in names
 
 
 @pytest.mark.parametrize(

@@ -108,3 +108,17 @@ def test_numbers_that_leap_between_two_states_are_no_turns(tmp_path):
     # A torque of no number beside one of each joint is none of theirs.
     torques = {target: source for target, (source, _) in found.columns.items() if target.startswith("tau")}
     assert torques == {f"tau.{joint}": f"tau{k}" for k, joint in enumerate(JOINTS, 1)}
+
+
+@pytest.mark.parametrize("counts", [16384, 20000, 65536])
+def test_counts_of_any_number_a_turn_go_on_behind_their_end(counts, tmp_path):
+    """Absolute encoders whose count passes its end inside the travel of two joints."""
+    arm = written.arm_urdf(tmp_path / "arm.urdf")
+    data = written.motion()
+    truth = data["q"] - data["q"].mean(axis=0)
+    data["q"] = np.round(truth / (2.0 * np.pi) * counts) % counts
+    file = table(tmp_path / "a.csv", {"time": data["time"]} | named(data, q="raw_position_{n}", tau="tau{n}"))
+    stated = excite.conversion.explicit_mapping.Map.model_validate({"units": {"q": f"counts/{counts}"}})
+    found = excite.convert([file], arm, tmp_path / "log", stated)
+    q = np.concatenate([trial.q for trial in found.chart.log.trials])
+    assert np.ptp(q, axis=0) == pytest.approx(np.ptp(truth, axis=0), abs=1e-3)

@@ -136,3 +136,61 @@ def test_no_model_is_written_of_torques_before_gears_that_nobody_stated(tmp_path
     files = write_models(robot, result, tmp_path)
     assert files.urdf is None and "unknown unit" in files.refused[0]
     assert not (tmp_path / "identified.urdf").exists()
+
+
+def slow_log(robot, torque):
+    """Slow motion whose wrists' torques are friction and rotors for the most; ``torque`` of model's and time rates."""
+    rng = np.random.default_rng(5)
+    friction = np.array([5.0, 6.0, 4.0, 1.2, 1.0, 0.6])
+
+    def made(trial):
+        w, t = 0.2 * np.pi, trial.time[:, None]
+        a, b = 0.35 * rng.normal(size=(2, 4, 6)) / np.arange(1, 5)[:, None]
+        turns = w * np.arange(1, 5)
+        sine, cosine = np.sin(t * turns), np.cos(t * turns)
+        q = sine @ a + cosine @ b + [0.0, -1.2, 1.0, 0.3, 0.4, 0.0]
+        v = cosine @ (turns[:, None] * a) - sine @ (turns[:, None] * b)
+        own = friction * (np.tanh(v / 0.01) + v + 0.2 * np.gradient(v, trial.time, axis=0))
+        tau = torque(replace(trial, q=q)) + own + 0.1 * friction * rng.normal(size=q.shape)
+        return replace(trial, q=q, v=None, tau=tau)
+
+    return changed(arm_log(robot, 3, trials=3), made)
+
+
+@pytest.mark.parametrize("load", [0.0, 1.5])
+@pytest.mark.parametrize("known", [False, True])
+def test_weight_that_was_taken_off_slow_torques_is_named_and_no_clock(load, known):
+    """Friction is most of what is left, and a payload whose weight the driver knows, or does not, is in the hand."""
+    robot = load_robot("ur10")
+    loaded = pin.Model(robot.model)
+    loaded.appendBodyToJoint(
+        6, pin.Inertia(load, np.array([0.0, 0.05, 0.1]), 1e-3 * np.eye(3)), pin.SE3.Identity()
+    )
+    data, nominal = loaded.createData(), robot.model.createData()
+
+    def torque(trial):
+        v = np.gradient(trial.q, trial.time, axis=0)
+        rows = list(zip(trial.q, v, np.gradient(v, trial.time, axis=0), strict=True))
+        whole = np.array([pin.rnea(loaded, data, *row).copy() for row in rows])
+        model, own = (loaded, data) if known else (robot.model, nominal)
+        return whole - [pin.computeGeneralizedGravity(model, own, q).copy() for q, *_ in rows]
+
+    log = slow_log(robot, torque)
+    (found,) = worst(robot, log)
+    assert (found.kind, found.repaired) == ("compensated", True)
+    left = load > 0.0 and not known
+    assert ("a body of 1.5 kg" in found.text) == left
+    # A payload's weight is told beside that of the bodies, which is added.
+    mended = examine(robot, log).log
+    assert any(mended.header.gravity) == left
+    if left:
+        assert worst(robot, mended) == []
+
+
+def test_currents_are_no_torques_where_friction_hides_the_wrists():
+    robot = load_robot("ur10")
+    constants = np.array([12.0, 12.0, 9.0, 5.0, 5.0, 3.0])
+    log = slow_log(robot, lambda trial: needed(robot, trial))
+    assert worst(robot, log) == []
+    (found,) = worst(robot, changed(log, lambda t: replace(t, tau=t.tau / constants)))
+    assert found.kind == "torque_scale" and "currents" in found.text

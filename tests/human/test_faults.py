@@ -209,6 +209,15 @@ def test_each_plate_is_judged_on_its_own(session, person, index, force, lever, k
             np.testing.assert_allclose(wrench, b.wrenches[name], rtol=1e-6, atol=1e-3)
 
 
+@pytest.mark.slow
+def test_moments_about_the_laboratory_are_judged_as_well(session):
+    """Tables without the plates' places have them about the origin."""
+    plates = [replace(plate, corners=None) for plate in session.trial.plates]
+    plates[1] = replace(plates[1], moment=1e-3 * plates[1].moment)
+    text = kinds(measured(session, replace(session.trial, plates=tuple(plates))))["units"]
+    assert f"moments of {plates[1].name} are N·m where" in text and plates[0].name not in text
+
+
 def test_plates_as_they_should_be_are_left_alone(session, person):
     assert not {"units", "moments", "reaction_sign"} & {finding.kind for finding in person.findings}
 

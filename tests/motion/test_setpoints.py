@@ -236,3 +236,19 @@ def test_a_curve_that_is_none_is_refused(arm: Robot, tmp_path: Path) -> None:
     path.write_text(f'# {{"schema": "excite.motion/1", "curve": "wavy"}}\n{path.read_text()}')
     with pytest.raises(MotionError, match="curve"):
         load_motion(path, arm)
+
+
+def test_rows_too_far_apart_are_told_how_to_state_the_curve(tmp_path):
+    """What is advised, put above the rows, has them judged as the lines that they are."""
+    robot = excite.load_robot("ur10")
+    rows = "\n".join(
+        ",".join([f"{0.1 * k:g}", *(f"{q + 1e-4 * k:.6f}" for q in robot.rest)]) for k in range(20)
+    )
+    text = f"time,{','.join(f'q.{joint}' for joint in robot.joint_names)}\n{rows}\n"
+    (tmp_path / "a.csv").write_text(text)
+    said = excite.check(robot, [tmp_path / "a.csv"]).summary()
+    assert "rate_too_low" in said
+    advised = next(part for part in said.splitlines() if "# {" in part)
+    line = advised[advised.index("# {") : advised.index("}") + 1]
+    (tmp_path / "b.csv").write_text(f"{line}\n{text}")
+    assert "rate_too_low" not in excite.check(robot, [tmp_path / "b.csv"]).summary()

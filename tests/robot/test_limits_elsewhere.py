@@ -265,3 +265,14 @@ def test_forces_of_a_mujoco_model_are_the_tighter_ones(
     assert robot.limits.torque.tolist() == [torque, 30.0]
     # What a position servo may be told ends where its commands do.
     assert elbow(robot) == pytest.approx((-1.0, 2.0))
+
+
+def test_a_motion_of_a_joint_whose_limits_are_equal_is_told_that_it_is_held(tmp_path: Path) -> None:
+    still = ELBOW_LIMIT.replace('lower="-2.0"', 'lower="0.5"').replace('upper="2.0"', 'upper="0.5"')
+    assert still != ELBOW_LIMIT
+    robot = arm(tmp_path / "arm.urdf", ARM.replace(ELBOW_LIMIT, still))
+    rows = "\n".join(f"{0.01 * k},0,0" for k in range(20))
+    (tmp_path / "rest.csv").write_text(f"time,q.shoulder,q.elbow\n{rows}\n")
+    with pytest.raises(excite.ExciteError, match="holds this joint still; leave its columns out") as told:
+        excite.check(robot, [tmp_path / "rest.csv"])
+    assert "q.elbow" in str(told.value)

@@ -114,7 +114,7 @@ class _Scaling:
                     continue
                 unit = "" if channel in ("q", "q_cmd") else stated or named
                 zero = COUNTS[told.unit][0] if told.unit in COUNTS else 0.0
-                factor = (TO_SI | COUNT_RATES).get(told.unit, 1.0)
+                factor = COUNT_RATES.get(told.unit) or TO_SI.get(told.unit, 1.0)
                 done += [replace(self._scaled(item, factor, zero, told.why), unit=unit) for item in group]
         return done
 

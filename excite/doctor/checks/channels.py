@@ -22,7 +22,11 @@ from excite.doctor.thresholds import THRESHOLD
 from excite.doctor.torque_samples import TorqueSamples, torque_samples
 from excite.doctor.wrench_samples import wrench_samples
 from excite.finding import list_names
-from excite.logs.log import Trial
+from excite.logs.log import Log, Trial
+from excite.logs.robot import robot_in_log
+from excite.regressor.kernels import inverse_dynamics
+from excite.robot.robot import Robot
+from excite.rows.kinematics import in_configurations
 
 Found = tuple[Misreading, ...]
 
@@ -55,12 +59,56 @@ def find_misreadings(case: Case) -> None:
     if other is not None:
         _report_other_model(case, found, samples.what, other)
         return
+    stands = case.log.header.gravity
     for item in found:
         _report_misreading(case, item, samples.what)
         # A person has to say first what is asked for.
         reading = item.correction.as_logged(reading) if item.correction.ask else reading
     if not all(item.correction.ask for item in found):
         case.log = reading.of(case.log)
+    if reading.weightless:
+        _add_weight_beside_payload(case, found, stands)
+
+
+def _add_weight_beside_payload(case: Case, found: Found, gravity: tuple[float, float, float]) -> None:
+    """Add the nominal weight where that of a payload was left in the torques: it is told beside that of the bodies."""
+    if any(key.startswith("payload.") for item in found for key in item.correction.figures):
+        case.log = add_weight(case.robot, case.log, gravity)
+        told = ADDED if any(case.log.header.gravity) else None
+        case.findings = [
+            replace(one, remedy=told) if told and one.kind == "compensated" else one for one in case.findings
+        ]
+
+
+ADDED = "the nominal weight was added to the torques; log the measured torques"
+"""What was done about torques without weight."""
+
+
+def add_weight(robot: Robot, log: Log, gravity: tuple[float, float, float]) -> Log:
+    """A log of torques without weight, with that of the nominal model added to them.
+
+    What is identified then are weights by the model that the driver has, as far as the nominal one is that.
+
+    Args:
+        robot: the nominal model.
+        log: with no gravity in its header.
+        gravity: that acts, in the world frame [m/s²].
+
+    Returns:
+        The log as it is for currents, or motors that are coupled, whose share of a weight is not known.
+    """
+    if log.header.torque == "current" or log.header.coupling or any(log.header.gravity):
+        return log
+    header = log.header.model_copy(update={"gravity": gravity})
+    mechanics = robot_in_log(robot, header, log.folder)
+    columns = [mechanics.n_base_v + mechanics.joint_index(joint) for joint in header.joints]
+    trials = []
+    for trial in log.trials:
+        q = in_configurations(mechanics, header.joints, trial.q)
+        still = np.zeros((len(q), mechanics.model.nv))
+        weight = inverse_dynamics(mechanics.model, q, still, still)[:, columns]
+        trials.append(trial if trial.tau is None else replace(trial, tau=trial.tau + weight))
+    return replace(log, header=header, trials=tuple(trials))
 
 
 def _beside_load(

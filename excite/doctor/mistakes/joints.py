@@ -8,11 +8,11 @@ from itertools import combinations, product
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
 from excite.arrays import Array, assign_rows
 from excite.doctor.channel_mapping import BasePose, Reading
-from excite.doctor.samples import Correction, Samples
+from excite.doctor.mistakes.torques import parts_in
+from excite.doctor.samples import Correction, Samples, minimize_near
 from excite.doctor.thresholds import THRESHOLD, is_near_one
 from excite.doctor.torque_samples import TorqueSamples
 from excite.doctor.wrench_samples import WrenchSamples
@@ -57,13 +57,6 @@ def find_base_frame(samples: WrenchSamples, reading: Reading) -> Iterable[Correc
             yield Correction(replace(reading, pose=pose), text, ("base",))
 
 
-def minimize_near(left: Callable[[float], float], best: float, step: float, within: float) -> float:
-    """The value within a step of the best of a grid at which least is left."""
-    bounds = (best - step, best + step)
-    found = minimize_scalar(left, bounds=bounds, method="bounded", options={"xatol": within})
-    return float(found.x)
-
-
 # A clock that runs too fast or too slow.
 
 _TICKS = np.linspace(np.log(0.1), np.log(10.0), 41)
@@ -78,6 +71,8 @@ def find_clock(samples: TorqueSamples, reading: Reading) -> Iterable[Correction]
     """
     # Without weight nothing stays while the clock changes.
     if reading.tick != 1.0 or reading.weightless:
+        return
+    if parts_in(samples, reading).lack_weight(THRESHOLD.next_to_nothing):
         return
     by_clock = samples.by_clock(reading)
 

@@ -14,9 +14,8 @@ from excite.arrays import Array
 from excite.display import percent, span
 from excite.doctor.channel_mapping import OWN_SHARE, Reading
 from excite.doctor.inertial_prior import half_log
-from excite.doctor.mistakes.joints import minimize_near
 from excite.doctor.model_comparison import drive_fit, remove_drives
-from excite.doctor.samples import Correction, Samples
+from excite.doctor.samples import Correction, Samples, minimize_near
 from excite.doctor.thresholds import THRESHOLD
 from excite.doctor.torque_samples import TorqueSamples
 from excite.finding import list_names
@@ -31,12 +30,14 @@ class Load(NamedTuple):
         joint: the one that moves the link which carries it.
         mass: of it [kg]; 0 where the torques do not tell it.
         left: share of the torques' power that is left beside the drives, the largest of any joint.
+        score: half the logarithm of what is left of each joint's power, in sum.
         parameters: ``(10·n_segments,)`` what it adds to the model's inertial parameters [SI].
     """
 
     joint: str
     mass: float
     left: float
+    score: float
     parameters: Array
 
     def sentence(self) -> str:
@@ -55,19 +56,25 @@ class Load(NamedTuple):
 def carried_load(samples: TorqueSamples, reading: Reading) -> Load | None:
     """The load that explains torques better than any scales of them do; None where none does.
 
-    Beside each joint's offset, friction and rotor either every joint's nominal torque is multiplied by a factor of its
-    own, or one link has ten inertial parameters more, of a body with a mass.
-
     Args:
         samples: torques beside the nominal model's.
         reading: how the channels are read.
+    """
+    return _best_load(samples, reading)[0]
+
+
+def _best_load(samples: TorqueSamples, reading: Reading) -> tuple[Load | None, float]:
+    """The load of :func:`carried_load`, and half the logarithm of what it or else the scales leave, in sum.
+
+    Beside each joint's offset, friction and rotor either every joint's nominal torque is multiplied by a factor of its
+    own, or one link has ten inertial parameters more, of a body with a mass.
     """
     measured, (model, drive) = samples.measured_torque(reading), samples.predicted(reading)
     felt = samples.felt(reading)
     torque, nominal, bodies = remove_drives(drive, measured, model, felt)
     power = np.maximum(len(measured) * measured.var(axis=0), 1e-300)
     along = (nominal * torque).sum(axis=0) ** 2 / np.maximum((nominal**2).sum(axis=0), 1e-300)
-    scaled = half_log(np.maximum((torque**2).sum(axis=0) - along, 0.0) / power).sum()
+    scaled = float(half_log(np.maximum((torque**2).sum(axis=0) - along, 0.0) / power).sum())
     names, best, least = samples.under(reading.gravity).names, None, scaled - THRESHOLD.better_load
     for k in range(felt.shape[2] // 10):
         body = slice(10 * k, 10 * k + 10)
@@ -79,8 +86,11 @@ def carried_load(samples: TorqueSamples, reading: Reading) -> Load | None:
             continue
         added = np.zeros(felt.shape[2])
         added[body] = phi
-        best, least = Load(names[k + 1], float(phi[0]) if weighs else 0.0, float(left.max()), added), score
-    return best
+        best, least = (
+            Load(names[k + 1], float(phi[0]) if weighs else 0.0, float(left.max()), score, added),
+            score,
+        )
+    return best, scaled if best is None else best.score
 
 
 def _fit_body(parts: Array, missing: Array, power: Array) -> tuple[Array, Array]:
@@ -129,6 +139,11 @@ class ModelParts(NamedTuple):
         shares = np.abs(np.concatenate([self.weight, self.inertia]))
         return float(np.nanmax(shares)) if self.told.any() else np.nan
 
+    def lack_weight(self, most: float) -> bool:
+        """Whether some joint tells its share of the weight, and none that does has more than ``most``."""
+        told = np.isfinite(self.weight)
+        return bool(told.any() and (np.abs(self.weight[told]) <= most).all())
+
     def said(self) -> str:
         """Shares by joint, in words."""
         told = [
@@ -152,16 +167,19 @@ class ModelParts(NamedTuple):
         }
 
 
-def parts_in(samples: TorqueSamples, reading: Reading) -> ModelParts:
+def parts_in(samples: TorqueSamples, reading: Reading, load: Load | None = None) -> ModelParts:
     """Shares of weight and inertial forces in each torque by least squares, beside the joint's offset, friction, rotor.
 
     Args:
         samples: torques beside the nominal model's.
         reading: how the channels are read.
+        load: whose torque is taken off first.
     """
     full, drive = samples.predicted(reading)
     still = samples.predicted(replace(reading, gravity=np.zeros(3))).torque
     torque, parts = samples.measured_torque(reading), np.stack([full - still, still], axis=2)
+    if load is not None:
+        torque = torque - samples.felt(reading) @ load.parameters
     own, bare = remove_drives(drive, torque, parts)
     shares = np.full((3, torque.shape[1]), np.nan)
     for j in range(torque.shape[1]):
@@ -185,24 +203,32 @@ def find_missing_weight(samples: TorqueSamples, reading: Reading) -> Iterable[Co
     """
     if reading.weightless or not reading.gravity.any():
         return
-    parts = parts_in(samples, reading)
-    weights = parts.weight[np.isfinite(parts.weight)]
-    # Every joint that tells is nearer to none of it than to all.
-    if not len(weights) or (np.abs(weights) > 0.5).any():
-        return
-    bare, figures = replace(reading, weightless=True), parts.figures()
-    text, load = (
+    bare, parts = replace(reading, weightless=True), parts_in(samples, reading)
+    load, score = _best_load(samples, bare)
+    if not parts.lack_weight(0.5):
+        # What a load that is still felt adds to the weights hides that none of the bodies' is there.
+        parts = parts_in(samples, reading, load)
+        if load is None or not parts.lack_weight(THRESHOLD.next_to_nothing):
+            return
+        # A load beside the whole weight, or any scale of it, must not explain as much.
+        if score > _best_load(samples, reading)[1] - THRESHOLD.better_load:
+            return
+    figures, text = (
+        parts.figures(),
         f"a driver has subtracted the weight from the torques ({parts.said()})",
-        carried_load(samples, bare),
     )
     if load is not None:
         text += f"; the weight of a payload is still in them: {load.sentence()}"
         figures |= load.shares(samples, reading)
+    # Bodies that hold nearly all of the inertial forces and nearly nothing of the weight are none.
+    whole = np.isfinite(parts.inertia).any() and (np.nan_to_num(parts.inertia, nan=1.0) > 0.5).all()
+    clear = whole and parts.lack_weight(THRESHOLD.next_to_nothing)
+    surprise = -float(np.log(THRESHOLD.next_to_nothing)) if clear else None
     mends = (
         "gravity is taken as [0, 0, 0], and only what the remaining torques determine is identified; "
         "`excite doctor LOG --repair DIR` adds the nominal weight instead"
     )
-    yield Correction(bare, text, ("gravity",), figures, mends=mends)
+    yield Correction(bare, text, ("gravity",), figures, surprise=surprise, mends=mends)
 
 
 # Another machine than the model's, beside several mistakes in a log: one cause instead of many.

@@ -58,6 +58,7 @@ def impossible_inertia(robot: DescribedRobot) -> Iterator[Finding]:
         else:
             continue
         words, six = _better_inertia(link, robot.first_hull(link.name))
+        six = _without_traces(six)
         values = " ".join(f'{name}="{value:.6g}"' for name, value in zip(MOMENTS, six, strict=True))
         yield Finding(kind, said, figures, place, cast(Severity, severity), remedy=f"{words}: {values}")
 
@@ -101,6 +102,7 @@ def _readings(six: Array, even: Array) -> Iterator[tuple[str, Array]]:
     for index, name in enumerate(MOMENTS):
         yield f"sign lost of {name}", six * np.where(np.arange(6) == index, -1.0, 1.0)
     yield "signs lost of all products of inertia", six * [1.0, -1.0, -1.0, 1.0, -1.0, 1.0]
+    yield "signs lost of all moments", six * [-1.0, 1.0, 1.0, -1.0, 1.0, -1.0]
     # Without a shape any digit may be the lost one.
     for index, name in enumerate(MOMENTS if even.any() else ()):
         for factor in (0.1, 10.0, 0.01, 100.0, 1e-3, 1e3):
@@ -149,6 +151,14 @@ _SLIPS: Mapping[float, str] = {
 }
 
 
+_LENGTHS = {
+    0.1: "a decimal point",
+    0.01: "centimetres for metres",
+    1e-3: "millimetres for metres",
+    10.0: "a decimal point",
+}
+
+
 def by_factor(what: str, value: float | None, factor: float) -> str:
     """The remedy of something that is to be multiplied by about a factor; exactly by the slip's that is near it.
 
@@ -185,7 +195,12 @@ def _nearest_slip(factor: float) -> float | None:
 
 def numbers_in_words(values: Array) -> str:
     """The numbers of a vector as an attribute holds them."""
-    return " ".join(f"{value:.4g}" for value in values)
+    return " ".join(f"{value:.4g}" for value in _without_traces(values))
+
+
+def _without_traces(values: Array) -> Array:
+    """Numbers, of which those that only rounding left beside the largest are zero."""
+    return np.where(np.abs(values) < 1e-6 * np.abs(values).max(), 0.0, values)
 
 
 # What a link's mass, centre and inertia say of its shape: no body is denser than metal, or lies beside
@@ -277,10 +292,10 @@ def _com_readings(com: Array, size: float) -> Iterator[tuple[str, Array]]:
         for axes in itertools.combinations(range(3), n):
             words = " and ".join("xyz"[i] for i in axes)
             yield f"sign lost of {words}", np.where(np.isin(range(3), axes), -com, com)
-    for factor in (0.1, 1e-3, 10.0):
+    for factor, words in _LENGTHS.items():
         # A point that is near the frame anyway is no slip of unit.
         if max(factor, 1.0) * float(np.linalg.norm(com)) > size * min(1.0, 0.1 / factor):
-            yield "millimetres for metres" if factor == 1e-3 else "a decimal point", com * factor
+            yield words, com * factor
     for order in itertools.permutations(range(3)):
         yield f"components exchanged, as {''.join('xyz'[i] for i in order)}", com[list(order)]
 
@@ -439,7 +454,7 @@ def _difference(
 
 
 def limits(robot: DescribedRobot) -> Iterator[Finding]:
-    """Limits exchanged, equal, in degrees, or without any force or speed."""
+    """Limits exchanged, equal, in degrees, or negative."""
     for joint in robot.joints:
         place = (joint.name,)
         if joint.kind != "continuous" and {"lower", "upper"} <= joint.limits.keys():
