@@ -11,7 +11,7 @@ from excite.errors import UnknownNameError
 from excite.robot.refusal import robot_error
 
 # What an SDF is, its reader says.
-MODEL_SUFFIXES = (".urdf", ".xml", ".mjcf", ".xacro", ".sdf")
+MODEL_SUFFIXES = (".urdf", ".xml", ".mjcf", ".xacro", ".sdf", ".usd", ".usda", ".usdc", ".usdz")
 _PACKAGE = Path(excite.__file__).resolve().parent
 
 
@@ -64,7 +64,7 @@ def find_robot(name_or_path: str | Path) -> Path:
         RobotError: a file of another kind, or a folder without one.
     """
     path = Path(name_or_path)
-    if path.suffix in {".yaml", ".yml", ".urdf", ".xml", ".mjcf", ".sdf"}:
+    if path.suffix in {".yaml", ".yml", *MODEL_SUFFIXES} - {".xacro"}:
         return path
     bundled = data_folder("robots") / str(name_or_path) / "robot.yaml"
     if os.path.isfile(bundled):

@@ -28,8 +28,10 @@ from excite.robot.init_robot.description import scaffold_description
 from excite.robot.init_robot.first_guesses import Held, held_still
 from excite.robot.init_robot.model_metadata import Said, states_mass, weigh_links
 from excite.robot.init_robot.source import Source
+from excite.robot.init_robot.usd import USD_SUFFIXES, convert_usd
 from excite.robot.mjcf.conversion import convert_mjcf, is_mjcf
 from excite.robot.refusal import robot_error
+from excite.robot.urdf.converted import ConvertedModel
 from excite.robot.urdf.inertia import GEOMETRY, LENGTHS
 from excite.robot.urdf.limits import (
     assumed_limits,
@@ -143,8 +145,8 @@ class _Made:
 
 def _make_urdf(file: Path, source: Source) -> _Made:
     """The URDF that is made of a MuJoCo model, an SDF or xacro file, or of a URDF that leaves masses out."""
-    if is_mjcf(file):
-        found = convert_mjcf(file)
+    found = convert_model(file)
+    if found is not None:
         said = Said(
             found.floating,
             found.posture,
@@ -155,9 +157,7 @@ def _make_urdf(file: Path, source: Source) -> _Made:
         )
         return _Made(found.urdf, said, found.meshes, found.notes)
     plain, text = not is_xacro(file) and not source.package_path, None
-    root = read_xml(file, error=RobotError, max_depth=MAX_NESTING) if plain or file.suffix == ".sdf" else None
-    if root is not None and root.tag == "sdf":
-        return _Made(convert_sdf(root, file), Said())
+    root = read_xml(file, error=RobotError, max_depth=MAX_NESTING) if plain else None
     if root is None or (root.tag == "robot" and not states_mass(root)):
         text = expand_xacro(file, source.arguments, source.package_path)
         root = ElementTree.fromstring(text)
@@ -170,6 +170,25 @@ def _make_urdf(file: Path, source: Source) -> _Made:
     elif plain:
         text = None
     return _Made(text, Said(None if free_root(root) is None else True, assumed=assumed))
+
+
+def convert_model(file: Path) -> ConvertedModel | None:
+    """A model of MuJoCo, SDF or USD as a URDF; None of any other file.
+
+    Raises:
+        RobotError: it holds what no URDF can say, or cannot be read.
+        InputError: its reader is not installed.
+    """
+    if file.suffix in USD_SUFFIXES:
+        return convert_usd(file)
+    if is_mjcf(file):
+        return convert_mjcf(file)
+    try:
+        root = read_xml(file, error=RobotError, max_depth=MAX_NESTING)
+    except RobotError:
+        # Whoever reads it next says why.
+        return None
+    return ConvertedModel(file.stem, None, convert_sdf(root, file)) if root.tag == "sdf" else None
 
 
 def _limited(made: _Made, file: Path, source: Source) -> _Made:
