@@ -51,8 +51,17 @@ def is_robot(name_or_path: str | Path) -> bool:
         return path.name not in {"log.yaml", "log.yml"}
     if os.path.isfile(path / "log.yaml"):
         return False
-    return os.path.isfile(path / "robot.yaml") or (
-        not os.path.lexists(path) and str(name_or_path) in bundled_robots()
+    return (
+        is_package(path)
+        or os.path.isfile(path / "robot.yaml")
+        or (not os.path.lexists(path) and str(name_or_path) in bundled_robots())
+    )
+
+
+def is_package(path: Path) -> bool:
+    """Whether a folder is a package of ROS or MoveIt without a ``robot.yaml``."""
+    return not os.path.isfile(path / "robot.yaml") and any(
+        os.path.isfile(path / name) for name in ("package.xml", ".setup_assistant")
     )
 
 
