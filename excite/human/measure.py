@@ -22,6 +22,7 @@ from excite.human.markers.marker_set import (
     read_marker_set,
 )
 from excite.human.models import PLACES, ROBOT_FILE, URDF_FILE, robot_yaml, urdf_text
+from excite.human.opensim import read_osim
 from excite.human.plates import PlateReading, find_support, plate_readings
 from excite.human.recording import (
     AXES,
@@ -71,6 +72,7 @@ class MeasureSettings:
         cutoff_hz: low-pass on markers and forces [Hz]; 0 for none.
         hold_out: share of a single trial that validates.
         segment_mass: nominal masses that are known better than by the table, by segment [kg].
+        osim: scaled OpenSim model, whose masses are the nominal ones and whose markers are those of the recordings.
     """
 
     table: Anthropometry = "de_leva"
@@ -79,6 +81,7 @@ class MeasureSettings:
     cutoff_hz: float = 6.0
     hold_out: float = 0.3
     segment_mass: Mapping[str, float] = field(default_factory=dict)
+    osim: str | None = None
 
     def __post_init__(self) -> None:
         """Check every choice; raises UnknownNameError or InputError that names it."""
@@ -298,7 +301,11 @@ def measure_recordings(
     """:func:`measure_person` of recordings that have been read."""
     settings = settings or MeasureSettings()
     labels = {label for recording in (*standing, *moving) for label in recording.markers}
-    markers = find_marker_set(labels) if settings.markers is None else read_marker_set(settings.markers)
+    model = None if settings.osim is None else read_osim(settings.osim)
+    if settings.markers is None:
+        markers = find_marker_set(labels) if model is None or not model.markers.sites else model.markers
+    else:
+        markers = read_marker_set(settings.markers)
     up = settings.up
     prepared = []
     for recording in (*standing, *moving):
@@ -309,7 +316,10 @@ def measure_recordings(
     wanted = tuple(label for label in markers.sites if any(label in r.markers for r in prepared))
     cutoff = settings.cutoff_hz or None
     calibration = calibrate_body(subject, markers.sites, [item.markers for item in (*still, *upright_trials)])
-    body = body_of(subject, calibration.dimensions, settings.table).with_masses(settings.segment_mass)
+    body = body_of(subject, calibration.dimensions, settings.table)
+    if model is not None:
+        body = body.with_masses(model.segment_masses(body))
+    body = body.with_masses(settings.segment_mass)
     measured: list[MeasuredTrial] = []
     reports: list[TrialReport] = []
     findings: list[Finding] = [found for recording in still for found in recording.findings]

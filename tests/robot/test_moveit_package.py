@@ -16,7 +16,8 @@ BODY = (
     '</inertial><collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision></link>'
 )
 JOINT = (
-    '<joint name="{0}" type="revolute"><origin xyz="0 0 0.3"/><axis xyz="0 1 0"/><parent link="{1}"/><child link="{2}"/>'
+    '<joint name="{0}" type="revolute"><origin xyz="0 0 0.3"/><axis xyz="0 1 0"/><parent link="{1}"/>'
+    '<child link="{2}"/>'
     '<limit lower="-2" upper="2" effort="40" velocity="3"/></joint>'
 )
 ARM = (
@@ -78,5 +79,5 @@ def test_a_description_alone_is_taken_where_it_holds_one_model(package: Callable
     folder = package("").parent / "arm_description_ros"
     assert excite.load_robot(folder).joint_names == ("shoulder", "elbow")
     (folder / "urdf" / "other.urdf.xacro").write_text(ARM)
-    with pytest.raises(RobotError, match="holds 2 models .*name one of them"):
+    with pytest.raises(RobotError, match=r"holds 2 models .*name one of them"):
         excite.load_robot(folder)
