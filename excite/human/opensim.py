@@ -48,7 +48,8 @@ class OpenSimModel:
         held = {name: sum(own[one] for one in NAMES if carriers[one] == name) for name in self.masses}
         scale = body.subject.mass / sum(self.masses.values())
         return {
-            name: scale * self.masses[carrier] * own[name] / held[carrier] for name, carrier in carriers.items()
+            name: scale * self.masses[carrier] * own[name] / held[carrier]
+            for name, carrier in carriers.items()
         }
 
 
@@ -62,7 +63,10 @@ def read_osim(path: str | Path) -> OpenSimModel:
     root = read_xml(path)
     if root.tag != "OpenSimDocument":
         raise InputError(
-            "is no OpenSim model", source=path, field=root.tag, remedy="give the .osim that the scale tool wrote"
+            "is no OpenSim model",
+            source=path,
+            field=root.tag,
+            remedy="give the .osim that the scale tool wrote",
         )
     masses: dict[str, float] = {}
     unknown = []
@@ -77,7 +81,9 @@ def read_osim(path: str | Path) -> OpenSimModel:
         raise InputError(what, source=path, field="BodySet", remedy="give masses with --segment-mass instead")
     masses = {name: mass for name, mass in masses.items() if mass > 0.0}
     if "pelvis" not in masses:
-        raise InputError("has no pelvis with a mass", source=path, field="BodySet", remedy="give the scaled model")
+        raise InputError(
+            "has no pelvis with a mass", source=path, field="BodySet", remedy="give the scaled model"
+        )
     known: dict[str, MarkerSite] = {}
     for name in MARKER_SETS:
         known = {**read_marker_set(name).sites, **known}
@@ -105,7 +111,9 @@ def _mass(body: Element, path: Path) -> float:
     try:
         return float(body.findtext("mass") or 0.0)
     except ValueError as error:
-        raise InputError("is no number", source=path, field=f"{body.get('name')}/mass", remedy="give kg") from error
+        raise InputError(
+            "is no number", source=path, field=f"{body.get('name')}/mass", remedy="give kg"
+        ) from error
 
 
 def _carrier(marker: Element) -> str:
