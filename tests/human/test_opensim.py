@@ -31,8 +31,24 @@ def test_a_model_of_this_package_comes_back(tmp_path: Path) -> None:
 
 
 def test_bodies_are_put_together_and_what_has_none_is_part_of_its_carrier(tmp_path: Path) -> None:
-    masses = {"pelvis": 10, "torso": 30, "femur_r": 8, "femur_l": 9, "tibia_r": 3, "patella_r": 0.1, "tibia_l": 3}
-    masses |= {"calcn_r": 1, "toes_r": 0.2, "calcn_l": 1.2, "humerus_r": 2, "humerus_l": 2, "ulna_r": 1, "radius_r": 0.5}
+    masses = {
+        "pelvis": 10,
+        "torso": 30,
+        "femur_r": 8,
+        "femur_l": 9,
+        "tibia_r": 3,
+        "patella_r": 0.1,
+        "tibia_l": 3,
+    }
+    masses |= {
+        "calcn_r": 1,
+        "toes_r": 0.2,
+        "calcn_l": 1.2,
+        "humerus_r": 2,
+        "humerus_l": 2,
+        "ulna_r": 1,
+        "radius_r": 0.5,
+    }
     bodies = "".join(f'<Body name="{name}"><mass>{mass}</mass></Body>' for name, mass in masses.items())
     markers = (
         '<Marker name="RASI"><socket_parent_frame>/bodyset/pelvis</socket_parent_frame></Marker>'
@@ -42,11 +58,15 @@ def test_bodies_are_put_together_and_what_has_none_is_part_of_its_carrier(tmp_pa
     model = read_osim(written(tmp_path, bodies, markers))
     found, scale = model.segment_masses(BODY), 72.84 / sum(masses.values())
     assert sum(found.values()) == pytest.approx(72.84)
-    assert found["right_shank"] == pytest.approx(3.1 * scale) and found["right_foot"] == pytest.approx(1.2 * scale)
+    assert found["right_shank"] == pytest.approx(3.1 * scale) and found["right_foot"] == pytest.approx(
+        1.2 * scale
+    )
     # The head is the torso's, as the tables share it out; the left arm, without a forearm, is the upper arm's body.
     own = dict(zip(NAMES, (b.mass for b in BODY.inertias), strict=True))
     assert found["head"] / found["torso"] == pytest.approx(own["head"] / own["torso"])
-    assert sum(found[f"left_{part}"] for part in ("upper_arm", "forearm", "hand")) == pytest.approx(2.0 * scale)
+    assert sum(found[f"left_{part}"] for part in ("upper_arm", "forearm", "hand")) == pytest.approx(
+        2.0 * scale
+    )
     sites = model.markers.sites
     assert (sites["RASI"].segment, sites["RASI"].landmark) == ("pelvis", "right_asis")
     # Elsewhere than a known set has it, a label stands for no landmark.

@@ -29,9 +29,7 @@ ARM = (
 )
 SRDF = '<robot name="arm"><disable_collisions link1="base" link2="fore" reason="Never"/></robot>'
 LIMITS = "joint_limits:\n  elbow: {has_velocity_limits: true, max_velocity: 1.5}\n"
-NOTED = (
-    "moveit_setup_assistant_config:\n  {0}: {{package: arm_description, relative_path: urdf/arm.urdf.xacro}}\n"
-)
+NOTED = "moveit_setup_assistant_config:\n  {0}: {{package: arm_description, relative_path: urdf/arm.urdf.xacro}}\n"
 
 
 @pytest.fixture
@@ -41,7 +39,10 @@ def package(tmp_path: Path) -> Callable[[str], Path]:
     def write(noted: str) -> Path:
         config = tmp_path / "src" / "arm_moveit_config"
         for file, text in {
-            tmp_path / "src" / "arm_description_ros" / "package.xml": "<package><name>arm_description</name></package>",
+            tmp_path
+            / "src"
+            / "arm_description_ros"
+            / "package.xml": "<package><name>arm_description</name></package>",
             tmp_path / "src" / "arm_description_ros" / "urdf" / "arm.urdf.xacro": ARM,
             config / "package.xml": "<package><name>arm_moveit_config</name></package>",
             config / "config" / "arm.srdf": SRDF,
