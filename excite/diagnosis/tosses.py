@@ -10,9 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.errors import InputError
@@ -113,15 +115,15 @@ def diagnose_tosses(
     """
     rng = rng or np.random.default_rng(0)
     size = float(np.ptp(corners, axis=0).max())
-    lowest = [_heights(toss, corners) for toss in tosses]
-    ground = _ground(tosses, lowest, _ON * size)
+    lowest = [_corner_heights(toss, corners) for toss in tosses]
+    ground = _ground_height(tosses, lowest, _ON * size)
     events: dict[str, list[tuple[int, float]]] = {name: [] for name in _WOULD_TELL}
     falls: list[float] = []
     for number, (toss, above) in enumerate(zip(tosses, lowest, strict=True)):
         heights = above - ground
-        falls += _falls(toss, heights.min(axis=1), _OFF * size)
-        events["ground_friction"] += [(number, mu) for mu in _slides(toss, heights, _ON * size, gravity)]
-        for mu, restitution in _strikes(toss, heights, corners, _OFF * size, gravity):
+        falls += _find_falls(toss, heights.min(axis=1), _OFF * size)
+        events["ground_friction"] += [(number, mu) for mu in _find_slides(toss, heights, _ON * size, gravity)]
+        for mu, restitution in _find_strikes(toss, heights, corners, _OFF * size, gravity):
             events["restitution"].append((number, restitution))
             events["impact_friction"] += [] if mu is None else [(number, mu)]
     if falls and abs(np.median(falls) / gravity - 1.0) > 0.1:
@@ -147,12 +149,12 @@ def diagnose_tosses(
     return ContactDiagnosis(effects, 2.0 * step, lacking)
 
 
-def _heights(toss: Toss, corners: Array) -> Array:
+def _corner_heights(toss: Toss, corners: Array) -> Array:
     """``(n, n_corners)`` [m]."""
     return np.asarray(toss.position[:, 2:] + toss.rotation[:, 2] @ corners.T)
 
 
-def _ground(tosses: Sequence[Toss], heights: Sequence[Array], near: float) -> float:
+def _ground_height(tosses: Sequence[Toss], heights: Sequence[Array], near: float) -> float:
     """Height of the ground: where three corners lie that neither rise nor sink."""
     found = []
     for toss, above in zip(tosses, heights, strict=True):
@@ -167,20 +169,20 @@ def _ground(tosses: Sequence[Toss], heights: Sequence[Array], near: float) -> fl
     return float(np.median(found))
 
 
-def _falls(toss: Toss, lowest: Array, clear: float) -> Iterator[float]:
+def _find_falls(toss: Toss, lowest: Array, clear: float) -> Iterator[float]:
     """Acceleration downwards in free flights [m/s²]."""
-    for window in _windows(lowest > clear, _SLIDE):
-        yield -_motion(toss, window)[1][2]
+    for window in _find_windows(np.asarray(lowest > clear), _SLIDE):
+        yield -_fit_motion(toss, window)[1][2]
 
 
-def _windows(inside: Array, length: int) -> Iterator[slice]:
+def _find_windows(inside: NDArray[np.bool_], length: int) -> Iterator[slice]:
     """Stretches of samples that all are ``inside``."""
     for start in range(len(inside) - length + 1):
         if inside[start : start + length].all():
             yield slice(start, start + length)
 
 
-def _motion(toss: Toss, window: slice) -> tuple[Array, Array]:
+def _fit_motion(toss: Toss, window: slice) -> tuple[Array, Array]:
     """Velocity at the middle of a window, and acceleration, of the centre."""
     t = toss.time[window] - toss.time[window].mean()
     basis = np.column_stack([np.ones_like(t), t, 0.5 * t**2])
@@ -188,11 +190,11 @@ def _motion(toss: Toss, window: slice) -> tuple[Array, Array]:
     return velocity, acceleration
 
 
-def _slides(toss: Toss, heights: Array, near: float, gravity: float) -> Iterator[float]:
+def _find_slides(toss: Toss, heights: Array, near: float, gravity: float) -> Iterator[float]:
     """Friction in stretches in which a face slides on, and does not come to rest."""
     flat = (np.sort(heights, axis=1)[:, :3] < near).all(axis=1)
-    for window in _windows(flat, _SLIDE):
-        velocity, acceleration = _motion(toss, window)
+    for window in _find_windows(flat, _SLIDE):
+        velocity, acceleration = _fit_motion(toss, window)
         speed = float(np.hypot(*velocity[:2]))
         slowed = -float(acceleration[:2] @ velocity[:2]) / max(speed, 1e-9)
         # What it would lose in the rest of the window it still has.
@@ -200,15 +202,15 @@ def _slides(toss: Toss, heights: Array, near: float, gravity: float) -> Iterator
             yield slowed / (gravity + float(acceleration[2]))
 
 
-def _strikes(
+def _find_strikes(
     toss: Toss, heights: Array, corners: Array, clear: float, gravity: float
 ) -> Iterator[tuple[float | None, float]]:
     """Friction, None where the corner stops sliding, and restitution of each touch of one corner between flights."""
     n, step = _FLIGHT, float(np.median(np.diff(toss.time)))
     fall = np.array([0.0, 0.0, gravity])
-    for window in _windows(heights.min(axis=1) > clear, n):
+    for window in _find_windows(np.asarray(heights.min(axis=1) > clear), n):
         k = window.stop - 1
-        place, speed, turn = _flight(toss, window, fall)
+        place, speed, turn = _fit_flight(toss, window, fall)
         soon = np.linspace(0.0, 3.0 * step, 61)
         turned = np.array([pin.exp3(turn * tau) @ toss.rotation[k] for tau in soon])
         offset = heights[k, 0] - toss.position[k, 2] - toss.rotation[k, 2] @ corners[0]
@@ -231,7 +233,7 @@ def _strikes(
             continue
         moment = toss.time[k] + soon[at]
         before = speed - fall * soon[at]
-        _, left, left_turn = _flight(toss, after, fall, moment)
+        _, left, left_turn = _fit_flight(toss, after, fall, moment)
         arm = turned[at] @ corners[corner]
         came, leaves = before + np.cross(turn, arm), left + np.cross(left_turn, arm)
         impulse = left - before
@@ -241,12 +243,18 @@ def _strikes(
         yield (float(np.hypot(*impulse[:2]) / impulse[2]) if slides else None), float(-leaves[2] / came[2])
 
 
-def _flight(
-    toss: Toss, window: slice, fall: Array, moment: float | None = None
-) -> tuple[Array, Array, Array]:
-    """Place, velocity and turning rate of a free flight at a moment, the window's last sample if None."""
+class _Flight(NamedTuple):
+    """Place, velocity and turning rate at a moment of a flight, ``(3,)`` each."""
+
+    place: Array
+    velocity: Array
+    turn: Array
+
+
+def _fit_flight(toss: Toss, window: slice, fall: Array, moment: float | None = None) -> _Flight:
+    """A free flight at a moment, at the window's last sample if None."""
     t = toss.time[window] - (toss.time[window][-1] if moment is None else moment)
     straight = toss.position[window] + 0.5 * t[:, None] ** 2 * fall
     place, velocity = np.linalg.lstsq(np.column_stack([np.ones_like(t), t]), straight, rcond=None)[0]
     turned = pin.log3(toss.rotation[window][-1] @ toss.rotation[window][0].T)
-    return place, velocity, turned / float(t[-1] - t[0])
+    return _Flight(place, velocity, turned / float(t[-1] - t[0]))

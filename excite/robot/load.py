@@ -10,6 +10,7 @@ from pathlib import Path
 from excite.atomic import all_or_nothing, write_bytes, write_text
 from excite.errors import InputError
 from excite.robot.catalogue import MODEL_SUFFIXES, bundled_robots, find_robot, is_package
+from excite.robot.init_robot.packages import model_of_package
 from excite.robot.init_robot.source import Source, model_source
 from excite.robot.loading import limited_description
 from excite.robot.loading import load_robot as load_described
@@ -43,8 +44,6 @@ def load_robot(name_or_path: str | Path, source: Source | None = None) -> Robot:
     """
     path, source = Path(name_or_path), source or model_source()
     if is_package(path):
-        from excite.robot.init_robot.packages import model_of_package  # lazy: scipy
-
         path, source = model_of_package(path, source)
     elif path.suffix not in MODEL_SUFFIXES:
         path = find_robot(name_or_path)

@@ -9,8 +9,8 @@ import pytest
 
 from excite.errors import InputError
 from excite.human.body import body_of
+from excite.human.measure import read_osim
 from excite.human.models import osim_text
-from excite.human.opensim import read_osim
 from excite.human.segments import NAMES, Subject
 
 BODY = body_of(Subject(72.84, 1.80, "male"))

@@ -17,7 +17,7 @@ from excite.simulation.mjcf import World, build_spec
 from excite.simulation.true_parameters import nominal_drives
 
 if TYPE_CHECKING:
-    import mujoco
+    from mujoco import MjSpec
 
 # Step of the differences, in the unit of the parameter: torques of 100 N·m are exact to 1e-14, their slope to 1e-8.
 _STEP = 1e-6
@@ -36,17 +36,17 @@ class ModelParameter(Effect):
     mujoco = "the edit itself"
 
     @abstractmethod
-    def edit(self, spec: mujoco.MjSpec, location: str, *values: float) -> None:
+    def edit(self, spec: MjSpec, location: str, *values: float) -> None:
         """Change a model by the linear parameters; all zero is the nominal model."""
 
-    def model(self, robot: Robot) -> mujoco.MjSpec:
+    def model(self, robot: Robot) -> MjSpec:
         """The nominal model: the robot's, with its links' and joints' names; or of a file that has these joints."""
         return build_spec(robot, robot.nominal_parameters, nominal_drives(robot), World())
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
         """See :class:`~excite.diagnosis.effects.effect.Effect`."""
-        still = self._torques(context, location, np.zeros(len(self.linear)))
-        moved = [self._torques(context, location, step) for step in _STEP * np.eye(len(self.linear))]
+        still = self._edited_torques(context, location, np.zeros(len(self.linear)))
+        moved = [self._edited_torques(context, location, step) for step in _STEP * np.eye(len(self.linear))]
         slopes = np.stack([(torques - still) / _STEP for torques in moved], axis=2)
         return Shape(dict(enumerate(slopes.transpose(1, 0, 2))))
 
@@ -55,7 +55,7 @@ class ModelParameter(Effect):
         values = [item.value(parameter.name) for parameter in self.linear]
         return Form(elements=lambda draft: self.edit(draft.spec, item.location, *values))
 
-    def _torques(self, context: Context, location: str, values: Sequence[float] | Array) -> Array:
+    def _edited_torques(self, context: Context, location: str, values: Sequence[float] | Array) -> Array:
         """Torques of the edited model over the record, ``(n_samples, n_joints)`` [N·m]."""
         import mujoco
 

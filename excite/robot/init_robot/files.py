@@ -163,8 +163,8 @@ def _make_urdf(file: Path, source: Source) -> _Made:
     if root is None or (root.tag == "robot" and not states_mass(root)):
         text = expand_xacro(file, source.arguments, source.package_path)
         root = ElementTree.fromstring(text)
-    joint, found = planar_root(root), None if text is None else weigh_links(root, file)
-    weighed, widths = (None, {}) if found is None else found
+    joint = planar_root(root)
+    weighed, widths = (None, {}) if text is None else weigh_links(root, file)
     # A base that slides and turns on a plane is held still.
     held = {} if joint is None else {str(joint.get("name")): Held(0.0, "what its wheels or legs do")}
     assumed = (*(() if weighed is None else (weighed,)), *held_still(held))

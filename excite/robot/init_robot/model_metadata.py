@@ -60,15 +60,16 @@ class Said:
 # Masses in place of those that a model does not state: its links' geometry at the density of robots.
 
 
-def weigh_links(root: ElementTree.Element, path: Path) -> tuple[Assumed, dict[str, Any]] | None:
-    """Give a URDF masses from its geometry; None where it states some, or has no geometry that can be read.
+def weigh_links(root: ElementTree.Element, path: Path) -> tuple[Assumed | None, dict[str, Any]]:
+    """Give a URDF masses from its geometry; not where it states some, or has no geometry that can be read.
 
     Args:
         root: its ``robot`` element, which is given the inertials.
         path: the file, from which its meshes are found.
 
     Returns:
-        What was assumed, and how wide it is: a block ``uncertainty`` by the table of published arms.
+        What was assumed, None where nothing was, and how wide it is: a block ``uncertainty`` by the table of published
+        arms.
     """
     masses = []
     for link in [] if states_mass(root) else root.findall("link"):
@@ -84,7 +85,7 @@ def weigh_links(root: ElementTree.Element, path: Path) -> tuple[Assumed, dict[st
         add_element(made, "inertia", **dict(zip(MOMENTS, moments, strict=True)))
         masses.append(inertia.mass)
     if not masses:
-        return None
+        return None, {}
     widths = _published_widths(float(np.mean(masses)))
     value = f"{sum(masses):.3g} kg in all, {DENSITY:.0f} kg/m³ of the links' convex hulls"
     consequence = (

@@ -75,9 +75,9 @@ def convert_usd(path: Path) -> ConvertedModel:
     if not bodies:
         raise robot_error(path, None, "holds no rigid body", "export it with its physics")
     cache = UsdGeom.XformCache()
-    scales = {name: length * _scale(cache, prim) for name, prim in bodies.items()}
-    joints, loops = _tree(path, prims, bodies, scales)
-    names = _names(bodies)
+    scales = {name: length * _body_scale(cache, prim) for name, prim in bodies.items()}
+    joints, loops = _order_joints(path, prims, bodies, scales)
+    names = _name_links(bodies)
     shifts = {joint.child: joint.inner for joint in joints}
     roots = [name for name in bodies if name not in {joint.child for joint in joints}]
     floating = not any(joint.parent == "" for joint in joints)
@@ -94,7 +94,7 @@ def convert_usd(path: Path) -> ConvertedModel:
         shift = shifts.get(name, pin.SE3.Identity()).inverse()
         if prim.HasAPI(UsdPhysics.MassAPI):
             _write_inertial(link, prim, shift, (weight, scale, weight * scale**2), path)
-        for shape in _shapes(prim, bodies):
+        for shape in _find_shapes(prim, bodies):
             place = np.array(cache.ComputeRelativeTransform(shape, prim)[0])
             _write_shape(link, shape, shift, place, scale, meshes)
     for joint in joints:
@@ -103,7 +103,7 @@ def convert_usd(path: Path) -> ConvertedModel:
     return ConvertedModel(path.stem, floating, tostring(robot, "unicode"), meshes, notes)
 
 
-def _tree(
+def _order_joints(
     path: Path, prims: list[Any], bodies: dict[str, Any], scales: dict[str, float]
 ) -> tuple[list[_Joint], list[str]]:
     """Joints from the root outwards, and the names of those that close loops."""
@@ -114,18 +114,16 @@ def _tree(
         if not prim.IsA(UsdPhysics.Joint):
             continue
         joint = UsdPhysics.Joint(prim)
-        ends = [
-            [str(end) for end in relation.GetTargets()]
-            for relation in (joint.GetBody0Rel(), joint.GetBody1Rel())
-        ]
-        ends = [next((end for end in named if end in bodies), "") for named in ends]
+        relations = (joint.GetBody0Rel(), joint.GetBody1Rel())
+        named = [[str(end) for end in relation.GetTargets()] for relation in relations]
+        ends = [next((end for end in targets if end in bodies), "") for targets in named]
         if joint.GetJointEnabledAttr().Get() is False or ends == ["", ""]:
             continue
         if prim.GetTypeName() not in _KINDS:
             remedy = "replace it by joints of one coordinate (revolute, prismatic), or fix it"
             raise robot_error(path, str(prim.GetPath()), f"is a {prim.GetTypeName()}", remedy)
         frames = [
-            _pose(attributes[0].Get(), attributes[1].Get(), scales.get(end, 1.0))
+            _read_pose(attributes[0].Get(), attributes[1].Get(), scales.get(end, 1.0))
             for end, attributes in zip(
                 ends,
                 (
@@ -154,18 +152,18 @@ def _tree(
         reached.add(child)
 
 
-def _pose(place: Any, turn: Any, scale: float) -> pin.SE3:
+def _read_pose(place: Any, turn: Any, scale: float) -> pin.SE3:
     quaternion = pin.Quaternion(turn.GetReal(), *turn.GetImaginary())
     return pin.SE3(quaternion.normalized().matrix(), scale * np.array(place, dtype=float))
 
 
-def _scale(cache: Any, prim: Any) -> float:
+def _body_scale(cache: Any, prim: Any) -> float:
     """By how much a body's own lengths are larger in the stage."""
     whole = np.array(cache.GetLocalToWorldTransform(prim))[:3, :3]
     return float(abs(np.linalg.det(whole)) ** (1.0 / 3.0))
 
 
-def _names(bodies: dict[str, Any]) -> dict[str, str]:
+def _name_links(bodies: dict[str, Any]) -> dict[str, str]:
     """Names of links by path: the prim's own, its whole path where two have the same."""
     own = [prim.GetName() for prim in bodies.values()]
     return {
@@ -191,7 +189,7 @@ def _write_inertial(
         remedy = "state physics:diagonalInertia, or leave the mass out too"
         raise robot_error(path, str(prim.GetPath()), "has a mass and no moments of inertia", remedy)
     axes = mass.GetPrincipalAxesAttr().Get()
-    turn = np.eye(3) if not axes.GetLength() else _pose(np.zeros(3), axes, 1.0).rotation
+    turn = np.eye(3) if not axes.GetLength() else _read_pose(np.zeros(3), axes, 1.0).rotation
     inertial = SubElement(link, "inertial")
     # Unless it is stated, the centre of mass is not a number: the body's origin then.
     write_origin(
@@ -202,7 +200,7 @@ def _write_inertial(
     add_element(inertial, "inertia", **dict(zip(MOMENTS, map(float, about[np.triu_indices(3)]), strict=True)))
 
 
-def _shapes(body: Any, bodies: dict[str, Any]) -> Iterator[Any]:
+def _find_shapes(body: Any, bodies: dict[str, Any]) -> Iterator[Any]:
     """What a body collides with: shapes with a collider at or above them, below the body and no other one."""
     from pxr import Usd, UsdGeom, UsdPhysics
 
@@ -256,14 +254,16 @@ def _write_shape(
         mesh = UsdGeom.Mesh(prim)
         points = length * stretch * np.array(mesh.GetPointsAttr().Get(), dtype=float).reshape(-1, 3)
         name = f"meshes/{link.get('name')}_{len(link.findall('collision'))}.stl"
-        faces = _triangles(mesh.GetFaceVertexCountsAttr().Get(), list(mesh.GetFaceVertexIndicesAttr().Get()))
+        faces = _cut_triangles(
+            mesh.GetFaceVertexCountsAttr().Get(), list(mesh.GetFaceVertexIndicesAttr().Get())
+        )
         meshes[name] = binary_stl(points[np.array(faces)])
         add_element(geometry, "mesh", filename=name)
     else:
         link.remove(collision)
 
 
-def _triangles(counts: Iterable[int], corners: Sequence[int]) -> list[tuple[int, int, int]]:
+def _cut_triangles(counts: Iterable[int], corners: Sequence[int]) -> list[tuple[int, int, int]]:
     """Faces, cut into triangles, by their corners."""
     found, first = [], 0
     for count in counts:
@@ -282,14 +282,14 @@ def _write_joint(
 ) -> None:
     """A joint with its limits; ``units`` of length and mass in SI."""
     prim, kind = joint.prim, _KINDS[joint.prim.GetTypeName()]
-    written = SubElement(robot, "joint", name=_stated(prim, "excite:joint") or prim.GetName(), type=kind)
+    written = SubElement(robot, "joint", name=_read_stated(prim, "excite:joint") or prim.GetName(), type=kind)
     SubElement(written, "parent", link=names[joint.parent] if joint.parent else "world")
     SubElement(written, "child", link=names[joint.child])
     write_origin(written, shifts.get(joint.parent, pin.SE3.Identity()).inverse() * joint.outer)
     if kind == "fixed":
         return
     add_element(
-        written, "axis", xyz=joint.sign * np.eye(3)["XYZ".index(_stated(prim, "physics:axis") or "X")]
+        written, "axis", xyz=joint.sign * np.eye(3)["XYZ".index(_read_stated(prim, "physics:axis") or "X")]
     )
     slides, (length, weight) = kind == "prismatic", units
     unit, force, way = (
@@ -303,7 +303,7 @@ def _write_joint(
         ("velocity", "physxJoint:maxJointVelocity", unit),
         ("velocity", f"physxJointAxis:{way}:maxJointVelocity", unit),
     ):
-        value = _stated(prim, attribute)
+        value = _read_stated(prim, attribute)
         if value is not None and abs(value) < _ENDLESS:
             limits[name] = float(value) * factor
     if not {"lower", "upper"} <= set(limits):
@@ -312,6 +312,6 @@ def _write_joint(
     add_element(written, "limit", **limits)
 
 
-def _stated(prim: Any, attribute: str) -> Any:
+def _read_stated(prim: Any, attribute: str) -> Any:
     found = prim.GetAttribute(attribute)
     return found.Get() if found else None
