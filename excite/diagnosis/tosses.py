@@ -192,7 +192,7 @@ def _fit_motion(toss: Toss, window: slice) -> tuple[Array, Array]:
 
 def _find_slides(toss: Toss, heights: Array, near: float, gravity: float) -> Iterator[float]:
     """Friction in stretches in which a face slides on, and does not come to rest."""
-    flat = (np.sort(heights, axis=1)[:, :3] < near).all(axis=1)
+    flat = np.asarray(np.all(np.sort(heights, axis=1)[:, :3] < near, axis=1))
     for window in _find_windows(flat, _SLIDE):
         velocity, acceleration = _fit_motion(toss, window)
         speed = float(np.hypot(*velocity[:2]))
