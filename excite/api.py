@@ -18,6 +18,8 @@ SPACES: dict[str, dict[str, str]] = {
         "join_logs": "excite.logs.load_with_robot",
         "write_header": "excite.conversion.init_log",
         "Chart": "excite.doctor.examine",
+        "Toss": "excite.diagnosis.tosses",
+        "diagnose_tosses": "excite.diagnosis.tosses",
         "estimate_torque_delay": "excite.identification.explanation",
         "explain_signals": "excite.identification.explanation",
         "save_signal_figure": "excite.report.sections.identified",

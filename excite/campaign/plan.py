@@ -282,7 +282,8 @@ def plan(
         before: motions that were run already: what they tell is known to the choice for minutes and to the design, and
             what is to be expected counts them too.
         robust: plan for all robots of the set that the description states under ``uncertainty`` (or of its default):
-            torque, zero-moment point and friction keep their limits whichever of them is there.
+            torque, zero-moment point and friction keep their limits whichever of them is there. Of an arm whose masses
+            no file stated it is so in any case.
         seed: of all random numbers.
         prefix: put before the name of every motion.
         jobs: number of processes, or an executor; the plan does not depend on it.
@@ -314,6 +315,8 @@ def plan(
     count = (usual or N_CANDIDATES) if n_candidates is None else n_candidates
     check_count(count, "n_candidates", 1, MAX_CANDIDATES)
     root = check_seed(seed)
+    # What a robot weighs that nobody weighed is a guess: its first motions hold for all that it may be.
+    robust = robust or robot.description.has_assumed_masses
     asked = Asked(
         robot, count, targets, series, jobs, progress, robust, budget_s, tuple(parameters), target_rsd, before
     )

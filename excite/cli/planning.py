@@ -77,7 +77,11 @@ def write_description(
 
     source = replace(stated_source(package_path, xacro_arg, limits), srdf=srdf)
     written = excite.write_scaffold(
-        file, call.out or file.parent, seed=call.seed, overwrite=force, source=source
+        file,
+        call.out or (file if file.is_dir() else file.parent),
+        seed=call.seed,
+        overwrite=force,
+        source=source,
     )
     chart = examine_description(written.description)
     document = {

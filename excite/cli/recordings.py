@@ -289,6 +289,7 @@ def measure_person(
     identify: str | None = None,
     loaded: int = 0,
     segment_mass: list[str] | None = None,
+    osim: str | None = None,
     asymmetric: list[str] | None = None,
     mass_range: list[str] | None = None,
     *,
@@ -306,6 +307,7 @@ def measure_person(
         cutoff_hz=cutoff_hz,
         hold_out=hold_out,
         segment_mass=named_numbers("--segment-mass", segment_mass),
+        osim=osim,
     )
     subject = excite.Subject(mass, height, sex)
     _check_whole(trials, loaded, identify, out)

@@ -346,7 +346,7 @@ class Body:
         own = np.array([inertia.mass for inertia in self.inertias])
         stated = np.array([name in masses for name in NAMES])
         rest = self.subject.mass - sum(masses.values())
-        if rest <= 0.0:
+        if rest <= 0.0 and not stated.all():
             raise InputError(
                 f"stated masses add up to {sum(masses.values()):g} kg of {self.subject.mass:g}",
                 field=", ".join(masses),

@@ -6,17 +6,22 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
 from excite.atomic import write_text
 from excite.display import Shown
 from excite.errors import InputError, UnknownNameError
-from excite.finding import Finding
+from excite.finding import Finding, list_names
+from excite.formats.documents import read_xml, read_yaml
 from excite.formats.number import check_number
 from excite.human.body import ANTHROPOMETRY, DIMENSIONS, Anthropometry, Body, body_of
 from excite.human.markers.marker_set import (
+    MARKER_SETS,
     Calibration,
+    MarkerSet,
+    MarkerSite,
     calibrate_body,
     find_marker_set,
     read_marker_set,
@@ -33,7 +38,7 @@ from excite.human.recording import (
     with_known_labels,
 )
 from excite.human.recording_files import paired_recordings
-from excite.human.segments import JOINT_NAMES, NAMES, Subject
+from excite.human.segments import JOINT_NAMES, NAMES, PARENTS, Subject
 from excite.human.skeleton import base_pose, joint_angles, near_singular, place_segments
 from excite.human.trial_poses import TrialPoses, trial_poses
 from excite.human.weights import AddedMass, WornWeight
@@ -59,6 +64,118 @@ from excite.results import (
 from excite.rows.settings import ProblemSettings
 from excite.threads import one_blas_thread
 
+# A scaled OpenSim model: the masses of its segments as nominal ones, and which segment carries which marker.
+
+# Which segment a body of OpenSim's models belongs to, by its name without the side.
+_KINDS: Mapping[str, str] = {
+    body: kind
+    for kind, bodies in read_yaml(Path(__file__).with_name("segment_tables.yaml"))["opensim"].items()
+    for body in bodies.split()
+}
+_SIDES = {"_r": "right_", "_l": "left_"}
+
+
+@dataclass(frozen=True)
+class OpenSimModel:
+    """What a scaled model says of a person.
+
+    Attributes:
+        masses: by segment that has a body of its own [kg].
+        markers: segments by label, with the bony landmark where a known set has that label on that segment.
+    """
+
+    masses: Mapping[str, float]
+    markers: MarkerSet
+
+    def segment_masses(self, body: Body) -> dict[str, float]:
+        """Masses of all segments, together the person's; what has no body of its own is part of what carries it.
+
+        Args:
+            body: the person by the tables, whose masses share out a body that holds several segments.
+        """
+        own = {name: inertia.mass for name, inertia in zip(NAMES, body.inertias, strict=True)}
+        carriers: dict[str, str] = {}
+        for name, parent in zip(NAMES, PARENTS, strict=True):
+            carriers[name] = name if name in self.masses else carriers[NAMES[parent]]
+        held = {name: sum(own[one] for one in NAMES if carriers[one] == name) for name in self.masses}
+        scale = body.subject.mass / sum(self.masses.values())
+        return {
+            name: scale * self.masses[carrier] * own[name] / held[carrier]
+            for name, carrier in carriers.items()
+        }
+
+
+def read_osim(path: str | Path) -> OpenSimModel:
+    """Read a scaled model, of OpenSim 3 or 4.
+
+    Raises:
+        InputError: it is no such model, or a body with a mass is of no segment that is known.
+    """
+    path = Path(path)
+    root = read_xml(path)
+    if root.tag != "OpenSimDocument":
+        raise InputError(
+            "is no OpenSim model",
+            source=path,
+            field=root.tag,
+            remedy="give the .osim that the scale tool wrote",
+        )
+    masses: dict[str, float] = {}
+    unknown = []
+    for body in root.iter("Body"):
+        name, segment, mass = body.get("name", ""), _segment_of(body.get("name", "")), _read_mass(body, path)
+        if segment is None:
+            unknown += [name] if mass > 0.0 else []
+        else:
+            masses[segment] = masses.get(segment, 0.0) + mass
+    if unknown:
+        what = f"has bodies of no segment that is known: {list_names(unknown, 4)}"
+        raise InputError(what, source=path, field="BodySet", remedy="give masses with --segment-mass instead")
+    masses = {name: mass for name, mass in masses.items() if mass > 0.0}
+    if "pelvis" not in masses:
+        raise InputError(
+            "has no pelvis with a mass", source=path, field="BodySet", remedy="give the scaled model"
+        )
+    known: dict[str, MarkerSite] = {}
+    for name in MARKER_SETS:
+        known = {**read_marker_set(name).sites, **known}
+    sites = {}
+    for marker in root.iter("Marker"):
+        label, segment = marker.get("name", ""), _segment_of(_carrier_of(marker))
+        if segment is not None:
+            site = known.get(label)
+            sites[label] = site if site is not None and site.segment == segment else MarkerSite(segment)
+    return OpenSimModel(masses, MarkerSet(path.stem, sites))
+
+
+def _segment_of(body: str) -> str | None:
+    """The segment that a body belongs to; None where that is not known."""
+    if body in NAMES:
+        return body
+    side = _SIDES.get(body[-2:].lower(), "")
+    kind = _KINDS.get((body[:-2] if side else body).lower())
+    if kind is None:
+        return None
+    return next((name for name in (kind, f"{side}{kind}") if name in NAMES), None)
+
+
+def _read_mass(body: Element, path: Path) -> float:
+    try:
+        return float(body.findtext("mass") or 0.0)
+    except ValueError as error:
+        raise InputError(
+            "is no number", source=path, field=f"{body.get('name')}/mass", remedy="give kg"
+        ) from error
+
+
+def _carrier_of(marker: Element) -> str:
+    """Name of the body that a marker is fixed to: ``/bodyset/NAME`` of OpenSim 4, ``body`` of OpenSim 3."""
+    stated = marker.findtext("socket_parent_frame") or marker.findtext("body") or ""
+    return stated.strip().removeprefix("/bodyset/")
+
+
+# What a person chooses, and what comes of it.
+
 
 @dataclass(frozen=True)
 class MeasureSettings:
@@ -71,6 +188,7 @@ class MeasureSettings:
         cutoff_hz: low-pass on markers and forces [Hz]; 0 for none.
         hold_out: share of a single trial that validates.
         segment_mass: nominal masses that are known better than by the table, by segment [kg].
+        osim: scaled OpenSim model, whose masses are the nominal ones and whose markers are those of the recordings.
     """
 
     table: Anthropometry = "de_leva"
@@ -79,6 +197,7 @@ class MeasureSettings:
     cutoff_hz: float = 6.0
     hold_out: float = 0.3
     segment_mass: Mapping[str, float] = field(default_factory=dict)
+    osim: str | None = None
 
     def __post_init__(self) -> None:
         """Check every choice; raises UnknownNameError or InputError that names it."""
@@ -298,7 +417,11 @@ def measure_recordings(
     """:func:`measure_person` of recordings that have been read."""
     settings = settings or MeasureSettings()
     labels = {label for recording in (*standing, *moving) for label in recording.markers}
-    markers = find_marker_set(labels) if settings.markers is None else read_marker_set(settings.markers)
+    model = None if settings.osim is None else read_osim(settings.osim)
+    if settings.markers is None:
+        markers = find_marker_set(labels) if model is None or not model.markers.sites else model.markers
+    else:
+        markers = read_marker_set(settings.markers)
     up = settings.up
     prepared = []
     for recording in (*standing, *moving):
@@ -309,7 +432,10 @@ def measure_recordings(
     wanted = tuple(label for label in markers.sites if any(label in r.markers for r in prepared))
     cutoff = settings.cutoff_hz or None
     calibration = calibrate_body(subject, markers.sites, [item.markers for item in (*still, *upright_trials)])
-    body = body_of(subject, calibration.dimensions, settings.table).with_masses(settings.segment_mass)
+    body = body_of(subject, calibration.dimensions, settings.table)
+    if model is not None:
+        body = body.with_masses(model.segment_masses(body))
+    body = body.with_masses(settings.segment_mass)
     measured: list[MeasuredTrial] = []
     reports: list[TrialReport] = []
     findings: list[Finding] = [found for recording in still for found in recording.findings]

@@ -13,11 +13,13 @@ import pinocchio as pin
 from excite.arrays import Array
 from excite.errors import LogError, RobotError
 from excite.finding import Finding, list_names
+from excite.formats.documents import read_xml
 from excite.logs.header import header_path, read_header
 from excite.logs.header_blocks import FootHeader, SensorHeader
 from excite.logs.log import Log, LogHeader
 from excite.robot.catalogue import bundled_robots
 from excite.robot.description import RobotDescription
+from excite.robot.init_robot.model_metadata import states_mass
 from excite.robot.links import link_placement
 from excite.robot.load import load_robot
 from excite.robot.loading import build_robot
@@ -73,7 +75,7 @@ def robot_for_log(name_or_path: str | Path, log: str | Path) -> Robot:
         UnknownNameError: no such robot.
     """
     file = Path(name_or_path)
-    if file.suffix != ".urdf":
+    if file.suffix != ".urdf" or not states_mass(read_xml(file, error=RobotError)):
         robot = load_robot(name_or_path)
         return _robot_as_held(robot, read_header(header_path(log))) if robot.floating else robot
     path = header_path(log)

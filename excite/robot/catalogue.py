@@ -11,7 +11,7 @@ from excite.errors import UnknownNameError
 from excite.robot.refusal import robot_error
 
 # What an SDF is, its reader says.
-MODEL_SUFFIXES = (".urdf", ".xml", ".mjcf", ".xacro", ".sdf")
+MODEL_SUFFIXES = (".urdf", ".xml", ".mjcf", ".xacro", ".sdf", ".usd", ".usda", ".usdc", ".usdz")
 _PACKAGE = Path(excite.__file__).resolve().parent
 
 
@@ -51,8 +51,17 @@ def is_robot(name_or_path: str | Path) -> bool:
         return path.name not in {"log.yaml", "log.yml"}
     if os.path.isfile(path / "log.yaml"):
         return False
-    return os.path.isfile(path / "robot.yaml") or (
-        not os.path.lexists(path) and str(name_or_path) in bundled_robots()
+    return (
+        is_package(path)
+        or os.path.isfile(path / "robot.yaml")
+        or (not os.path.lexists(path) and str(name_or_path) in bundled_robots())
+    )
+
+
+def is_package(path: Path) -> bool:
+    """Whether a folder is a package of ROS or MoveIt without a ``robot.yaml``."""
+    return not os.path.isfile(path / "robot.yaml") and any(
+        os.path.isfile(path / name) for name in ("package.xml", ".setup_assistant")
     )
 
 
@@ -64,7 +73,7 @@ def find_robot(name_or_path: str | Path) -> Path:
         RobotError: a file of another kind, or a folder without one.
     """
     path = Path(name_or_path)
-    if path.suffix in {".yaml", ".yml", ".urdf", ".xml", ".mjcf", ".sdf"}:
+    if path.suffix in {".yaml", ".yml", *MODEL_SUFFIXES} - {".xacro"}:
         return path
     bundled = data_folder("robots") / str(name_or_path) / "robot.yaml"
     if os.path.isfile(bundled):

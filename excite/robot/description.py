@@ -303,6 +303,10 @@ class PostureBlock(Block):
     source: Source
 
 
+MASSES = "masses"
+"""What stands under ``assumed`` where no file stated the masses."""
+
+
 class RobotDescription(Block):
     """The whole of ``robot.yaml``.
 
@@ -330,6 +334,11 @@ class RobotDescription(Block):
     gravity: Gravity = (0.0, 0.0, -9.81)
     uncertainty: UncertaintyBlock | None = None
     assumed: tuple[Assumed, ...] = ()
+
+    @property
+    def has_assumed_masses(self) -> bool:
+        """Whether the bodies are a guess from shapes, with the width that ``uncertainty`` states."""
+        return self.uncertainty is not None and any(one.what == MASSES for one in self.assumed)
 
     @model_validator(mode="after")
     def _consistent(self) -> RobotDescription:

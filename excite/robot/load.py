@@ -1,4 +1,4 @@
-"""A robot from whatever a user names: a bundled name, a ``robot.yaml``, a URDF, xacro or MJCF model."""
+"""A robot from whatever a user names: a bundled name, a ``robot.yaml``, a model, a package of MoveIt."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from pathlib import Path
 
 from excite.atomic import all_or_nothing, write_bytes, write_text
 from excite.errors import InputError
-from excite.robot.catalogue import MODEL_SUFFIXES, bundled_robots, find_robot
+from excite.robot.catalogue import MODEL_SUFFIXES, bundled_robots, find_robot, is_package
+from excite.robot.init_robot.packages import model_of_package
 from excite.robot.init_robot.source import Source, model_source
 from excite.robot.loading import limited_description
 from excite.robot.loading import load_robot as load_described
@@ -27,9 +28,10 @@ def load_robot(name_or_path: str | Path, source: Source | None = None) -> Robot:
     """Load a robot by bundled name, from a ``robot.yaml``, or from a bare model with a first description.
 
     Args:
-        name_or_path: bundled name (``excite robots`` lists them), folder, or path of a ``robot.yaml``, URDF, xacro
-            or MJCF. What a bare model does not say is assumed, and stands in ``robot.description.assumed``; that first
-            description lasts as long as the process, where :func:`keep_description` does not copy it.
+        name_or_path: bundled name (``excite robots`` lists them), folder, or path of a ``robot.yaml``, URDF, xacro,
+            MJCF, SDF or USD, or a package of MoveIt. What a bare model does not say is assumed, and stands in
+            ``robot.description.assumed``; that first description lasts as long as the process, where
+            :func:`keep_description` does not copy it.
         source: how a bare model is to be read, and the file of joint limits that holds for any robot where it is
             tighter than what that states.
 
@@ -40,8 +42,11 @@ def load_robot(name_or_path: str | Path, source: Source | None = None) -> Robot:
         RobotError: a file is missing or malformed, or a number in it is absurd.
         UnknownNameError: neither a file nor a bundled robot.
     """
-    path = Path(name_or_path) if Path(name_or_path).suffix in MODEL_SUFFIXES else find_robot(name_or_path)
-    source = source or model_source()
+    path, source = Path(name_or_path), source or model_source()
+    if is_package(path):
+        path, source = model_of_package(path, source)
+    elif path.suffix not in MODEL_SUFFIXES:
+        path = find_robot(name_or_path)
     described = None if path.suffix in MODEL_SUFFIXES else load_described(path)
     if described is not None and source.limits is None:
         return described

@@ -192,7 +192,10 @@ def told_gains(robot: Robot, log: Log, servo: Servo) -> list[Absorbed]:
     stated, drive = stated_servo(said, joints), said.get("drive")
     drives = drive if isinstance(drive, Mapping) else dict.fromkeys(joints, drive)
     with Path(__file__).with_name("firmware.csv").open(encoding="utf-8", newline="") as file:
-        table = {(row["drive"], row["gain"]): row for row in csv.DictReader(file)}
+        table = {
+            (row["drive"], row["gain"]): row
+            for row in csv.DictReader(line for line in file if line[0] != "#")
+        }
     made = []
     for name, unit, given in (("kp", "N·m/rad", stated.kp), ("kd", "N·m·s/rad", stated.kd)):
         values, spread = servo.told[name]

@@ -87,6 +87,8 @@ def draft_description(
     if more_weak and len(more_weak) < len(model.free):
         return draft_description(path, folder, rng, said, {**weak, **more_weak})
     content = _description_content(model, rest, Path(folder or path.parent), rng, said.armature)
+    if said.uncertainty and rest.base == "fixed":
+        content["uncertainty"] = dict(said.uncertainty)
     content["assumed"] = [*(one.to_json() for one in said.assumed), *content["assumed"]]
     free = {guess.name for guess in model.free}
     tables = [one for one in said.by_position if {one.joint, one.over or one.joint} <= free]

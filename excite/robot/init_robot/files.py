@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from itertools import chain
 from pathlib import Path
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
@@ -27,9 +26,12 @@ from excite.robot.description import PositionTable
 from excite.robot.init_robot.description import scaffold_description
 from excite.robot.init_robot.first_guesses import Held, held_still
 from excite.robot.init_robot.model_metadata import Said, states_mass, weigh_links
+from excite.robot.init_robot.packages import model_of_package, package_folder, read_srdf
 from excite.robot.init_robot.source import Source
+from excite.robot.init_robot.usd import USD_SUFFIXES, convert_usd
 from excite.robot.mjcf.conversion import convert_mjcf, is_mjcf
 from excite.robot.refusal import robot_error
+from excite.robot.urdf.converted import ConvertedModel
 from excite.robot.urdf.inertia import GEOMETRY, LENGTHS
 from excite.robot.urdf.limits import (
     assumed_limits,
@@ -74,7 +76,7 @@ def write_scaffold(
     """Write a complete ``robot.yaml`` for a URDF, a xacro file or a MuJoCo model.
 
     Args:
-        file: the URDF, xacro or MJCF.
+        file: the model, or a package of MoveIt or ROS that holds it.
         folder: where to write; of what is no plain URDF also the URDF, named as the model's file, and its meshes.
         seed: seed of the random postures behind inertia, rest and collision pairs.
         overwrite: whether files of these names may be replaced.
@@ -89,6 +91,8 @@ def write_scaffold(
         RobotError: the model is missing or absurd in a way that no description can mend.
     """
     source, target = source or Source(), folder / "robot.yaml"
+    if file.is_dir():
+        file, source = model_of_package(file, source)
     _check_absent(target, overwrite)
     ignored = () if source.srdf is None else read_srdf(source.srdf)
     made = _limited(_make_urdf(file, source), file, source)
@@ -143,8 +147,8 @@ class _Made:
 
 def _make_urdf(file: Path, source: Source) -> _Made:
     """The URDF that is made of a MuJoCo model, an SDF or xacro file, or of a URDF that leaves masses out."""
-    if is_mjcf(file):
-        found = convert_mjcf(file)
+    found = convert_model(file)
+    if found is not None:
         said = Said(
             found.floating,
             found.posture,
@@ -155,13 +159,12 @@ def _make_urdf(file: Path, source: Source) -> _Made:
         )
         return _Made(found.urdf, said, found.meshes, found.notes)
     plain, text = not is_xacro(file) and not source.package_path, None
-    root = read_xml(file, error=RobotError, max_depth=MAX_NESTING) if plain or file.suffix == ".sdf" else None
-    if root is not None and root.tag == "sdf":
-        return _Made(convert_sdf(root, file), Said())
+    root = read_xml(file, error=RobotError, max_depth=MAX_NESTING) if plain else None
     if root is None or (root.tag == "robot" and not states_mass(root)):
         text = expand_xacro(file, source.arguments, source.package_path)
         root = ElementTree.fromstring(text)
-    joint, weighed = planar_root(root), None if text is None else weigh_links(root, file)
+    joint = planar_root(root)
+    weighed, widths = (None, {}) if text is None else weigh_links(root, file)
     # A base that slides and turns on a plane is held still.
     held = {} if joint is None else {str(joint.get("name")): Held(0.0, "what its wheels or legs do")}
     assumed = (*(() if weighed is None else (weighed,)), *held_still(held))
@@ -169,7 +172,27 @@ def _make_urdf(file: Path, source: Source) -> _Made:
         text = ElementTree.tostring(root, encoding="unicode")
     elif plain:
         text = None
-    return _Made(text, Said(None if free_root(root) is None else True, assumed=assumed))
+    floating = None if free_root(root) is None else True
+    return _Made(text, Said(floating, assumed=assumed, uncertainty=widths))
+
+
+def convert_model(file: Path) -> ConvertedModel | None:
+    """A model of MuJoCo, SDF or USD as a URDF; None of any other file.
+
+    Raises:
+        RobotError: it holds what no URDF can say, or cannot be read.
+        InputError: its reader is not installed.
+    """
+    if file.suffix in USD_SUFFIXES:
+        return convert_usd(file)
+    if is_mjcf(file):
+        return convert_mjcf(file)
+    try:
+        root = read_xml(file, error=RobotError, max_depth=MAX_NESTING)
+    except RobotError:
+        # Whoever reads it next says why.
+        return None
+    return ConvertedModel(file.stem, None, convert_sdf(root, file)) if root.tag == "sdf" else None
 
 
 def _limited(made: _Made, file: Path, source: Source) -> _Made:
@@ -200,28 +223,6 @@ def _check_absent(path: Path, overwrite: bool) -> None:
 
 def _read_assumed(text: str) -> tuple[Assumed, ...]:
     return tuple(Assumed(**one) for one in yaml.safe_load(text)["assumed"])
-
-
-# Pairs of links that an SRDF file lets touch.
-
-
-def read_srdf(path: Path) -> tuple[tuple[str, str], ...]:
-    """Pairs that ``disable_collisions`` names.
-
-    Raises:
-        RobotError: the file is missing, is no SRDF, or a pair names one link only.
-    """
-    root = read_xml(path, error=RobotError)
-    if root.tag != "robot" or root.find("link") is not None:
-        raise robot_error(path, root.tag, "is no SRDF", "give the .srdf of a MoveIt configuration")
-    pairs = []
-    for number, element in enumerate(root.findall("disable_collisions")):
-        first, second = element.get("link1"), element.get("link2")
-        if not first or not second:
-            where = f"disable_collisions {number}"
-            raise robot_error(path, where, "names one link only", "give link1 and link2")
-        pairs.append((first, second))
-    return tuple(pairs)
 
 
 # Xacro files expanded to URDF, with mesh files found.
@@ -368,71 +369,6 @@ def _wrapped_error(error: BaseException | None) -> RobotError | None:
         own = getattr(error, "exc", None)
         error = own if isinstance(own, BaseException) else error.__context__
     return None
-
-
-# Folders of ROS packages: those called so, and those whose ``package.xml`` says the name.
-
-_MANIFEST = "package.xml"
-
-
-def package_folder(name: str, package_path: Iterable[Path], above: Iterable[Path] = ()) -> Path | None:
-    """The folder of a package, or None.
-
-    What a ``package.xml`` says goes first, as ROS goes by it: a clone may be called as its owner likes, and a folder
-    of that name further up may be anything. Packages elsewhere in the clone that the file lies in are looked at too, as
-    of an arm's maker whose torso is another package. Then come folders called so, which say no other name.
-
-    Args:
-        name: of the package.
-        package_path: packages, or folders in which packages lie.
-        above: folders above the file that needs it, the nearest first, of which each may be the package, or hold it
-            under its name.
-    """
-    given, outer = tuple(package_path), tuple(above)
-    near, far = (
-        [
-            place
-            for folder in folders
-            for place in (folder, folder / name)
-            if place.name == name and place.is_dir()
-        ]
-        for folders in (given, outer)
-    )
-    clone = [folder for folder in outer if (folder / ".git").exists()][:1]
-    # How far below a folder of packages they are looked for: a workspace holds src, clones, and packages in each of
-    # these.
-    inside = (place for folder in (*given, *clone) for place in _find_packages(folder, 3))
-    # Folders, and whether they must say the name or may say none.
-    order = ((chain(near, far, outer), True), (near, False), (inside, True), (far, False))
-    found = (
-        place
-        for places, said in order
-        for place in places
-        if _package_name(place) == (name if said else None)
-    )
-    return next(found, None)
-
-
-def _package_name(folder: Path) -> str | None:
-    """The name in a folder's ``package.xml``; None where there is none that can be read."""
-    try:
-        file = folder / _MANIFEST
-        named = read_xml(file, error=RobotError).findtext("name") if file.is_file() else None
-    except RobotError:
-        return None
-    return named.strip() if named else None
-
-
-def _find_packages(folder: Path, deep: int) -> Iterator[Path]:
-    """Folders with a ``package.xml`` at and below one, hidden ones left out; packages hold no others."""
-    if (folder / _MANIFEST).is_file():
-        yield folder
-        return
-    if not deep or not os.access(folder, os.R_OK | os.X_OK) or not folder.is_dir():
-        return
-    for child in sorted(folder.iterdir()):
-        if child.is_dir() and not child.name.startswith("."):
-            yield from _find_packages(child, deep - 1)
 
 
 # SDF models as URDF: the same links, joints and shapes, each link's frame put where its joint is.

@@ -12,14 +12,16 @@ from excite.display import count
 from excite.errors import RobotError
 from excite.finding import Examination, Finding, list_names, merge_findings, worst_first
 from excite.formats.documents import read_xml
-from excite.robot.catalogue import find_robot
+from excite.robot.catalogue import find_robot, is_package
 from excite.robot.description import FREE_BASES, RobotDescription, read_description
 from excite.robot.init_robot.description import AS_IT_IS
-from excite.robot.init_robot.files import expand_xacro, is_xacro
+from excite.robot.init_robot.files import convert_model, expand_xacro, is_xacro
+from excite.robot.init_robot.packages import model_of_package
+from excite.robot.init_robot.source import Source
 from excite.robot.inspection.links import DescribedRobot
 from excite.robot.inspection.rules import RULES, impossible_inertia
 from excite.robot.loading import load_robot, urdf_of
-from excite.robot.mjcf.conversion import convert_mjcf, is_mjcf
+from excite.robot.mjcf.conversion import is_mjcf
 from excite.robot.robot import Robot
 from excite.robot.urdf.inertia import drop_points, inertial_faults
 from excite.robot.urdf.numbers import MOMENTS, add_element
@@ -67,7 +69,9 @@ def examine_description(name_or_path: str | Path) -> RobotChart:
         UnknownNameError: neither a file nor a bundled robot.
     """
     path = Path(name_or_path)
-    if path.suffix != ".xacro":
+    if is_package(path):
+        path, _ = model_of_package(path, Source())
+    elif path.suffix != ".xacro":
         path = find_robot(name_or_path)
     if path.suffix in {".yaml", ".yml"}:
         description = read_description(path)
@@ -81,8 +85,9 @@ def examine_description(name_or_path: str | Path) -> RobotChart:
     place = TemporaryFolder()
     folder, urdf = place.path, path
     try:
-        if is_mjcf(path):
-            urdf = convert_mjcf(path).write(folder / f"{path.stem}.urdf")
+        converted = convert_model(path)
+        if converted is not None:
+            urdf = converted.write(folder / f"{path.stem}.urdf")
         elif is_xacro(path):
             urdf = write_text(folder / f"{path.stem}.urdf", expand_xacro(path, {}, ()))
     except RobotError as error:

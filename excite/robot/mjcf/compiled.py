@@ -10,7 +10,6 @@ import mujoco
 import numpy as np
 
 from excite.finding import first_names
-from excite.robot.mjcf.converted import MjcfConversion
 from excite.robot.mjcf.trees import (
     Closures,
     driven_joints,
@@ -27,12 +26,13 @@ from excite.robot.mjcf.trees import (
 )
 from excite.robot.mjcf.urdf import BALL, HINGE, UrdfWriter
 from excite.robot.refusal import robot_error
+from excite.robot.urdf.converted import ConvertedModel
 
 # Key frames in which a robot rests.
 _RESTING = ("home", "stand", "standing", "init", "rest")
 
 
-def compile_mjcf(path: Path) -> MjcfConversion:
+def compile_mjcf(path: Path) -> ConvertedModel:
     """As :func:`~excite.robot.mjcf.conversion.convert_mjcf`, in this process, without looking through the file."""
     # MuJoCo writes warnings to a file in the current folder.
     mujoco.set_mju_user_warning(lambda _: None)
@@ -71,7 +71,7 @@ def compile_mjcf(path: Path) -> MjcfConversion:
     pairs = [(int(pair) >> 16, int(pair) & 0xFFFF) for pair in model.exclude_signature]
     known = [pair for pair in pairs if set(pair) <= set(bodies)]
     rotors = {joint: float(model.dof_armature[model.jnt_dofadr[joint]]) for joint in single_joints(model)}
-    return MjcfConversion(
+    return ConvertedModel(
         spec.modelname or path.stem,
         root != 0,
         '<?xml version="1.0"?>\n' + ElementTree.tostring(robot, encoding="unicode") + "\n",

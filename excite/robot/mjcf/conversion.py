@@ -7,8 +7,8 @@ from pathlib import Path
 from excite.errors import InputError, RobotError
 from excite.formats.child import in_child
 from excite.formats.documents import read_xml
-from excite.robot.mjcf.converted import MjcfConversion
 from excite.robot.mjcf.scan import scan_mjcf
+from excite.robot.urdf.converted import ConvertedModel
 
 # The largest model known, a humanoid with hands and 60 meshes, takes 3 s and 0.6 GB.
 COMPILE_SECONDS = 40.0
@@ -23,7 +23,7 @@ def is_mjcf(path: Path) -> bool:
         return False
 
 
-def convert_mjcf(path: Path) -> MjcfConversion:
+def convert_mjcf(path: Path) -> ConvertedModel:
     """Read a MuJoCo model and write it as a URDF.
 
     The model is compiled by MuJoCo, in a process of its own, so defaults, includes, orientations of every kind
@@ -46,7 +46,7 @@ def convert_mjcf(path: Path) -> MjcfConversion:
     """
     path = Path(path)
     scan_mjcf(path)
-    conversion: MjcfConversion = in_child(
+    conversion: ConvertedModel = in_child(
         "excite.robot.mjcf.compiled:compile_mjcf",
         path,
         source=path,

@@ -1,4 +1,4 @@
-"""A MuJoCo model as a URDF, and what else its file says."""
+"""A model in another format as a URDF, and what else its file says."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from excite.atomic import write_bytes, write_text
 
 
 @dataclass(frozen=True, eq=False)
-class MjcfConversion:
-    """A MuJoCo model as a URDF.
+class ConvertedModel:
+    """A model of MuJoCo, SDF or USD as a URDF.
 
     Attributes:
         name: of the model.
-        floating: whether its base has a free joint.
+        floating: whether its base is free, None where the file does not say.
         urdf: the URDF's text; mesh paths are relative to its file.
         meshes: STL files by relative path.
         notes: what the URDF leaves out or says differently.
@@ -28,10 +28,10 @@ class MjcfConversion:
     """
 
     name: str
-    floating: bool
+    floating: bool | None
     urdf: str
-    meshes: Mapping[str, bytes]
-    notes: tuple[str, ...]
+    meshes: Mapping[str, bytes] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
     posture: Mapping[str, float] | None = None
     excluded: tuple[tuple[str, str], ...] = ()
     loops: tuple[Mapping[str, Any], ...] = ()
