@@ -18,9 +18,7 @@ SPACES: dict[str, dict[str, str]] = {
         "join_logs": "excite.logs.load_with_robot",
         "write_header": "excite.conversion.init_log",
         "Chart": "excite.doctor.examine",
-        "estimate_torque_delay": "excite.identification.explanation",
-        "explain_signals": "excite.identification.explanation",
-        "save_signal_figure": "excite.report.sections.identified",
+        "estimate_torque_delay": "excite.identification.torque_delay",
     },
     "methods": {
         "EstimatorSettings": "excite.identification.estimators.settings",
@@ -50,9 +48,6 @@ SPACES: dict[str, dict[str, str]] = {
         "MeasureSettings": "excite.human.measure",
         "measure_person": "excite.human.measure",
         "write_person": "excite.human.measure",
-        "identify_person": "excite.human.identified",
-        "added_mass": "excite.human.identified",
-        "identify_wearing": "excite.human.identified",
     },
     "catalogue": {
         "robot_summaries": "excite.robot.load",
@@ -66,11 +61,11 @@ SPACES: dict[str, dict[str, str]] = {
 
 _ABOUT = {
     "robots": "Robots of one's own: first descriptions, what is wrong with one, and a log's robot.",
-    "recordings": "What is done with recordings beside loading and converting: their signals, delays, parts.",
+    "recordings": "What is done with recordings beside loading and converting: their delays, parts.",
     "methods": "How parameters are identified: estimators and settings, bounds, sessions, residuals.",
     "models": "Models of robots with what was identified in them, file by file, and how uncertain they are.",
     "loads": "Loads: what an arm carries, from logs without and with it.",
-    "people": "People: their model from markers, their segments from force plates, what they wear.",
+    "people": "People: their model and log from markers and force plates.",
     "catalogue": "What there is to choose from: robots, methods, effects, schemas of files, members of one's own.",
 }
 

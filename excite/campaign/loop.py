@@ -273,8 +273,8 @@ class _State:
         )
 
     def _log_of(self, data: ReportData) -> str:
-        """The log that holds the trial that is shown in motion, relative to the campaign's folder."""
-        shown = None if data.path is None else data.path.trial
+        """The log that holds the trial that is shown, relative to the campaign's folder."""
+        shown = None if data.forces is None else data.forces.trial
         names = [{trial.name for trial in log.trials} for log in self.logs]
         number = next((k for k, there in enumerate(names, 1) if shown in there), 1)
         return self.journal.log_folder(number).relative_to(self.journal.folder).as_posix()

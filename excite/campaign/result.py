@@ -7,12 +7,10 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
-import pinocchio as pin
 
-from excite.arrays import Array, Moved
+from excite.arrays import Array
 from excite.campaign.experiment import Truth
 from excite.doctor.examine import examine
 from excite.documents.campaign import Miss, Reason
@@ -22,22 +20,17 @@ from excite.excitation.conditioning import UnexcitedParameter
 from excite.identification.adaptation import with_terms_of
 from excite.identification.judgement import PATIENCE
 from excite.identification.parameter_statistics import BaseParameter
-from excite.identification.preparation import prepare_trial
 from excite.identification.problem import IdentificationProblem, build_problem
 from excite.identification.result import Identification
-from excite.identification.rollout import HORIZON_S, model_departures
-from excite.logs.columns import BASE_POSE
-from excite.logs.log import Log, LogHeader, Trial
+from excite.logs.log import Log
 from excite.report.comparisons import (
     NORMAL_95,
     ForceComparison,
     MassComparison,
-    PathComparison,
     ReportData,
     save_report_data,
 )
 from excite.robot.robot import Robot
-from excite.rows.kinematics import trial_kinematics
 from excite.rows.settings import ProblemSettings
 
 # Which base parameters are certain enough, which are not, and why.
@@ -138,7 +131,6 @@ def _joints_moving(robot: Robot, parameter: str) -> tuple[str, ...]:
 # What an identification hands to the report: curves of a validation trial, masses.
 
 # Rate at which models are run along a trial [Hz].
-_PATH_HZ = 200.0
 
 
 def save_findings(
@@ -148,7 +140,7 @@ def save_findings(
     folder: Path,
     settings: ProblemSettings | None = None,
 ) -> Path:
-    """Write ``report_data.npz`` of an identification: forces of a validation trial, masses, the trial in motion.
+    """Write ``report_data.npz`` of an identification: forces of a validation trial, masses.
 
     Args:
         robot: the robot.
@@ -171,7 +163,7 @@ def findings_of(
     settings: ProblemSettings | None = None,
     truth: Path | None = None,
 ) -> ReportData:
-    """What a page shows of an identification: forces of a validation trial, masses, the trial in motion.
+    """What a page shows of an identification: forces of a validation trial, masses.
 
     Args:
         robot: the robot.
@@ -184,23 +176,13 @@ def findings_of(
     return ReportData(
         forces=None if shown is None else _compare_forces(identification, shown),
         masses=mass_comparison(robot, identification, truth),
-        path=None if shown is None else _compare_paths(identification, shown),
     )
-
-
-class _Shown(NamedTuple):
-    """The trial that is shown, the log's header, and settings and rows at the log's own rate."""
-
-    trial: Trial
-    header: LogHeader
-    settings: ProblemSettings
-    problem: IdentificationProblem
 
 
 def _shown_trial(
     robot: Robot, identification: Identification, log: Log, settings: ProblemSettings | None
-) -> _Shown | None:
-    """The validation trial that moves most.
+) -> IdentificationProblem | None:
+    """Rows of the validation trial that moves most.
 
     Filtered as for identification, but at the log's own rate: rows that identification thins out to some ten a second
     would draw corners.
@@ -218,12 +200,10 @@ def _shown_trial(
     trial = trials[int(np.argmax(spread))]
     fine = replace(settings, rate_hz=log.header.rate_hz)
     problem = build_problem(robot, replace(log, trials=(trial,)), fine, role="validation")
-    problem = problem.with_drives(identification.identified.drive_names)
-    return _Shown(trial, log.header, fine, problem)
+    return problem.with_drives(identification.identified.drive_names)
 
 
-def _compare_forces(identification: Identification, shown: _Shown) -> ForceComparison:
-    problem = shown.problem
+def _compare_forces(identification: Identification, problem: IdentificationProblem) -> ForceComparison:
     time = np.unique(problem.time)
     # A joint that stands throughout the trial, or whose torque was not believed, has no rows in it.
     there = [channel for channel in range(len(problem.channel_names)) if (problem.channel == channel).any()]
@@ -246,40 +226,6 @@ def _compare_forces(identification: Identification, shown: _Shown) -> ForceCompa
         nominal=curves(problem.Y @ problem.prior),
         identified=curves(problem.Y @ identification.identified.all),
     )
-
-
-def _compare_paths(identification: Identification, shown: _Shown) -> PathComparison | None:
-    """The same trial as it moved, and as both models move it; None where they cannot be told to."""
-    problem, robot, filters = shown.problem, shown.problem.robot, shown.problem.filters
-    joints = tuple(shown.header.joints)
-    if filters is None or not set(joints) <= set(robot.joint_names):
-        return None
-    trial = prepare_trial(shown.trial, shown.settings, filters).trial
-    k = trial_kinematics(robot, shown.header, trial, shown.settings, filters)
-    every = slice(None, None, max(1, int(k.rate_hz / _PATH_HZ)))
-    time, record = k.time[every], Moved(k.q[every], k.v[every], k.a[every])
-    moved = []
-    for parameters in (problem.prior, identification.identified.all):
-        departed = model_departures(problem, parameters, time, record)
-        if departed is None:
-            return None
-        q = np.array([pin.integrate(robot.model, *pair) for pair in zip(record.q, departed, strict=True)])
-        moved.append(_logged_columns(robot, joints, q))
-    return PathComparison(
-        trial=trial.name,
-        joints=(*BASE_POSE, *joints) if robot.floating else joints,
-        time=time,
-        measured=_logged_columns(robot, joints, record.q),
-        nominal=moved[0],
-        identified=moved[1],
-        horizon_s=HORIZON_S,
-    )
-
-
-def _logged_columns(robot: Robot, joints: tuple[str, ...], q: Array) -> Array:
-    """Columns of the base's pose, if it is free, and of the logged joints."""
-    columns = [robot.n_base_q + robot.joint_index(joint) for joint in joints]
-    return q[:, [*range(robot.n_base_q), *columns]]
 
 
 def mass_comparison(robot: Robot, identification: Identification, truth: Path | None) -> MassComparison:

@@ -23,7 +23,6 @@ from excite.identification.inertia import NAMES
 from excite.identification.physical.bounds_file import SCHEMA as BOUNDS_SCHEMA
 from excite.identification.result import Identification
 from excite.logs.log import LogHeader
-from excite.logs.signals.trace import SignalTrace
 from excite.motion.files import MotionDocument
 from excite.robot.description import RobotDescription
 from excite.safety.verdict import CheckReport
@@ -51,7 +50,6 @@ _KINDS: tuple[type[Document], ...] = (
             BegunCampaign,
             Campaign,
             MeasuredPerson,
-            SignalTrace,
             ExportReport,
             SimulatorModel,
         )

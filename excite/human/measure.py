@@ -36,8 +36,6 @@ from excite.human.recording_files import paired_recordings
 from excite.human.segments import JOINT_NAMES, NAMES, Subject
 from excite.human.skeleton import base_pose, joint_angles, near_singular, place_segments
 from excite.human.trial_poses import TrialPoses, trial_poses
-from excite.human.weights import AddedMass, WornWeight
-from excite.identification.judgement import ChannelFit
 from excite.logs.files import save_log
 from excite.logs.header_blocks import Role, SensorHeader, TrialHeader
 from excite.logs.log import Log, LogHeader, Trial
@@ -46,7 +44,6 @@ from excite.progress import Progress, silent
 from excite.results import (
     ADDED,
     HIDDEN,
-    LEFT_OUT,
     FilePath,
     Name,
     Positive,
@@ -173,10 +170,6 @@ class MeasuredPerson(Shown, Stated):
         trials: in order.
         findings: what was wrong with the recordings and what was done about it.
         files: names of all files that were written, which the next run into the folder replaces.
-        added_mass: the weight that is worn; left out where none was looked for.
-        identification: as ``excite.identification/1``; left out where the segments were not identified.
-        ground_reaction: by role of the trials and component, world axes; left out likewise.
-        worn_weight: segments with and without the weight; left out where none was looked for.
     """
 
     SCHEMA = "excite.human/1"
@@ -187,10 +180,6 @@ class MeasuredPerson(Shown, Stated):
     trials: tuple[TrialReport, ...] = ()
     findings: tuple[Finding, ...] = ()
     files: tuple[Name, ...] = ()
-    added_mass: AddedMass | None = field(default=None, metadata=LEFT_OUT)
-    identification: Any = field(default=None, metadata=LEFT_OUT)
-    ground_reaction: Mapping[Name, Mapping[Name, ChannelFit]] | None = field(default=None, metadata=LEFT_OUT)
-    worn_weight: WornWeight | None = field(default=None, metadata=LEFT_OUT)
 
     @property
     @stated_later

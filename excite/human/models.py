@@ -1,4 +1,4 @@
-"""A person as a model file: URDF with ``robot.yaml``, and OpenSim 4."""
+"""A person as a model file: URDF with ``robot.yaml``."""
 
 from __future__ import annotations
 
@@ -11,10 +11,8 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 from excite.arrays import Array
-from excite.atomic import write_text
 from excite.formats.documents import read_yaml
 from excite.human.body import Body, BodyInertia, segment_box
-from excite.human.markers.inverse_kinematics import MarkerModel
 from excite.human.segments import NAMES, PAIRS, PARENTS, SEGMENTS, Segment
 from excite.human.skeleton import frame_turn
 
@@ -28,11 +26,6 @@ def _build_element(tag: str, *content: ElementTree.Element | str, **attributes: 
         else:
             found.append(item)
     return found
-
-
-def _build_leaves(**texts: str) -> list[ElementTree.Element]:
-    """Elements that hold a text each."""
-    return [_build_element(tag, text) for tag, text in texts.items()]
 
 
 def _render_document(root: ElementTree.Element) -> str:
@@ -156,138 +149,3 @@ def robot_yaml(body: Body, rate_hz: float, plates: tuple[str, ...] = ()) -> str:
         boxes[name] = [turned.min(axis=0).round(4).tolist(), turned.max(axis=0).round(4).tolist()]
     content["segments"] = {"pairs": [list(pair) for pair in PAIRS], "com_box": boxes}
     return yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110)
-
-
-# A person as an OpenSim 4 model: bodies, joints and markers, axes of the ISB (x forward, y up, z to the
-# right).
-
-_VERSION = "40000"
-# From x forward, y left, z up to x forward, y up, z right.
-_TO_ISB = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
-# Coordinates of the pelvis: turns about its z, x and y, then its place.
-_PELVIS = ("pelvis_tilt", "pelvis_list", "pelvis_rotation", "pelvis_tx", "pelvis_ty", "pelvis_tz")
-
-
-def write_osim(body: Body, path: Path, markers: MarkerModel | None = None, name: str = "human") -> Path:
-    """Write an ``.osim`` file.
-
-    Args:
-        body: the person, nominal or identified.
-        path: where to.
-        markers: places of markers, which OpenSim's own inverse kinematics then takes.
-        name: of the model.
-
-    Returns:
-        The path.
-    """
-    return write_text(path, osim_text(body, markers, name))
-
-
-def osim_text(body: Body, markers: MarkerModel | None = None, name: str = "human") -> str:
-    """The model as XML."""
-    offsets = body.offsets
-    sets = {
-        "BodySet": [_osim_body(segment.name, body.inertias[k]) for k, segment in enumerate(SEGMENTS)],
-        "JointSet": [_osim_joint(segment, k, offsets[k]) for k, segment in enumerate(SEGMENTS)],
-    }
-    if markers is not None:
-        sets["MarkerSet"] = [
-            _build_element(
-                "Marker",
-                *_build_leaves(
-                    socket_parent_frame=f"/bodyset/{NAMES[int(segment)]}",
-                    location=_format_values(_TO_ISB @ local),
-                    fixed="true",
-                ),
-                name=label,
-            )
-            for label, segment, local in zip(markers.labels, markers.segment, markers.local, strict=True)
-        ]
-    model = _build_element(
-        "Model",
-        *_build_leaves(gravity="0 -9.81 0", credits=f"excite; segments by {body.table}"),
-        _build_element("Ground", name="ground"),
-        *(
-            _build_element(kind, _build_element("objects", *members), name=kind.lower())
-            for kind, members in sets.items()
-        ),
-        name=name,
-    )
-    return _render_document(_build_element("OpenSimDocument", model, Version=_VERSION))
-
-
-def _osim_body(name: str, inertia: BodyInertia) -> ElementTree.Element:
-    moments = _TO_ISB @ inertia.inertia @ _TO_ISB.T
-    texts = _build_leaves(
-        mass=f"{inertia.mass:.12g}",
-        mass_center=_format_values(_TO_ISB @ inertia.center),
-        inertia=_format_values(moments[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]),
-    )
-    return _build_element("Body", *texts, name=name)
-
-
-def _osim_joint(segment: Segment, k: int, offset: Array) -> ElementTree.Element:
-    free = segment.joint is None
-    carrier = "ground" if free else NAMES[PARENTS[k]]
-    # Of the pelvis turns about z, x and y.
-    axes = (
-        list(np.eye(3)[[2, 0, 1]]) if free else [_TO_ISB @ np.eye(3)[a.index] * a.sign for a in segment.axes]
-    )
-    names = _PELVIS if free else _coordinate_names(segment)
-    coordinates = [
-        _build_element(
-            "Coordinate",
-            *_build_leaves(default_value="0", range="-10 10" if name.startswith("pelvis_t") else "-3.2 3.2"),
-            name=name,
-        )
-        for name in names
-    ]
-    # Unit axes that complete the joint's to three independent ones.
-    rest = [axis for axis in np.eye(3) if not any(abs(axis @ own) > 0.5 for own in axes)]
-    turns: list[str | None] = [*names[: len(axes)], None, None][:3]
-    shifts: list[str | None] = list(names[3:]) if free else [None] * 3
-    transform = [
-        _osim_axis(f"{kind}{i + 1}", axis, name)
-        for kind, own, coordinate in (("rotation", [*axes, *rest], turns), ("translation", np.eye(3), shifts))
-        for i, (axis, name) in enumerate(zip(own, coordinate, strict=False))
-    ]
-    place = np.zeros(3) if free else _TO_ISB @ offset
-    # The last axis of a shoulder is turned against the arm's own frame.
-    turn = _TO_ISB @ frame_turn(k).T @ _TO_ISB.T
-    return _build_element(
-        "CustomJoint",
-        *_build_leaves(
-            socket_parent_frame=f"{carrier}_offset",
-            socket_child_frame=f"{segment.name}_offset",
-        ),
-        _build_element("coordinates", *coordinates),
-        _build_element(
-            "frames",
-            _osim_frame(carrier, "/ground" if free else f"/bodyset/{carrier}", place, np.eye(3)),
-            _osim_frame(segment.name, f"/bodyset/{segment.name}", np.zeros(3), turn),
-        ),
-        _build_element("SpatialTransform", *transform),
-        name="ground_pelvis" if free else str(segment.joint),
-    )
-
-
-def _osim_frame(owner: str, socket: str, place: Array, rotation: Array) -> ElementTree.Element:
-    # OpenSim's orientation: turns about body-fixed x, y, z.
-    turn = Rotation.from_matrix(rotation).as_euler("XYZ")
-    texts = _build_leaves(
-        socket_parent=socket, translation=_format_values(place), orientation=_format_values(turn)
-    )
-    return _build_element("PhysicalOffsetFrame", *texts, name=f"{owner}_offset")
-
-
-def _osim_axis(name: str, axis: Array, coordinate: str | None) -> ElementTree.Element:
-    kind, tag, value = (
-        ("Constant", "value", "0") if coordinate is None else ("LinearFunction", "coefficients", "1 0")
-    )
-    return _build_element(
-        "TransformAxis",
-        *([] if coordinate is None else _build_leaves(coordinates=coordinate)),
-        *_build_leaves(axis=_format_values(axis)),
-        _build_element(kind, _build_element(tag, value), name="function"),
-        name=name,
-    )

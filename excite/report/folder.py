@@ -34,7 +34,6 @@ _KINDS: Registry[Any] = Registry(
         "check": "excite.safety.verdict:CheckReport",
         "identification": "excite.identification.result:Identification",
         "campaign": "excite.documents.campaign:Campaign",
-        "signals": "excite.logs.signals.trace:SignalTrace",
         "diagnosis": "excite.diagnosis.answer.answer:Diagnosis",
         "human": "excite.human.measure:MeasuredPerson",
         "doctor": "excite.finding:Examination",
@@ -42,7 +41,6 @@ _KINDS: Registry[Any] = Registry(
 )
 # Commands that write them, where these have another name.
 _COMMANDS = {
-    "signals": "identify ROBOT LOG --explain-signals CHANNEL",
     "identification": "identify",
     "diagnosis": "diagnose",
     "refusals": "plan",
@@ -87,7 +85,6 @@ class Findings:
         check: of ``check.json``.
         identification: of ``identification.json``, else the one inside ``campaign.json``.
         campaign: of ``campaign.json``.
-        signals: of ``signals.json``, which only ``identify --explain-signals`` writes.
         diagnosis: of ``diagnosis.json``, which only ``diagnose`` writes.
         human: of ``human.json``, which only ``human`` writes.
         doctor: of ``doctor.json``.
@@ -106,7 +103,6 @@ class Findings:
     check: Document | None
     identification: Document | None
     campaign: Document | None
-    signals: Document | None
     diagnosis: Document | None
     human: Document | None
     doctor: Document | None

@@ -239,6 +239,5 @@ SECTIONS: tuple[tuple[str, str, Callable[[Findings], Shown]], ...] = (
     ("differences", "Differences", identified.show_differences),
     ("parameters", "Parameters", identified.show_parameters),
     ("sessions", "Sessions", identified.show_sessions),
-    ("signals", "Signals", identified.show_signals),
     ("stages", "Time taken", show_stages),
 )

@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 
 from excite.errors import InputError, LogError
-from excite.identification.explanation import estimate_torque_delay, explain_signals
 from excite.identification.preparation import advance_torques, prepare_trial
 from excite.identification.problem import build_problem
+from excite.identification.torque_delay import estimate_torque_delay
 from excite.logs.log import Log, LogHeader, Trial
 from excite.logs.signals.coupling import coupling_matrix
 from excite.regressor.kernels import inverse_dynamics
-from excite.report.sections.identified import plot_signals, save_signal_figure
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.rows.joint_rows import SHARED_GEAR_TERMS
@@ -190,20 +189,3 @@ def test_a_coupled_wrist_is_explained_with_its_matrix_alone(robot: Robot) -> Non
     # Friction and inertia behind the gear are told apart only where two motors share a joint.
     moved = np.abs(columns).max(axis=0) > 0.0
     assert moved.tolist() == [name == "wrist_3_joint" for name in robot.joint_names] * 3
-
-
-def test_every_step_is_explained_and_drawn(robot: Robot, tmp_path) -> None:
-    log = made_log(robot, noise=0.3, delay=0.006, coupled=True)
-    settings = ProblemSettings(coupling=COUPLING, outlier_sigma=6.0, period_s=PERIOD, torque_delay_s=0.006)
-    trace = explain_signals(robot, log, settings)
-    names = [step.name for step in trace.steps]
-    assert names == [
-        "clock", "outliers", "periods", "velocity", "acceleration", "delay", "coupling", "filter", "standstill",
-    ]  # fmt: skip
-    for step in trace.steps:
-        assert len(step.before_x) == len(step.before) and len(step.after_x) == len(step.after)
-        assert np.isfinite(step.before).any() and step.effect
-    delay = trace.steps[names.index("delay")]
-    assert delay.before_x[np.argmin(delay.before)] == pytest.approx(6.0, abs=3.0)
-    assert len(plot_signals(trace).axes) == 10
-    assert save_signal_figure(trace, tmp_path / "s.png").read_bytes().startswith(b"\x89PNG")

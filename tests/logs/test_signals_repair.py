@@ -10,7 +10,6 @@ from excite.logs.signals.butterworth import decimation_step, kept_samples, lowpa
 from excite.logs.signals.clock import cubic_misfit, find_clock, regular_clock
 from excite.logs.signals.coupling import coupling_matrix, joint_positions, joint_torques
 from excite.logs.signals.resample import long_standstill, replace_outliers
-from excite.logs.signals.trace import SignalStep, SignalTrace, trace_from_json
 from tests.logs.lag import estimate_lag
 
 RATE = 200.0
@@ -159,15 +158,3 @@ def test_long_standstill_spares_changes_of_direction() -> None:
     velocity[800:1000] = 0.0
     standing = long_standstill(velocity, 0.02, 50)
     assert standing[800:1000].all() and standing.sum() < 210
-
-
-def test_a_trace_survives_its_file() -> None:
-    gone = np.where(TIME < 1.0, np.nan, TIME)
-    step = SignalStep("filter", "what", "torque [N·m]", "time [s]", TIME, np.sin(TIME), TIME, gone, True)
-    trace = SignalTrace("one", "elbow", (step,))
-    again = trace_from_json(trace.to_json())
-    (same,) = again.steps
-    assert (again.trial, again.channel, same.name, same.dots) == ("one", "elbow", "filter", True)
-    every = np.isin(np.round(TIME * RATE), np.round(same.after_x * RATE))
-    np.testing.assert_allclose(same.after, gone[every], rtol=1e-5)
-    assert len(same.before) <= 800 and "filter  what" in trace.summary()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
-from excite.human.plates import ReactionTable
+from benchmarks.people.ground_reaction import ReactionTable
 from excite.human.segments import NAMES
 from tests.reproduction.belt import (
     BELT,

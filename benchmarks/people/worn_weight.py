@@ -11,9 +11,9 @@ from scipy.linalg import block_diag
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
+from benchmarks.people.segment_table import SegmentTable
 from excite.arrays import Array
 from excite.errors import LogError
-from excite.human.segment_table import SegmentTable
 from excite.human.segments import NAMES
 from excite.identification.inertia import COLUMNS, ROWS
 from excite.identification.problem import IdentificationProblem, build_problem
