@@ -6,25 +6,21 @@ import time
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 
 from excite.campaign.optimised_series import Asked
-from excite.campaign.plan_document import robot_file
 from excite.campaign.pool import Keeper
 from excite.campaign.searches import SEARCHES
-from excite.documents.plan import RefusalsDocument
 from excite.errors import NothingSafeError, UnknownNameError
 from excite.motion.generators.generator import child_seed
 from excite.motion.generators.mixture import plan_proposals
 from excite.motion.generators.registry import GENERATORS
-from excite.results import HIDDEN, Stated, write_json
+from excite.results import HIDDEN, Stated
 from excite.robot.robot import Robot
 from excite.safety.filter import Filtered, filter_candidates
 from excite.safety.filter_report import FilterReport
-from excite.safety.refusals import Refused, Remedy, joined_refusals, refusals_table, tally_refusals
-from excite.safety.remedy import TRIED, find_remedy
+from excite.safety.refusals import Refused, joined_refusals, refusals_table, tally_refusals
 from excite.safety.repairs.draft import Rejection
 from excite.simulation.rehearsal import FELL, SLIPPED, TOUCHED
 
@@ -54,9 +50,6 @@ class Judged:
         seconds: by stage of a plan [s].
     """
 
-    # Of the first candidates refused ones are tried again: among so many are as many as are tried, where few are safe.
-    _HELD = 64
-
     def __init__(
         self, generator: str | None, asked: Asked, seed: np.random.SeedSequence, keeper: Keeper, turns: int
     ) -> None:
@@ -64,7 +57,6 @@ class Judged:
         # A search has looked for the best already.
         self._left = 1 if generator in SEARCHES else turns
         self._turn = 0
-        self._held: list[Filtered] = []
         self._report: FilterReport | None = None
         self.seconds = dict.fromkeys(("generate", "filter", "rank", "choose"), 0.0)
 
@@ -90,7 +82,7 @@ class Judged:
         with add_seconds(self.seconds, "filter"):
             found = filter_candidates(
                 asked.robot,
-                self._reading(source.candidates),
+                source.candidates,
                 jobs=asked.jobs,
                 total=source.count,
                 progress=asked.progress,
@@ -102,36 +94,25 @@ class Judged:
         self._turn, self._left = self._turn + 1, 0 if found.interrupted else self._left - 1
         return self._report
 
-    def _reading(self, candidates: Iterable[Filtered]) -> Iterator[Filtered]:
-        """The candidates, once, of which the first are remembered."""
-        for candidate in candidates:
-            if len(self._held) < self._HELD:
-                self._held.append(candidate)
-            yield candidate
-
     def refusals(self, report: FilterReport, fallen: Sequence[Rejection] = ()) -> Refusals:
-        """What refuses them, in rehearsal too; where few are safe, changes are tried on some that the filter refused,
-        unless the user broke off."""
-        asked = self.asked
+        """What refuses them, in rehearsal too."""
         few = len(report.kept) - len(fallen) < _FEW * report.generated
-        remedy = None
-        with add_seconds(self.seconds, "filter"):
-            if few and not report.interrupted:
-                again = [self._held[index] for index in report.first_refused if index < len(self._held)]
-                remedy = find_remedy(
-                    asked.robot, report.refused, again[:TRIED], jobs=asked.jobs, robust=asked.robust
-                )
-            refused = joined_refusals(report.refused, tally_refusals(asked.robot, fallen))
-        return Refusals(report.generated, refused, few, remedy)
+        refused = joined_refusals(report.refused, tally_refusals(self.asked.robot, fallen))
+        return Refusals(report.generated, refused, few)
 
 
-# Why a plan has few motions, or none: what refuses its candidates, and the change that lets most of them
-# pass.
+# Why a plan has few motions, or none: what refuses its candidates, and what to do about it.
 
-REFUSALS_FILE = "refusals.json"
-
-# What to do about refusals that no limit lifted takes away, and that no candidate was tried again without.
 _ADVICE = {
+    **{
+        f"joint_{name}": f"raise limits.{name} of the joints named, if they bear more"
+        for name in ("velocity", "acceleration", "jerk", "torque")
+    },
+    "self_collision": "add the pair to collision.ignored_pairs of robot.yaml, if it may touch; or state a "
+    "posture.joints in which the two are further apart",
+    "zmp": "state feet as large as they are, or a posture.joints whose centre of mass is well above them",
+    "com": "state feet as large as they are, or a posture.joints whose centre of mass is well above them",
+    "friction": "state the friction of the feet, if the ground gives more",
     "no_collision_pairs": "give every link that moves a shape: <collision> in the model, or collision.shapes",
     # To lift a foot ANYmal C shifts by 0.2 m where its feet stand 0.9 m apart, on legs of 0.5 m: none of 12 swings is
     # safe with knees at 1.0 … 1.4 rad, half of them unreachable, nor of 8 at 1.4 rad with the feet as wide. With hips
@@ -159,42 +140,21 @@ class Refusals(Stated):
         generated: number of candidates.
         refused: by pair of links, joint, contact or limit, the commonest first.
         few: whether so few are safe that a person is told.
-        remedy: the change with which most of the refused ones pass, None where there is none or enough are safe.
-        page: where pictures of the worst are, None where nobody has drawn them.
     """
 
     generated: int = field(default=0, metadata=HIDDEN)
     refused: tuple[Refused, ...] = ()
     few: bool = field(default=False, metadata=HIDDEN)
-    remedy: Remedy | None = None
-    page: str | None = field(default=None, metadata=HIDDEN)
-
-    def save(self, robot: Robot, folder: Path) -> Path:
-        """Write ``refusals.json`` into a folder, for a report of a plan without any motion."""
-        assumed, place = tuple(robot.description.assumed), robot_file(robot, folder)
-        document = RefusalsDocument(robot.name, self.generated, self.refused, self.remedy, assumed, **place)
-        return write_json(document.to_json(), folder / REFUSALS_FILE)
 
     @property
     def change(self) -> str:
         """What to do, in words."""
         first = self.refused[0].reason if self.refused else ""
-        if self.remedy is not None:
-            # It was tried on candidates that the filter refused, not on what fell afterwards.
-            return (
-                f"{_ADVICE[first]}; {self.remedy}" if first in (FELL, SLIPPED, TOUCHED) else str(self.remedy)
-            )
-        return _ADVICE.get(
-            first,
-            "see what refuses them: no single limit lifted lets any of those pass that were tried again",
-        )
+        return _ADVICE.get(first, "see what refuses them")
 
     def table(self) -> str:
         """A few lines for a person; empty where nothing was refused."""
-        lines = [refusals_table(self.refused, self.generated)]
-        if self.page is not None:
-            lines.append(f"pictures of the worst: {self.page}")
-        return "\n".join(line for line in lines if line)
+        return refusals_table(self.refused, self.generated)
 
     def summary(self) -> str:
         """The table and the change, where few candidates are safe; else empty."""

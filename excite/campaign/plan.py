@@ -444,7 +444,7 @@ class Plan(Tabled):
         robot: the robot.
         generated: number of candidates.
         rejected: by reason, how many candidates the filter refused.
-        refusals: what refused them, where, and the change that would help most.
+        refusals: what refused them, and where.
         pool: every accepted motion, in the order of the candidates.
         selection: which of them go on, and for which segments.
         validation: accepted motions that were not chosen and that judge the result, as indices.
@@ -636,7 +636,6 @@ class Plan(Tabled):
             conditioning=self.conditioning,
             stages=tuple(Stage(*stage) for stage in self.stages.items()),
             refused=self.refusals.refused,
-            remedy=self.refusals.remedy,
             robust={item.motion: one for item, one in zip(chosen, self.robust, strict=False)},
             rehearsed_load=self.load,
             interrupted=self.interrupted,

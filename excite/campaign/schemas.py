@@ -13,7 +13,7 @@ from excite.conversion.explicit_mapping import Map
 from excite.diagnosis.answer.answer import Diagnosis
 from excite.documents.campaign import Campaign
 from excite.documents.document import Document, model_of, schema_of
-from excite.documents.plan import PlanDocument, RefusalsDocument
+from excite.documents.plan import PlanDocument
 from excite.errors import UnknownNameError
 from excite.export.export import ExportReport
 from excite.export.models.simulator_model import SimulatorModel
@@ -41,7 +41,6 @@ _KINDS: tuple[type[Document], ...] = (
             Identification,
             Diagnosis,
             PlanDocument,
-            RefusalsDocument,
             CheckReport,
             Examination,
             RankReport,

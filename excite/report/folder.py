@@ -30,7 +30,6 @@ _KINDS: Registry[Any] = Registry(
     "document",
     {
         "plan": "excite.documents.plan:PlanDocument",
-        "refusals": "excite.documents.plan:RefusalsDocument",
         "check": "excite.safety.verdict:CheckReport",
         "identification": "excite.identification.result:Identification",
         "campaign": "excite.documents.campaign:Campaign",
@@ -43,7 +42,6 @@ _KINDS: Registry[Any] = Registry(
 _COMMANDS = {
     "identification": "identify",
     "diagnosis": "diagnose",
-    "refusals": "plan",
 }
 # A thousand kilometres from the origin, where a picture cannot tell a robot's links apart any more.
 _FARTHEST = 1e6
@@ -81,7 +79,6 @@ class Findings:
     Attributes:
         folder: the folder.
         plan: contents of ``plan.json``, None where there is none.
-        refusals: of ``refusals.json``, which a plan without any safe candidate writes.
         check: of ``check.json``.
         identification: of ``identification.json``, else the one inside ``campaign.json``.
         campaign: of ``campaign.json``.
@@ -99,7 +96,6 @@ class Findings:
 
     folder: Path
     plan: Document | None
-    refusals: Document | None
     check: Document | None
     identification: Document | None
     campaign: Document | None

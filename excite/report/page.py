@@ -34,7 +34,6 @@ _TITLES = {
     "identification": "Identification",
     "human": "A person's model",
     "plan": "Exciting motions",
-    "refusals": "Exciting motions",
     "check": "Safety of motions",
     "doctor": "What is wrong with a log",
 }

@@ -145,7 +145,6 @@ def _plan(robot: Robot, motions: list[Motion], data: ReportData) -> dict:
                 "unit": "m",
                 "time_s": 1.5,
                 "candidate": "squat_003",
-                "posture": [float(x) for x in robot.rest],
             }
         ],
         "assumed": [

@@ -33,7 +33,7 @@ from excite.report.html import (
     percent_cell,
 )
 from excite.report.plots.bars import Bars, draw_bars
-from excite.report.plots.postures import choose_motions, draw_refused, draw_snapshots, value_text
+from excite.report.plots.postures import choose_motions, draw_snapshots
 from excite.report.replay.scene import frame_times, robot_scene, trial_track
 from excite.report.replay.tracks import motion_tracks, pack_table
 from excite.report.theme import to_svg
@@ -292,54 +292,46 @@ def draw_conditioning(data: ConditioningComparison) -> Any:
     )
 
 
-# What refuses candidates: how many, the worst with a picture, and the change most likely to help.
+# What refuses candidates: how many, and the worst of each.
 
-# Pictures beside each other, and lines of the table that are not folded away.
-_PICTURES, _LISTED = 3, 8
+# Lines of the table that are not folded away.
+_LISTED = 8
 
 _REFUSED: Columns = {
     "reason": lambda item: item["reason"].replace("_", " "),
     "where": "where",
     "candidates": "candidates",
-    "worst": lambda item: value_text(item, "worst"),
-    "limit": lambda item: value_text(item, "limit"),
+    "worst": lambda item: _value_text(item, "worst"),
+    "limit": lambda item: _value_text(item, "limit"),
     "at [s]": "time_s",
 }
-_BARE: Document = {"where": "–", "worst": None, "limit": None, "unit": "", "time_s": None, "posture": None}
+_BARE: Document = {"where": "–", "worst": None, "limit": None, "unit": "", "time_s": None}
 
 
 def show_refused(findings: Findings) -> Shown:
-    """Pictures of the worst refused postures, the table, the change that was counted."""
-    plan, robot, pictures = findings.plan, findings.robot, ""
-    source = findings.refusals or plan or {"refused": []}
-    refused, generated = source["refused"], source.get("generated")
-    if findings.refusals is None and plan is not None:
-        # What is told by no distance, as a fall in the rehearsal, has a number of candidates alone.
-        measured, generated = {item["reason"] for item in refused}, plan["candidates"]["generated"]
-        others = plan["candidates"]["rejected"].items()
-        refused = refused + [_BARE | {"reason": r, "candidates": n} for r, n in others if r not in measured]
+    """The table of what refuses candidates."""
+    if findings.plan is None:
+        return ""
+    candidates, refused = findings.plan["candidates"], findings.plan["refused"]
+    # What is told by no distance, as a fall in the rehearsal, has a number of candidates alone.
+    measured = {item["reason"] for item in refused}
+    others = candidates["rejected"].items()
+    refused = refused + [_BARE | {"reason": r, "candidates": n} for r, n in others if r not in measured]
     if not refused:
         return ""
-    remedy = source["remedy"]
     lead = (
-        f"Of {generated} candidates. One that breaks several limits counts with each. Limits are planning's, "
-        "which keeps a reserve to what the check asks for; no time is stated of what is refused as a posture."
+        f"Of {candidates['generated']} candidates. One that breaks several limits counts with each. Limits are "
+        "planning's, which keeps a reserve to what the check asks for; no time is stated of what is refused as a "
+        "posture."
     )
-    if remedy is not None:
-        lead += (
-            f" Most likely to help: {remedy['change']} ({remedy['passes']} of {remedy['tried']} that were tried "
-            "again pass then)."
-        )
-    elif plan is None:
-        lead += " No single limit lifted lets any of those pass that were tried again."
-    nq = -1 if robot is None else robot.model.nq
-    worst = [item for item in refused if item["posture"] is not None and len(item["posture"]) == nq]
-    if robot is not None and worst:
-        said = "The robot in the worst of the refused postures"
-        pictures = inline_figure(to_svg(draw_refused(robot, worst[:_PICTURES]), "refused-postures", said))
     more = refused[_LISTED:]
     folded = folded_content(f"{len(more)} more", columns_table(more, _REFUSED)) if more else ""
-    return [lead, pictures, columns_table(refused[:_LISTED], _REFUSED), folded]
+    return [lead, columns_table(refused[:_LISTED], _REFUSED), folded]
+
+
+def _value_text(item: Document, key: str) -> str:
+    """``worst`` or ``limit`` of a refusal with its unit."""
+    return "–" if item[key] is None else f"{format_number(item[key])} {item['unit']}".strip()
 
 
 # The independent verdict on the chosen motions.
@@ -402,7 +394,7 @@ def _motion_margin(name: str, unit: str, motion: Document) -> tuple[float | None
 
 def show_assumed(findings: Findings) -> Shown:
     """Everything that the robot's description assumed."""
-    assumed = (findings.plan or findings.refusals or findings.check or {}).get("assumed", [])
+    assumed = (findings.plan or findings.check or {}).get("assumed", [])
     if not assumed:
         return ""
     return [
