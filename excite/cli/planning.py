@@ -99,7 +99,7 @@ def write_description(
     call.emit_result("\n".join(lines), document, then=command_line("plan", written.description))
 
 
-@command("check", cluster=True)
+@command("check")
 def check_motions(
     files: list[str],
     whose: str | None = None,
@@ -115,7 +115,8 @@ def check_motions(
     from excite.robot.inspection.chart import examine_model  # lazy: pinocchio
 
     loaded = excite.load_robot(robot)
-    with call.requested_workers() as crew, progress_bars() as progress:
+    crew = call.requested_workers
+    with progress_bars() as progress:
         result = excite.check(
             loaded, excite.load_motions(motions, loaded), robust=robust, jobs=crew, progress=progress
         )
@@ -141,7 +142,7 @@ def print_schema(
     print_document(excite.file_schema(name))
 
 
-@command("plan", cluster=True)
+@command("plan")
 def plan_motions(
     robot: str,
     candidates: int | None = None,
@@ -236,7 +237,7 @@ _CAMPAIGN_OPTIONS = {
 }
 
 
-@command("campaign", cluster=True)
+@command("campaign")
 def run_campaign(
     context: typer.Context,
     robot: str,
@@ -330,7 +331,7 @@ def _next_of_page(folder: Path) -> str:
     return command_line(*found.command) if found is not None and found.command else ""
 
 
-@command("demo", cluster=True)
+@command("demo")
 def run_demo(
     *,
     call: Call,
