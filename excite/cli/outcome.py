@@ -310,9 +310,7 @@ def _write_details(error: BaseException, arguments: Sequence[str]) -> Path | Non
 
 
 # Packages that are not as excite asks for them: what an error that nobody foresaw is most often about.
-#
-# The libraries that share C++ code are looked at before they are loaded (:mod:`excite.pinned_versions`); of all
-# others any version may do, so that they are looked at only after something failed.
+# Any version may do, so that they are looked at only after something failed.
 
 
 @dataclass(frozen=True)
