@@ -183,7 +183,7 @@ def best_fit(columns: Array, target: Array, box: Array, body_mass: float) -> Any
     def residual(x: Array) -> Array:
         mass, place = x[0], x[1:]
         inertia = mass * ((place @ place + BELT_RADIUS**2) * np.eye(3) - np.outer(place, place))
-        return columns @ np.concatenate([[mass], mass * place, inertia[ROWS, COLUMNS]]) - target
+        return np.asarray(columns @ np.concatenate([[mass], mass * place, inertia[ROWS, COLUMNS]]) - target)
 
     fits = [
         least_squares(

@@ -15,7 +15,6 @@ from excite.atomic import all_or_nothing
 from excite.campaign.candidates import (
     ENOUGH,
     N_CANDIDATES,
-    REFUSALS_FILE,
     TURNS,
     Judged,
     Refusals,
@@ -734,8 +733,6 @@ class Plan(Tabled):
         # Motions of a plan before this one are of another robot, or were chosen beside others.
         for name in before - {motion.name for motion in (*self.motions, *self.validation_motions)}:
             (folder / "motions" / f"{name}.parquet").unlink(missing_ok=True)
-        # Of a plan before this one, in which nothing was safe.
-        (folder / REFUSALS_FILE).unlink(missing_ok=True)
         return folder
 
 

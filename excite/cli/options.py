@@ -165,11 +165,11 @@ COMMANDS: dict[str, Callable[..., None]] = {}
 """By name, what does the work of each command; the modules of the commands fill it."""
 
 
-def command(name: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+def command(name: str, **shared: bool) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Of a function: it does the work of the command of that name, with options as :func:`with_shared_options`."""
 
     def register(work: Callable[..., None]) -> Callable[..., None]:
-        COMMANDS[name] = with_shared_options(name)(work)
+        COMMANDS[name] = with_shared_options(name, **shared)(work)
         return work
 
     return register

@@ -21,9 +21,8 @@ def found(rest: dict[int, float], floor: dict[int, float], scale: float = 1.0) -
         identification=np.ones(N, bool), trial_of_row=np.repeat(np.arange(4), N // 4), joints=JOINTS
     )
     attribution = SimpleNamespace(
-        final=SimpleNamespace(
-            samples=samples, judged=lambda values: values, fit=SimpleNamespace(residual=residual)
-        ),
+        final=SimpleNamespace(samples=samples, judged=lambda values: values),
+        after=SimpleNamespace(residual=residual),
         floor=floors,
         scale=np.full(4, scale),
     )
