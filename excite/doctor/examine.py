@@ -124,7 +124,7 @@ def examine(robot: Robot, log: Log, settings: ProblemSettings | None = None) -> 
     Args:
         robot: the nominal model.
         log: the log.
-        settings: coupling and torque constants that the log does not state; none if None.
+        settings: torque constants that the log does not state; none if None.
 
     Returns:
         The repaired log and the findings.
@@ -132,7 +132,7 @@ def examine(robot: Robot, log: Log, settings: ProblemSettings | None = None) -> 
     case = Case(robot, log)
     if settings is not None:
         constants = {**log.header.torque_constants, **settings.drive_gains}
-        case.change_header(torque_constants=constants, coupling=settings.coupling or log.header.coupling)
+        case.change_header(torque_constants=constants)
     for find in RULES:
         find(case)
     found = worst_first(merge_findings(tuple(case.findings)))

@@ -8,8 +8,7 @@ import numpy as np
 from scipy.linalg import qr
 
 from excite.arrays import Array
-from excite.identification.preparation import advance_torques, prepare_trial
-from excite.identification.problem import build_problem
+from excite.identification.problem import advance_torques, build_problem
 from excite.logs.log import Log
 from excite.logs.robot import robot_in_log
 from excite.logs.signals.clock import Lag, Shifted, find_peak
@@ -90,7 +89,7 @@ class _Measurements:
             self.builder = JointRows(robot, log.header, settings, filters, terms)
         self.weights = weights
         trials = log.role("identification")
-        self.trials = [prepare_trial(trial, settings, filters).trial for trial in trials]
+        self.trials = [advance_torques(trial, settings.torque_delay_s) for trial in trials]
         self.kinematics = [
             trial_kinematics(robot, log.header, trial, settings, filters) for trial in self.trials
         ]

@@ -59,7 +59,10 @@ def test_a_worn_weight_adds_its_steiner_term():
             ["identify", "{log}/robot.yaml", "{log}", "--mass-range", "left_foot=0.5", "--method", "lmi"],
             "'lmi'",
         ),
-        (["identify", "{log}/robot.yaml", "{log}", "--mass-range", "left_foot:0.5"], "SEGMENT=NUMBER"),
+        (
+            ["identify", "{log}/robot.yaml", "{log}", "--mass-range", "left_foot:0.5", "--method", "hqp"],
+            "SEGMENT=NUMBER",
+        ),
         (["human", "{trial}", *WHO, "--segment-mass", "tail=1", "--out", "{log}"], "unknown segment 'tail'"),
     ],
 )
