@@ -19,7 +19,7 @@ from excite.formats.markers import write_storage
 from excite.formats.number import check_number
 from excite.human.body import Body, BodyInertia, body_of, segment_box
 from excite.human.markers.marker_set import landmark_place, read_marker_set
-from excite.human.models import urdf_text
+from excite.human.measure import urdf_text
 from excite.human.recording import PlateRecording, Recording
 from excite.human.segments import JOINT_NAMES, NAMES, PARENTS, SEGMENTS, Subject
 from excite.human.skeleton import N_SEGMENTS, Placement, Pose, frame_turn, place_segments

@@ -31,7 +31,7 @@ SPACES: dict[str, dict[str, str]] = {
         "identify_sessions": "excite.identification.sessions",
         "split_sessions": "excite.identification.sessions",
         "write_ranges": "excite.identification.sessions",
-        "save_findings": "excite.campaign.result",
+        "save_findings": "excite.campaign.loop",
     },
     "models": {
         "write_urdf": "excite.export.models.simulator_model",

@@ -14,8 +14,7 @@ from excite.atomic import write_text
 from excite.display import Shown
 from excite.errors import InputError
 from excite.human.body import Body, BodyInertia
-from excite.human.measure import MeasuredPerson
-from excite.human.models import PLACES, ROBOT_FILE, robot_yaml, urdf_text
+from excite.human.measure import PLACES, ROBOT_FILE, MeasuredPerson, robot_yaml, urdf_text
 from excite.human.segments import NAMES
 from excite.human.skeleton import frame_turn
 from excite.identification.estimators.method_settings import own_settings

@@ -1,28 +1,51 @@
-"""Where a plan's candidates come from: generators that draw them one by one, and searches for all of them at once."""
+"""Where a plan's candidates come from, generators and searches, and which motions are chosen of those that are safe."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import TypeAlias
 
 import numpy as np
 
+from excite.campaign.expected import TARGET_RSD
 from excite.campaign.optimised_series import Asked
-from excite.campaign.pool import Keeper
+from excite.campaign.pool import Keeper, OnDisk, Pool, write_value
 from excite.campaign.searches import SEARCHES
-from excite.errors import NothingSafeError, UnknownNameError
+from excite.errors import NoSolutionError, NothingSafeError, UnknownNameError
+from excite.excitation.conditioning import MotionFactor, motion_factor
+from excite.excitation.precision import row_noise
+from excite.excitation.selection import (
+    Candidates,
+    Selection,
+    select_motions,
+)
 from excite.motion.generators.generator import child_seed
 from excite.motion.generators.mixture import plan_proposals
 from excite.motion.generators.registry import GENERATORS
+from excite.motion.motion import Motion
+from excite.parallel.jobs import Jobs
+from excite.progress import Progress
+from excite.regressor.base_parameters import BaseParameters
 from excite.results import HIDDEN, Stated
+from excite.robot.legs import too_soft_to_stand
 from excite.robot.robot import Robot
+from excite.rows.settings import ProblemSettings
 from excite.safety.filter import Filtered, filter_candidates
 from excite.safety.filter_report import FilterReport
 from excite.safety.refusals import Refused, joined_refusals, refusals_table, tally_refusals
 from excite.safety.repairs.draft import Rejection
-from excite.simulation.rehearsal import FELL, SLIPPED, TOUCHED
+from excite.simulation.rehearsal import (
+    FELL,
+    LEAST_LOAD,
+    SLIPPED,
+    TOUCHED,
+    UNKNOWN_LOAD,
+    can_fall,
+    rehearse_motions,
+)
 
 # Candidates of a plan as they are drawn and judged, turn by turn while too few are safe.
 
@@ -216,3 +239,162 @@ def candidates_of(generator: str | None, asked: Asked, seed: np.random.SeedSeque
         asked.robot, before + asked.count, seed, mix=mix, targets=asked.targets, beyond=before
     )
     return Source(proposals, asked.count)
+
+
+# The choice of a plan's motions: by a rule, rehearsed, and chosen again without those that fell.
+
+# Motions kept back for cross-validation.
+_N_VALIDATION = 4
+
+
+@dataclass(frozen=True)
+class Rule:
+    """How motions are chosen.
+
+    Attributes:
+        name: in ``SELECTIONS``.
+        budget_s: total duration that a greedy choice stays within [s]; as long as the best three take, if None.
+        limits: by segment, the condition number that is good enough, for the choice by ``segments``.
+        asked: parameters to reach, for the choice by ``targets``: see
+            :func:`~excite.excitation.targets.asked_parameters`.
+        target_rsd: relative standard deviation to reach with them [percent].
+        before: motions that were run already, which the choice adds to where it weighs rows by their noise.
+    """
+
+    name: str
+    budget_s: float | None = None
+    limits: Mapping[str, float] = field(default_factory=dict)
+    asked: tuple[str, ...] = ()
+    target_rsd: float = TARGET_RSD
+    before: tuple[Motion, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """Motions that were chosen and rehearsed: indices are those of the pool.
+
+    Attributes:
+        pool: the motions that did not fall.
+        selection: which of them go on.
+        validation: which of the others judge the result.
+        fallen: what went wrong with those that did not stand their rehearsal.
+        load: that the robot carried in the rehearsal, of its mass; None of a robot that cannot fall, and where the
+            user broke off before it.
+        interrupted: whether the user broke off: a robot that can fall has not rehearsed them.
+    """
+
+    pool: Pool
+    selection: Selection
+    validation: tuple[int, ...]
+    fallen: tuple[Rejection, ...]
+    load: float | None
+    interrupted: bool = False
+
+
+Rehearsed: TypeAlias = dict[tuple[str, float], Rejection | None]
+"""What became of motions in rehearsal, by name and load, so that none is rehearsed twice."""
+
+
+def choose_motions(
+    robot: Robot,
+    pool: Pool,
+    base: BaseParameters,
+    rule: Rule,
+    jobs: Jobs,
+    progress: Progress,
+    rehearsed: Rehearsed | None = None,
+    *,
+    interrupted: bool = False,
+) -> Choice:
+    """Choose motions by a rule, rehearse them, and choose again without those that fell; raises NoSolutionError.
+
+    Where all of them fall under the load that a robot should carry, they are rehearsed with the least. What is known
+    from rehearsals before stands in ``rehearsed``, and what these tell is added. Where the user broke off already, or
+    does now, they are chosen without a rehearsal, and without those of which it is known that they fall.
+    """
+    known: Rehearsed = {} if rehearsed is None else rehearsed
+    load = UNKNOWN_LOAD
+    while True:
+        try:
+            choice = _select_standing(robot, pool, base, rule, known, load)
+            if interrupted:
+                return replace(choice, load=None, interrupted=True)
+            names = choice.pool.names
+            new = [
+                i for i in (*choice.selection.indices, *choice.validation) if (names[i], load) not in known
+            ]
+            if not new:
+                return choice
+            motions = choice.pool.motions.only(new)
+            outcomes = rehearse_motions(robot, motions, load=load, jobs=jobs, progress=progress)
+            known.update(zip(((names[i], load) for i in new), outcomes, strict=True))
+        except _AllFallError:
+            if load == LEAST_LOAD:
+                raise
+            load = LEAST_LOAD
+        except KeyboardInterrupt:
+            interrupted = True
+
+
+class _AllFallError(NoSolutionError):
+    """No motion stands its rehearsal."""
+
+
+def _select_standing(
+    robot: Robot, pool: Pool, base: BaseParameters, rule: Rule, known: Rehearsed, load: float
+) -> Choice:
+    """What a rule selects of the motions not known to fall; raises NoSolutionError where that is nothing."""
+    fallen = {name: refused for name in pool.names if (refused := known.get((name, load))) is not None}
+    left = pool.without(set(fallen))
+    if fallen and not left.entries:
+        raise _AllFallError(
+            f"all {len(fallen)} safe motions of {robot.name} fall or slip in rehearsal, with {load:.0%} of its "
+            f"mass on its back: {tally_refusals(robot, fallen.values())[0].sentence}",
+            best=left.motions,
+            remedy=too_soft_to_stand(robot) or "ask for more candidates, or for calmer motions",
+        )
+    chosen = (
+        select_motions(rule.name, selection_candidates(robot, left, base, rule)) if left.entries else None
+    )
+    if chosen is None or not chosen.indices:
+        shortest = float(left.durations.min(initial=np.inf))
+        too_short = rule.budget_s is not None and rule.budget_s < shortest < np.inf
+        raise NoSolutionError(
+            f"none of the {len(left.entries)} safe motions excites any segment of {robot.name} to full rank",
+            best=left.motions,
+            remedy=f"the shortest of them takes {shortest / 60.0:.2f} min: give at least that"
+            if too_short
+            else "ask for more candidates",
+        )
+    # Of those that were not chosen, generators taken in turn.
+    others = [i for i in left.in_turn() if i not in chosen.indices][:_N_VALIDATION]
+    carried = load if can_fall(robot) else None
+    return Choice(left, chosen, tuple(sorted(others)), tuple(fallen.values()), carried)
+
+
+def selection_candidates(robot: Robot, pool: Pool, base: BaseParameters, rule: Rule) -> Candidates:
+    """What a rule of selection chooses from, within its bounds."""
+
+    def weighted() -> tuple[Sequence[MotionFactor], Sequence[MotionFactor]]:
+        noise, motions = row_noise(robot), pool.motions
+        files = tuple(pool.folder.path / f"{name}.weighted" for name in pool.names)
+        for index, path in enumerate(files):
+            # A choice without those that fell finds the others' there.
+            if not path.exists():
+                write_value(motion_factor(robot, motions[index], row_std=noise), path)
+        before = [motion_factor(robot, motion, row_std=noise) for motion in rule.before]
+        return OnDisk[MotionFactor](files, pool.folder), before
+
+    return Candidates(
+        robot=robot,
+        ranking=pool.ranking,
+        factors=pool.factors,
+        durations=pool.durations,
+        base=base,
+        weighted=weighted,
+        budget_s=rule.budget_s,
+        limits=rule.limits,
+        asked=rule.asked,
+        target_rsd=rule.target_rsd,
+        rows_hz=ProblemSettings().filters(floating=robot.measures_contacts).rate_hz,
+    )

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from excite.campaign.experiment import simulate
-from excite.campaign.result import findings_of
+from excite.campaign.loop import findings_of
 from excite.documents.campaign import Campaign
 from excite.identification.identify import identify
 from excite.logs.files import load_log

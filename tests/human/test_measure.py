@@ -12,8 +12,7 @@ from typer.testing import CliRunner
 from benchmarks.people.ground_reaction import ReactionTable, ground_reactions
 from benchmarks.virtual_person import ground_wrench, perform_exercise, true_model
 from excite.cli.main import app
-from excite.human.measure import write_person
-from excite.human.models import urdf_text
+from excite.human.measure import urdf_text, write_person
 from excite.human.segments import JOINT_NAMES
 from excite.logs.files import load_log
 from excite.logs.signals.butterworth import lowpass

@@ -11,7 +11,7 @@ from benchmarks.virtual_person import pose_of
 from excite.errors import InputError
 from excite.human.body import body_of
 from excite.human.markers.inverse_kinematics import MarkerModel, solve_poses
-from excite.human.models import robot_yaml, urdf_text
+from excite.human.measure import robot_yaml, urdf_text
 from excite.human.segments import JOINT_NAMES, NAMES, SEGMENTS, Subject
 from excite.human.skeleton import (
     base_pose,
