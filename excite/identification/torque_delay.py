@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import qr
@@ -11,13 +12,83 @@ from excite.arrays import Array
 from excite.identification.problem import advance_torques, build_problem
 from excite.logs.log import Log
 from excite.logs.robot import robot_in_log
-from excite.logs.signals.clock import Lag, Shifted, find_peak
 from excite.regressor.base_parameters import base_parameters
 from excite.robot.robot import Robot
 from excite.rows.base_rows import BaseRows
 from excite.rows.joint_rows import JointRows, drive_terms
 from excite.rows.kinematics import trial_kinematics
 from excite.rows.settings import ProblemSettings
+
+
+@dataclass(frozen=True, eq=False)
+class Lag:
+    """How much later one group of channels was logged than the other.
+
+    Attributes:
+        lag_s: positive where the measured one is late [s].
+        std_s: its standard deviation, for correlated residuals [s].
+    """
+
+    lag_s: float
+    std_s: float
+
+    def summary(self) -> str:
+        """One line."""
+        return (
+            f"torques {1e3 * abs(self.lag_s):.2f} ± {1e3 * self.std_s:.2f} ms "
+            f"{'later' if self.lag_s >= 0.0 else 'earlier'} than kinematics"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Shifted:
+    """Two groups of channels against each other at one lag.
+
+    Attributes:
+        correlation: of both.
+        residual: what is left, ``(n, …)``, rows in order of time.
+        slope: its change with the lag, per second and of either sign, ``(n, …)``.
+    """
+
+    correlation: float
+    residual: Array
+    slope: Array
+
+
+def find_peak(correlation: Callable[[int], Shifted], reach: int, rate_hz: float) -> Lag:
+    """The lag at which ``correlation`` is greatest.
+
+    Args:
+        correlation: of both groups for a lag in samples.
+        reach: largest lag [samples].
+        rate_hz: samples per second.
+    """
+    shifts = np.arange(-reach, reach + 1)
+    values = np.array([correlation(int(shift)).correlation for shift in shifts])
+    best = int(np.argmax(values))
+    offset = 0.0
+    if 0 < best < len(shifts) - 1:
+        left, middle, right = values[best - 1 : best + 2]
+        bend = left - 2.0 * middle + right
+        offset = 0.5 * float(left - right) / float(bend) if bend < 0.0 else 0.0
+    found = correlation(int(shifts[best]))
+    return Lag(float(shifts[best] + offset) / rate_hz, _lag_deviation(found.residual, found.slope))
+
+
+def _lag_deviation(residual: Array, slope: Array) -> float:
+    """Sandwich: variance of ``Σ slope·residual``, neighbours in time correlated, over ``(Σ slope²)²``."""
+    n = len(residual)
+    score = (residual * slope).reshape(n, -1).sum(axis=1)
+    information = float((slope**2).sum())
+    if information == 0.0:
+        return float("inf")
+    spectrum = np.abs(np.fft.rfft(score, 2 * n)) ** 2
+    covariances = np.fft.irfft(spectrum)[:n]
+    reach = max(1, int(4.0 * (n / 100.0) ** (2.0 / 9.0)) * 4)
+    taper = 1.0 - np.arange(1, reach) / reach
+    variance = covariances[0] + 2.0 * float(taper @ covariances[1:reach])
+    return float(np.sqrt(max(variance, covariances[0] * 1e-3)) / information)
+
 
 _STEPS = 20
 
@@ -70,9 +141,7 @@ def estimate_torque_delay(
         return Shifted(float(np.sqrt(max(0.0, 1.0 - share))), residual, slope)
 
     lag = find_peak(correlation, _STEPS, 1.0 / step)
-    return replace(
-        lag, lag_s=lag.lag_s + settings.torque_delay_s, tried_s=lag.tried_s + settings.torque_delay_s
-    )
+    return replace(lag, lag_s=lag.lag_s + settings.torque_delay_s)
 
 
 class _Measurements:
