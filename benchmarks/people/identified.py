@@ -200,4 +200,12 @@ def wearing_body(body: Body, located: AddedMass) -> Body:
     best = located.best
     turn = frame_turn(NAMES.index(best.segment))
     inertia = best.mass * BELT_RADIUS**2 * np.eye(3)
-    return body.wearing(best.segment, BodyInertia(best.mass, turn.T @ np.array(best.place), inertia))
+    return wearing(body, best.segment, BodyInertia(best.mass, turn.T @ np.array(best.place), inertia))
+
+
+def wearing(body: Body, segment: str, weight: BodyInertia) -> Body:
+    """The body with a weight on a segment, in the segment's frame."""
+    inertias = list(body.inertias)
+    inertias[NAMES.index(segment)] = inertias[NAMES.index(segment)] + weight
+    subject = replace(body.subject, mass=body.subject.mass + weight.mass)
+    return replace(body, subject=subject, inertias=tuple(inertias))

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from benchmarks.people.identified import wearing
 from benchmarks.virtual_person import perform_exercise, record_performance
 from excite.cli.main import app
 from excite.errors import InputError, UnknownNameError
@@ -45,7 +46,7 @@ def test_a_worn_weight_adds_its_steiner_term():
     body = body_of(Subject(70.0, 1.82, "male"))
     weight = BodyInertia(2.0, np.array([0.0, 0.0, -0.1]), np.zeros((3, 3)))
     k = NAMES.index("right_hand")
-    hand, worn = body.inertias[k], body.wearing("right_hand", weight).inertias[k]
+    hand, worn = body.inertias[k], wearing(body, "right_hand", weight).inertias[k]
     assert worn.mass == pytest.approx(hand.mass + 2.0)
     assert worn.mass * worn.center == pytest.approx(hand.mass * hand.center + 2.0 * weight.center)
     origin = np.zeros(3)
