@@ -202,7 +202,7 @@ def test_the_citation_is_complete():
 
 def test_extras_have_the_names_that_are_promised() -> None:
     extras = PROJECT["optional-dependencies"]
-    assert {"ros", "viz", "biomech", "docs", "pandas", "hdf5", "mcap"} <= set(extras)
+    assert {"ros", "viz", "cluster", "biomech", "docs", "pandas", "hdf5", "mcap"} <= set(extras)
     # An older name stays, and means what the new one does.
     assert extras["mcap"] == ["excite[ros]"]
     asked = set(

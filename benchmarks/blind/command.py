@@ -41,7 +41,7 @@ FolderArgument = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of c
 
 
 @app.command("make")
-@with_shared_options()
+@with_shared_options(cluster=True)
 def make(
     cases: Annotated[int, typer.Option("--cases", min=1, help="Number of cases.")] = 20,
     robot: Annotated[
@@ -87,7 +87,7 @@ def make(
 
 
 @app.command("enter")
-@with_shared_options()
+@with_shared_options(cluster=True)
 def enter(
     folder: FolderArgument,
     method: Annotated[
@@ -114,7 +114,7 @@ def enter(
 
 
 @app.command("score")
-@with_shared_options()
+@with_shared_options(cluster=True)
 def score(
     folder: FolderArgument,
     entries: Annotated[
@@ -142,8 +142,7 @@ def score(
     if entries:
         scores = {str(entry): score_entry(answers, read_entry(entry, answers)) for entry in entries}
     else:
-        crew = call.requested_workers
-        with progress_bars() as progress:
+        with call.requested_workers() as crew, progress_bars() as progress:
             found = _answer_cases(cases, "diagnose", call.seed, crew, progress)
         said = {case.name: from_diagnosis(*item) for case, item in zip(cases, found, strict=True)}
         scores = {"excite diagnose": score_entry(answers, said)}

@@ -69,7 +69,7 @@ def make_cases(
             are stated in about half of the cases.
         kind: ``ordinary`` cases of one effect, two or none; arms with a little of ``everything`` and the true share of
             each effect in their answers; or ``both`` by turns.
-        jobs: number of processes; the cases do not depend on it.
+        jobs: number of processes, or an executor, whose machines see the folder; the cases do not depend on it.
         progress: told after each case.
 
     Returns:

@@ -42,7 +42,7 @@ def check(
         motions: what to judge: motions, files, folders.
         robust: call a motion safe only if it is so for all robots of the set that the description states under
             ``uncertainty`` (or of its default). The margins over that set are computed in any case.
-        jobs: number of processes; the verdicts do not depend on it.
+        jobs: number of processes, or an executor; the verdicts do not depend on it.
         progress: told after each motion.
 
     Motions of a robot that can fall, and that violate nothing, are run in simulation as well: what falls there, slips

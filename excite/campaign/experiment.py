@@ -248,7 +248,7 @@ def simulate(
         roles: by motion name, ``identification`` or ``validation``.
         seed: decides the virtual robot, and with ``batch`` the sensors' noise.
         batch: number of the experiment on the same robot.
-        jobs: number of processes; the log does not depend on it.
+        jobs: number of processes, or an executor; the log does not depend on it.
         progress: told after each motion.
 
     Returns:

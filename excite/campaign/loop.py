@@ -305,7 +305,7 @@ def campaign(
         folder: where everything is written.
         settings: what is asked for; defaults if None.
         resume: go on with the campaign that ``folder`` holds.
-        jobs: number of processes; the result does not depend on it.
+        jobs: number of processes, or an executor; the result does not depend on it.
         progress: told as work proceeds.
 
     Returns:
@@ -553,7 +553,7 @@ def demo(folder: Path, *, seed: int = 0, jobs: Jobs = 1, progress: Progress = si
     Args:
         folder: where everything is written; must not hold a campaign.
         seed: of all random numbers.
-        jobs: number of processes; the result does not depend on it.
+        jobs: number of processes, or an executor; the result does not depend on it.
         progress: told as work proceeds.
 
     Returns:

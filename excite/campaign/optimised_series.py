@@ -78,7 +78,7 @@ class Asked:
         count: how many to try; what cannot be made safe may be left out.
         targets: joints to aim at; all, if empty.
         series: criterion and period of optimised series; None for the defaults.
-        jobs: number of processes; the candidates do not depend on it.
+        jobs: number of processes, or an executor; the candidates do not depend on it.
         progress: told as work proceeds.
         robust: whether limits shall hold for all robots of the set that the description states.
         budget_s: time at the robot that motions are chosen for [s]; None where nobody says.

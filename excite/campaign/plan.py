@@ -122,7 +122,7 @@ def plan(
             torque, zero-moment point and friction keep their limits whichever of them is there.
         seed: of all random numbers.
         prefix: put before the name of every motion.
-        jobs: number of processes; the plan does not depend on it.
+        jobs: number of processes, or an executor; the plan does not depend on it.
         progress: told as work proceeds.
 
     Returns:

@@ -202,7 +202,7 @@ def read_value(path: Path) -> Any:
         raise InputError(
             f"cannot be read ({error.strerror})",
             source=path,
-            remedy="leave the temporary folder alone",
+            remedy="leave the temporary folder alone; with several machines, set TMPDIR to one that they share",
         ) from error
 
 

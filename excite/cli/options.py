@@ -26,7 +26,7 @@ from excite.folder_lock import claim_folder
 from excite.identification.estimators.registry import ESTIMATORS
 from excite.logs.vocabulary import EFFECTS
 from excite.motion.generators.registry import GENERATORS
-from excite.parallel.jobs import AtMost, Jobs, check_jobs
+from excite.parallel.jobs import AtMost, Jobs, check_jobs, executor
 from excite.progress import Progress
 from excite.results import write_json
 from excite.robot.catalogue import bundled_robots
@@ -123,26 +123,35 @@ class Call:
         as_json: whether one JSON document is printed, and nothing else.
         seed: of all random numbers.
         jobs: number of processes; None where nobody said.
+        cluster: scheduler whose workers are used instead.
     """
 
     out: Path | None = None
     as_json: bool = False
     seed: int = 0
     jobs: int | None = None
+    cluster: str | None = None
 
-    @property
-    def requested_workers(self) -> Jobs:
-        """Who works; up to one process a core where the work is long, if nobody said."""
-        return self.jobs or AtMost(os.cpu_count() or 1)
+    @contextmanager
+    def requested_workers(self) -> Iterator[Jobs]:
+        """Who works; up to one process a core where the work is long, if neither option is given."""
+        if self.cluster is None:
+            yield self.jobs or AtMost(os.cpu_count() or 1)
+            return
+        if self.jobs is not None:
+            raise typer.BadParameter("give this or --jobs, not both", param_hint="'--cluster'")
+        with executor(self.cluster) as found:
+            yield found
 
     @contextmanager
     def working_in(self, default: str) -> Iterator[Work]:
         """The folder for results, workers, and bars of progress on a terminal."""
         with (
             claim_folder(self.out or Path(default)) as claimed,
+            self.requested_workers() as crew,
             progress_bars() as progress,
         ):
-            yield Work(claimed, self.requested_workers, progress)
+            yield Work(claimed, crew, progress)
 
     def write_document(self, document: dict[str, Any], name: str) -> None:
         """Write a document where a folder was named."""
@@ -176,13 +185,14 @@ def command(name: str, **shared: bool) -> Callable[[Callable[..., None]], Callab
 
 
 def with_shared_options(
-    name: str = "", *, out: bool = True
+    name: str = "", *, out: bool = True, cluster: bool = False
 ) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Of a function: it has every option declared that it is given as its :class:`Call`; models are read as they say.
 
     Args:
         name: of the command, as the table of options has it.
         out: whether there is a folder for results, where the function declares none of its own.
+        cluster: whether others may do the work.
     """
 
     def declare_options(work: Callable[..., None]) -> Callable[..., None]:
@@ -190,7 +200,7 @@ def with_shared_options(
         own = dict(inspect.signature(work, eval_str=True).parameters)
         called = own.pop("call", None) is not None
         asked = ["out"] if out and called and "out" not in own else []
-        asked += _EVERY
+        asked += [*_EVERY, *(["cluster"] if cluster else [])]
         added = [] if _ROBOTS.isdisjoint(own) else [one for one in _SOURCE if one not in own]
         shared = [*(_CALL[one] for one in asked), *(_SOURCE[one] for one in added)]
         found = [_declared(name, one) for one in (*own.values(), *shared)]
@@ -318,7 +328,7 @@ def named_numbers(option: str, words: list[str] | None) -> dict[str, float]:
 # A command as it was typed, less what its results do not depend on.
 
 # Where results go, how they are shown, and how many processes make them.
-_TAKEN, _FLAGS = ("--out", "--jobs", "-o"), ("--json", "--resume")
+_TAKEN, _FLAGS = ("--out", "--jobs", "--cluster", "-o"), ("--json", "--resume")
 
 
 def typed_command(arguments: Sequence[str]) -> str:

@@ -99,7 +99,7 @@ def write_description(
     call.emit_result("\n".join(lines), document, then=command_line("plan", written.description))
 
 
-@command("check")
+@command("check", cluster=True)
 def check_motions(
     files: list[str],
     whose: str | None = None,
@@ -115,8 +115,7 @@ def check_motions(
     from excite.robot.inspection.chart import examine_model  # lazy: pinocchio
 
     loaded = excite.load_robot(robot)
-    crew = call.requested_workers
-    with progress_bars() as progress:
+    with call.requested_workers() as crew, progress_bars() as progress:
         result = excite.check(
             loaded, excite.load_motions(motions, loaded), robust=robust, jobs=crew, progress=progress
         )
@@ -142,7 +141,7 @@ def print_schema(
     print_document(excite.file_schema(name))
 
 
-@command("plan")
+@command("plan", cluster=True)
 def plan_motions(
     robot: str,
     candidates: int | None = None,
@@ -237,7 +236,7 @@ _CAMPAIGN_OPTIONS = {
 }
 
 
-@command("campaign")
+@command("campaign", cluster=True)
 def run_campaign(
     context: typer.Context,
     robot: str,
@@ -331,7 +330,7 @@ def _next_of_page(folder: Path) -> str:
     return command_line(*found.command) if found is not None and found.command else ""
 
 
-@command("demo")
+@command("demo", cluster=True)
 def run_demo(
     *,
     call: Call,

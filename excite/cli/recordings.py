@@ -78,7 +78,7 @@ def write_sheet(
     )
 
 
-@command("simulate")
+@command("simulate", cluster=True)
 def simulate_motions(
     robot: str,
     motions: list[Path],
@@ -235,8 +235,7 @@ def _examine_episodes(folder: Path, call: Call) -> None:
     from excite.conversion.episodes import examine_episodes  # lazy: pinocchio
     from excite.report.plots.drift import save_drift  # lazy: numpy
 
-    crew = call.requested_workers
-    with progress_bars() as progress:
+    with call.requested_workers() as crew, progress_bars() as progress:
         chart = examine_episodes(folder, jobs=crew, progress=progress)
     document, summary = chart.to_json(), chart.summary()
     if call.out is not None:

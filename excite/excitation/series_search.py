@@ -556,7 +556,7 @@ def optimise_excitation(
     Args:
         task: what to optimise.
         settings: how hard to search.
-        jobs: number of processes; the result does not depend on it.
+        jobs: number of processes, or an executor; the result does not depend on it.
         progress: told after each solve, stage ``optimise``.
 
     Returns:

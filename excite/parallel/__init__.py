@@ -1,1 +1,1 @@
-"""Work in several processes."""
+"""Work in several processes, of this machine or of many."""

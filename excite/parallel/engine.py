@@ -1,4 +1,4 @@
-"""All work in one process or several: results in order."""
+"""All work in one process or several: results in order, and who does the work."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from itertools import chain, islice
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from excite.errors import ExciteError
-from excite.parallel.jobs import AtMost, Jobs, at_once, check_jobs
+from excite.parallel.jobs import AtMost, Executor, Jobs, at_once, check_jobs
 from excite.parallel.worker import Answer, Shared, begin, perform
 from excite.progress import Progress, silent
 from excite.threads import one_blas_thread
@@ -49,13 +49,14 @@ def in_order(
     their own seeds. Of the tasks only a bounded number is in flight, so that there may be millions of small ones; give
     them names of files rather than arrays. Workers keep to one BLAS thread. A worker that is killed costs time, no
     result. Whoever stops early or is interrupted (any exception, within the loop over the results too once that has
-    let go of them) finds the workers gone.
+    let go of them) finds the workers of this machine gone, and of an executor the tasks cancelled.
 
     Args:
         function: of a module that workers can import, or picklable by value.
         tasks: one argument a call, read as work proceeds.
         jobs: number of processes, 1 for this one alone; or :class:`~excite.parallel.jobs.AtMost`, with which this one
-            begins and starts others where what is left outweighs their start.
+            begins and starts others where what is left outweighs their start; or an executor, whose workers may be on
+            other machines: they need the same version of excite, and a ``TMPDIR`` that they share with this one.
         shared: what all calls need. It goes to a file of the temporary folder once, and once from there into each
             worker. A :class:`~excite.parallel.worker.Shared` serves several rounds.
         total: number of tasks, where ``tasks`` does not say.
@@ -71,7 +72,7 @@ def in_order(
         total = len(tasks)
     common = shared if isinstance(shared, Shared) else Shared(shared)
     processes = at_once(jobs)
-    if processes == 1 or (total is not None and total < 2):
+    if isinstance(processes, int) and (processes == 1 or (total is not None and total < 2)):
         results = _here(function, tasks, common.value)
     elif isinstance(jobs, AtMost):
         results = _begun_here(function, tasks, common, jobs, total, stage)
@@ -98,7 +99,7 @@ def _elsewhere(
     function: Callable[[Any, Task], Result],
     tasks: Iterable[Task],
     shared: Shared[Any],
-    jobs: int,
+    jobs: int | Executor,
     total: int | None,
     stage: str,
 ) -> Iterator[Result]:
@@ -144,9 +145,10 @@ def _pays(seconds: list[float], left: int | None, processes: int) -> bool:
     return each * left * (1.0 - 1.0 / min(processes, left)) > _START_S
 
 
-# Tasks in flight of each worker: what waits behind a slow task keeps the others busy. Candidates' times differ
+# Tasks in flight of an executor: they keep a thousand cores busy; what waits is small, since tasks carry seeds and
+# names of files. Of each worker here: what waits behind a slow task keeps the others busy. Candidates' times differ
 # by a factor of ten at most, since those that fail early cost little.
-_IN_FLIGHT_A_WORKER = 8
+_IN_FLIGHT, _IN_FLIGHT_A_WORKER = 2048, 8
 # More workers than this share of the cores only wait for each other; no result depends on their number.
 _WORKERS_A_CORE = 4
 # How long idle workers wait for more work [s]; as joblib has it.
@@ -255,19 +257,22 @@ class _Round:
     """One round of tasks in other processes: few in flight, dead workers replaced.
 
     Args:
-        jobs: how many processes at most.
+        jobs: how many processes of this machine at most; or somebody's executor, which stays as it is.
         total: number of tasks, where it is known.
         call: function, and where what its tasks share is.
         stage: what errors call the work.
     """
 
     def __init__(
-        self, jobs: int, total: int | None, call: tuple[Callable[..., Any], Any], stage: str
+        self, jobs: int | Executor, total: int | None, call: tuple[Callable[..., Any], Any], stage: str
     ) -> None:
         self._jobs, self._total, self._call, self._stage = jobs, total, call, stage
         self._workers: ProcessPoolExecutor | None = None
         self._window: deque[_Entry] = deque()
-        self._in_flight = _IN_FLIGHT_A_WORKER * _numbers(jobs, total)[0]
+        self._local = isinstance(jobs, int)
+        self._in_flight = (
+            _IN_FLIGHT_A_WORKER * _numbers(jobs, total)[0] if isinstance(jobs, int) else _IN_FLIGHT
+        )
 
     def results(self, tasks: Iterable[Any]) -> Iterator[Any]:
         """What the tasks return, in order."""
@@ -286,9 +291,13 @@ class _Round:
             self._end()
 
     def _end(self) -> None:
-        """End the workers."""
-        workers, self._workers = self._workers, None
-        _kill(workers)
+        """End the workers; of an executor take back what has not begun."""
+        if self._local:
+            workers, self._workers = self._workers, None
+            _kill(workers)
+        else:
+            for entry in self._window:
+                entry.future.cancel()
 
     def _fill(self, source: Iterator[tuple[int, Any]]) -> None:
         for following in islice(source, self._in_flight - len(self._window)):
@@ -305,6 +314,8 @@ class _Round:
             entry.future.set_exception(error)
 
     def _submit(self, *call: Any) -> Any:
+        if not isinstance(self._jobs, int):
+            return self._jobs.submit(*call)
         if self._workers is None:
             self._workers = _take_workers(self._jobs, self._total)
         # Workers start with a task.
@@ -313,7 +324,7 @@ class _Round:
     def _answer(self, entry: _Entry) -> Answer:
         """The answer of the first task of the window, whatever it takes."""
         while (trouble := self._ask(entry)) is not None:
-            self._recover(trouble)
+            self._recover(entry, trouble)
         return cast(Answer, entry.answer)
 
     def _ask(self, entry: _Entry) -> Exception | None:
@@ -324,17 +335,19 @@ class _Round:
             return error
         return None
 
-    def _recover(self, trouble: Exception) -> None:
+    def _recover(self, first: _Entry, trouble: Exception) -> None:
         """Replace broken workers and hand over again what they had."""
-        if not isinstance(trouble, BrokenExecutor):
-            # A task or a result that cannot be sent.
-            raise trouble
-        lost = [entry for entry in self._window if self._ask(entry) is not None]
-        self._end()
+        lost = [first]
+        if self._local:
+            if not isinstance(trouble, BrokenExecutor):
+                # A task or a result that cannot be sent.
+                raise trouble
+            lost = [entry for entry in self._window if self._ask(entry) is not None]
+            self._end()
         for entry in lost:
             self._count_death(entry, trouble)
         for entry in lost:
-            if entry.deaths >= _SUSPECT:
+            if entry.deaths >= _SUSPECT and self._local:
                 # With nothing beside it.
                 self._hand_over(entry)
                 if (again := self._ask(entry)) is not None:

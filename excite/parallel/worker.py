@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import pickle
 import signal
+import socket
 import threading
 import traceback
 from collections.abc import Callable
@@ -97,7 +98,7 @@ class SharedFile:
     """Where a shared value is; two files of the same content are the same.
 
     Attributes:
-        path: in a temporary folder.
+        path: in a temporary folder, which for several machines has to be on a file system that they share.
         digest: SHA-256 of the file, in hexadecimal digits.
     """
 
@@ -145,13 +146,15 @@ def load_shared(file: SharedFile) -> Any:
     """The value of a shared file; the same object at each call with the same content.
 
     Raises:
-        InputError: the file is gone, or holds another content.
+        InputError: this machine does not see the file, or another content.
     """
-    remedy = "leave the temporary folder alone"
+    remedy = "set TMPDIR to a folder that all machines share"
     try:
         content = file.path.read_bytes()
     except OSError as error:
-        raise InputError(f"cannot be read ({error.strerror})", source=file.path, remedy=remedy) from error
+        raise InputError(
+            f"cannot be read on {socket.gethostname()} ({error.strerror})", source=file.path, remedy=remedy
+        ) from error
     if hashlib.sha256(content).hexdigest() != file.digest:
-        raise InputError("has another content", source=file.path, remedy=remedy)
+        raise InputError(f"has another content on {socket.gethostname()}", source=file.path, remedy=remedy)
     return pickle.loads(content)  # noqa: S301  (of the digest that came with the task)

@@ -120,7 +120,7 @@ def filter_candidates(
     Args:
         robot: the robot.
         candidates: candidates, or proposals, which are drawn where they are judged, or motions; read as work proceeds.
-        jobs: number of processes. The outcomes do not depend on it.
+        jobs: number of processes, or an executor. The outcomes do not depend on it.
         total: how many candidates, where they do not say.
         progress: told after each candidate, stage ``filter``.
         keep: called with the robot and each accepted motion where that was made; its answer stands in the report

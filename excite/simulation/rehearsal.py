@@ -86,7 +86,7 @@ def rehearse_motions(
         robot: the robot.
         motions: what to run, in MuJoCo with contacts and the robot's position servo.
         load: on its back, as a share of its mass.
-        jobs: number of processes; the answer does not depend on it.
+        jobs: number of processes, or an executor; the answer does not depend on it.
         progress: told after each motion.
 
     Returns:

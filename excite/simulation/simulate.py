@@ -64,7 +64,7 @@ def run_experiment(
         motions: what to run, names all different.
         seed: of the sensors' noise.
         roles: by motion name, ``identification`` (the default) or ``validation``.
-        jobs: number of processes; the log does not depend on it.
+        jobs: number of processes, or an executor; the log does not depend on it.
         progress: told after each motion.
 
     Returns:

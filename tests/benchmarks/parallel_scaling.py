@@ -12,7 +12,7 @@ import numpy as np
 from excite.campaign.pool import Keeper
 from excite.motion.generators.mixture import plan_proposals
 from excite.parallel.engine import in_order
-from excite.parallel.jobs import Jobs
+from excite.parallel.jobs import Jobs, executor
 from excite.parallel.worker import Answer
 from excite.robot.loading import load_robot
 from excite.safety.filter import FilterReport, filter_candidates
@@ -47,7 +47,7 @@ def rows() -> list[Row]:
     sent = len(pickle.dumps(next(iter(_proposals(1)))))
     back = float(np.mean([len(pickle.dumps(Answer(kept))) for kept in one.report.kept]))
     kept = one.disk / max(1, len(one.report.kept))
-    local = _overhead(2)
+    local, dask = _overhead(2), _overhead_of_dask()
     return [
         Row.at_least(f"{_COUNT} candidates of {_ROBOT}: one worker's time / two workers'", speed[2], wanted),
         Row(f"… one worker's time / four workers', on {cores} cores", "", f"{speed[4]:.2f}", None),
@@ -55,6 +55,7 @@ def rows() -> list[Row]:
         Row("… sent of one, and returned", "", f"{sent} and {back:.0f} bytes", None),
         Row("… on disk of an accepted one", "", f"{kept / 1e6:.2f} MB", None),
         Row.at_most("an empty task, two workers of this machine", 1e3 * local, 0.05 * 1e3 * busy, "ms"),
+        Row.at_most("an empty task, two workers of a Dask cluster", 1e3 * dask, 0.05 * 1e3 * busy, "ms"),
     ]
 
 
@@ -86,3 +87,13 @@ def _overhead(jobs: Jobs) -> float:
     started = time.perf_counter()
     list(in_order(work.identity, range(_EMPTY), jobs=jobs))
     return (time.perf_counter() - started) / _EMPTY
+
+
+def _overhead_of_dask() -> float:
+    from distributed import LocalCluster
+
+    with (
+        LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as cluster,
+        executor(cluster.scheduler_address) as crew,
+    ):
+        return _overhead(crew)
