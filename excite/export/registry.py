@@ -20,9 +20,11 @@ EXPORTERS: Registry[Exporter] = Registry(
         "ros2-yaml": "excite.export.ros2:Ros2YamlExporter",
         "mcap": "excite.export.ros2:McapExporter",
         "ur-script": "excite.export.makers:UrScriptExporter",
+        "mujoco-keyframes": "excite.export.keyframes:KeyframesExporter",
         "lerobot": "excite.export.plain_tables:LeRobotExporter",
         "franka": "excite.export.makers:FrankaExporter",
         "unitree": "excite.export.makers:UnitreeExporter",
+        "openhrp": "excite.export.makers:OpenHrpExporter",
     },
 )
 

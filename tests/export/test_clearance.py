@@ -205,7 +205,7 @@ def test_check_reads_what_export_writes(
 
 
 # Formats that hold no free base; all numbers of q, v and a as they are.
-WITHOUT_BASE = {"unitree", "ros2-yaml", "lerobot"}
+WITHOUT_BASE = {"openhrp", "unitree", "ros2-yaml", "lerobot", "mujoco-keyframes"}
 EXACT = {"csv", "npz", "ros2", "ros2-yaml", "mcap"}
 
 

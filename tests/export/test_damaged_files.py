@@ -19,7 +19,7 @@ from tests.export.conftest import ready
 
 # In this process, of text or Parquet; bags and YAML are read in one of their own, and have tests of their own.
 ROBOT = "panda"
-HERE = ("ur-script", "lerobot", "franka", "unitree")
+HERE = ("ur-script", "mujoco-keyframes", "lerobot", "franka", "unitree", "openhrp")
 
 
 @pytest.fixture(scope="module")

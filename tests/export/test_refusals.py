@@ -67,6 +67,12 @@ ROWS = [
             (REVERSED + ",knee", "knee"),
         )
     ),
+    Refused(
+        "openhrp",
+        "ur10",
+        f"joints: {ORDER}'elbow_joint'",
+        {"joints": REVERSED.replace("-,", "").replace("elbow_joint,", "")},
+    ),
     *(
         # A G1's knee has 8000 N·m/rad in the model, and 100 in the vendor's example.
         Refused("unitree", "g1", said, given)

@@ -1,18 +1,20 @@
-"""Motions in programs of controllers: Unitree commands, URScript."""
+"""Motions in programs of controllers: OpenHRP patterns, Unitree commands, URScript, MuJoCo keyframes."""
 
 from __future__ import annotations
 
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
+from xml.etree.ElementTree import Element
 
 import numpy as np
+from numpy.typing import NDArray
 
 from excite.errors import MotionError
-from excite.formats.documents import parse_json
-from excite.formats.file import first_bytes, read_text
+from excite.formats.documents import parse_json, read_json, read_xml
+from excite.formats.file import check_file, first_bytes, read_text
 from excite.motion.readers.reader import (
     MAX_FILE_BYTES,
     MotionReader,
@@ -22,6 +24,79 @@ from excite.motion.readers.reader import (
     of_robot,
     stated_in_comments,
 )
+
+# Pattern files of OpenHRP: the joints' positions of ``.pos``.
+
+STATEMENT = "excite.json"
+"""What a folder of patterns says of itself, where export wrote it."""
+
+
+class OpenHrpReader(MotionReader):
+    """A ``.pos`` file, or a folder with one: a time, then the joints as ``excite.json`` or the robot has them."""
+
+    name: ClassVar[str] = "openhrp"
+    summary: ClassVar[str] = "OpenHRP/Choreonoid pattern .pos"
+
+    def recognises(self, path: Path) -> bool:
+        """See :class:`MotionReader`."""
+        return path.suffix == ".pos" or (path / STATEMENT).is_file()
+
+    def read(self, path: Path, joints: Sequence[str]) -> RawMotion:
+        """See :class:`MotionReader`."""
+        files = sorted(path.glob("*.pos")) if path.is_dir() else [path]
+        if len(files) != 1:
+            raise MotionError(f"holds {len(files)} patterns .pos", source=path, remedy="name one of them")
+        (file,) = files
+        check_file(file, limit=MAX_FILE_BYTES, error=MotionError)
+        said: Mapping[str, Any] = {}
+        if (file.parent / STATEMENT).is_file():
+            said = read_json(file.parent / STATEMENT, error=MotionError)
+        rows = np.loadtxt(file, ndmin=2)
+        names = named_joints(said, joints)
+        if names and rows.shape[1] != 1 + len(names):
+            raise MotionError(
+                f"has {rows.shape[1] - 1} joints, not {len(names)}", source=file, remedy="check the robot"
+            )
+        return RawMotion(joint_columns(rows[:, 0], names, q=rows[:, 1:]), of_robot(said))
+
+
+# Keyframes of MuJoCo that say which joints they are of.
+
+KEYFRAMES_STATEMENT = "excite"
+"""How the name of the custom text begins that says whose motion the keys are."""
+
+# Remarks and the statement stand above the keys; a statement holds a verdict.
+_BEGINNING = 1 << 18
+
+
+class KeyframesReader(MotionReader):
+    """Files of keys that export writes: the joints and their addresses stand in a custom text."""
+
+    name: ClassVar[str] = "mujoco-keyframes"
+    summary: ClassVar[str] = "MuJoCo keyframes that export wrote"
+
+    def recognises(self, path: Path) -> bool:
+        """See :class:`MotionReader`."""
+        if path.suffix != ".xml":
+            return False
+        start = first_bytes(path, _BEGINNING)
+        return f'<custom><text name="{KEYFRAMES_STATEMENT}.'.encode() in start
+
+    def read(self, path: Path, joints: Sequence[str]) -> RawMotion:
+        """See :class:`MotionReader`."""
+        root = read_xml(path, error=MotionError)
+        said = parse_json(root.find("custom/text").get("data", ""))  # type: ignore[union-attr]
+        keys = root.findall("keyframe/key")
+        time, qpos, qvel = (_key_numbers(keys, field) for field in ("time", "qpos", "qvel"))
+        q = qpos[:, [int(k) for k in said["qpos"]]] - np.array(said["zero"], dtype=float)
+        v = qvel[:, [int(k) for k in said["qvel"]]]
+        return RawMotion(joint_columns(time[:, 0], said["joints"], q=q, v=v), of_robot(said))
+
+
+def _key_numbers(keys: Sequence[Element], field: str) -> NDArray[Any]:
+    """An attribute of every key, ``(n, width)``."""
+    return np.array([[float(value) for value in key.get(field, "").split()] for key in keys], ndmin=2)
+
 
 # Sequences of Unitree's LowCmd that export wrote.
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from excite.errors import MotionError
 from excite.formats.file import check_file, plain_name, unpack_file, unreadable
-from excite.motion.readers.programs import UnitreeReader, UrScriptReader
+from excite.motion.readers.programs import KeyframesReader, OpenHrpReader, UnitreeReader, UrScriptReader
 from excite.motion.readers.reader import MAX_FILE_BYTES, MotionReader, RawMotion
 from excite.motion.readers.ros2 import Ros2Reader, Ros2YamlReader
 from excite.motion.readers.tables import ColumnsReader, LeRobotReader, RowsReader
@@ -21,6 +21,8 @@ READERS: dict[str, type[MotionReader]] = {
         Ros2YamlReader,
         UrScriptReader,
         UnitreeReader,
+        OpenHrpReader,
+        KeyframesReader,
         LeRobotReader,
     )
 }
