@@ -15,11 +15,10 @@ from scipy.spatial.transform import Rotation
 from excite.arrays import Array
 from excite.atomic import atomic_path
 from excite.errors import UnknownNameError
-from excite.formats.markers import write_storage
 from excite.formats.number import check_number
 from excite.human.body import Body, BodyInertia, body_of, segment_box
 from excite.human.markers.marker_set import landmark_place, read_marker_set
-from excite.human.models import urdf_text
+from excite.human.measure import urdf_text
 from excite.human.recording import PlateRecording, Recording
 from excite.human.segments import JOINT_NAMES, NAMES, PARENTS, SEGMENTS, Subject
 from excite.human.skeleton import N_SEGMENTS, Placement, Pose, frame_turn, place_segments
@@ -174,7 +173,7 @@ def write_mot(
             for axis, column in zip("xyz", turned.T, strict=True):
                 columns[f"{name}_ground_{kind}{axis}"] = column
     with atomic_path(path) as temporary:
-        write_storage(columns, temporary, ["forces"], ".6f")
+        _write_storage(columns, temporary)
     return path
 
 
@@ -471,3 +470,11 @@ def pose_of(base: np.ndarray, angles: np.ndarray) -> Pose:
             column += 1
         rotation[:, k] = rotation[:, k] @ frame_turn(k)
     return Pose(base[:, :3].copy(), rotation)
+
+
+def _write_storage(columns: Mapping[str, Array], path: Path) -> None:
+    """Write columns, ``(n,)`` each, with tabs between them below a header, as OpenSim does."""
+    rows = np.column_stack(list(columns.values())).tolist()
+    lines = ["forces", f"nRows={len(rows)}", f"nColumns={len(columns)}", "endheader", "\t".join(columns)]
+    lines += ["\t".join(format(value, ".6f") for value in row) for row in rows]
+    path.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")

@@ -19,7 +19,6 @@ from types import ModuleType
 from typing import Any
 
 from excite.api import SPACES, groups
-from excite.pinned_versions import watch_imports
 
 __version__ = "0.1.0"
 
@@ -77,7 +76,6 @@ class _Package(ModuleType):
 
 sys.modules[__name__].__class__ = _Package
 globals().update(groups())
-watch_imports()
 
 
 def __getattr__(name: str) -> Any:

@@ -20,9 +20,7 @@ SPACES: dict[str, dict[str, str]] = {
         "Chart": "excite.doctor.examine",
         "Toss": "excite.diagnosis.tosses",
         "diagnose_tosses": "excite.diagnosis.tosses",
-        "estimate_torque_delay": "excite.identification.explanation",
-        "explain_signals": "excite.identification.explanation",
-        "save_signal_figure": "excite.report.sections.identified",
+        "estimate_torque_delay": "excite.identification.torque_delay",
     },
     "methods": {
         "EstimatorSettings": "excite.identification.estimators.settings",
@@ -35,7 +33,7 @@ SPACES: dict[str, dict[str, str]] = {
         "identify_sessions": "excite.identification.sessions",
         "split_sessions": "excite.identification.sessions",
         "write_ranges": "excite.identification.sessions",
-        "save_findings": "excite.campaign.result",
+        "save_findings": "excite.campaign.loop",
     },
     "models": {
         "write_urdf": "excite.export.models.simulator_model",
@@ -52,9 +50,6 @@ SPACES: dict[str, dict[str, str]] = {
         "MeasureSettings": "excite.human.measure",
         "measure_person": "excite.human.measure",
         "write_person": "excite.human.measure",
-        "identify_person": "excite.human.identified",
-        "added_mass": "excite.human.identified",
-        "identify_wearing": "excite.human.identified",
     },
     "catalogue": {
         "robot_summaries": "excite.robot.load",
@@ -68,11 +63,11 @@ SPACES: dict[str, dict[str, str]] = {
 
 _ABOUT = {
     "robots": "Robots of one's own: first descriptions, what is wrong with one, and a log's robot.",
-    "recordings": "What is done with recordings beside loading and converting: their signals, delays, parts.",
+    "recordings": "What is done with recordings beside loading and converting: their delays, parts.",
     "methods": "How parameters are identified: estimators and settings, bounds, sessions, residuals.",
     "models": "Models of robots with what was identified in them, file by file, and how uncertain they are.",
     "loads": "Loads: what an arm carries, from logs without and with it.",
-    "people": "People: their model from markers, their segments from force plates, what they wear.",
+    "people": "People: their model and log from markers and force plates.",
     "catalogue": "What there is to choose from: robots, methods, effects, schemas of files, members of one's own.",
 }
 

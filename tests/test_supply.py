@@ -17,8 +17,6 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 import excite
-from excite.errors import InputError
-from excite.pinned_versions import FAMILY, check_family, installed_versions
 from tests.supply.licences import Licence
 from tests.supply.needed import needed, needed_names, stated
 
@@ -211,35 +209,6 @@ def test_extras_have_the_names_that_are_promised() -> None:
         re.findall(r"excite\[(\w+)\]", "".join(p.read_text() for p in (ROOT / "excite").rglob("*.py")))
     )
     assert asked and asked <= set(extras)
-
-
-def test_the_family_that_is_looked_at_is_the_one_that_is_pinned() -> None:
-    pinned = {one.name: str(one.specifier)[2:] for one in map(Requirement, PROJECT["dependencies"])}
-    exact = {name: version for name, version in pinned.items() if re.fullmatch(r"[\d.]+", version)}
-    lines = [line for line in PROJECT["dependencies"] if "==" in line]
-    assert FAMILY == {Requirement(line).name: exact[Requirement(line).name] for line in lines}
-
-
-def test_a_version_that_does_not_go_with_the_others_is_one_line(tmp_path: Path) -> None:
-    """Looked at before the library is loaded, whoever loads it first, and only then."""
-    for name, version in {**FAMILY, "coal": "3.1.0"}.items():
-        (tmp_path / f"{name.replace('-', '_')}-{version}.dist-info").mkdir()
-    assert installed_versions([tmp_path, tmp_path / "nowhere"]) == {**FAMILY, "coal": "3.1.0"}
-    with pytest.raises(InputError, match=r"coal 3\.1\.0 \(needs 3\.0\.2\).*pip install coal==3\.0\.2"):
-        check_family(installed_versions([tmp_path]))
-    check_family(FAMILY)
-    code = (
-        "import sys, sysconfig, excite\n"
-        "from excite import pinned_versions\n"
-        "print('pinocchio' in sys.modules)\n"
-        "pinned_versions.FAMILY['coal'] = '9.9'\n"
-        "from excite.cli.main import program\n"
-        "sys.argv = ['excite', 'check', 'ur10', 'nowhere.csv']\n"
-        "program()\n"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert done.stdout == "False\n" and done.returncode == 4
-    assert done.stderr.count("\n") == 1 and "coal 3.0.2 (needs 9.9)" in done.stderr
 
 
 def test_the_source_distribution_builds_a_package_that_has_its_data(tmp_path: Path) -> None:

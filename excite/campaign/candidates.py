@@ -1,32 +1,51 @@
-"""Where a plan's candidates come from: generators that draw them one by one, and searches for all of them at once."""
+"""Where a plan's candidates come from, generators and searches, and which motions are chosen of those that are safe."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
-from pathlib import Path
+from dataclasses import dataclass, field, replace
+from typing import TypeAlias
 
 import numpy as np
 
+from excite.campaign.expected import TARGET_RSD
 from excite.campaign.optimised_series import Asked
-from excite.campaign.plan_document import robot_file
-from excite.campaign.pool import Keeper
+from excite.campaign.pool import Keeper, OnDisk, Pool, write_value
 from excite.campaign.searches import SEARCHES
-from excite.documents.plan import RefusalsDocument
-from excite.errors import NothingSafeError, UnknownNameError
+from excite.errors import NoSolutionError, NothingSafeError, UnknownNameError
+from excite.excitation.conditioning import MotionFactor, motion_factor
+from excite.excitation.precision import row_noise
+from excite.excitation.selection import (
+    Candidates,
+    Selection,
+    select_motions,
+)
 from excite.motion.generators.generator import child_seed
 from excite.motion.generators.mixture import plan_proposals
 from excite.motion.generators.registry import GENERATORS
-from excite.results import HIDDEN, Stated, write_json
+from excite.motion.motion import Motion
+from excite.parallel.jobs import Jobs
+from excite.progress import Progress
+from excite.regressor.base_parameters import BaseParameters
+from excite.results import HIDDEN, Stated
+from excite.robot.legs import too_soft_to_stand
 from excite.robot.robot import Robot
+from excite.rows.settings import ProblemSettings
 from excite.safety.filter import Filtered, filter_candidates
 from excite.safety.filter_report import FilterReport
-from excite.safety.refusals import Refused, Remedy, joined_refusals, refusals_table, tally_refusals
-from excite.safety.remedy import TRIED, find_remedy
+from excite.safety.refusals import Refused, joined_refusals, refusals_table, tally_refusals
 from excite.safety.repairs.draft import Rejection
-from excite.simulation.rehearsal import FELL, SLIPPED, TOUCHED
+from excite.simulation.rehearsal import (
+    FELL,
+    LEAST_LOAD,
+    SLIPPED,
+    TOUCHED,
+    UNKNOWN_LOAD,
+    can_fall,
+    rehearse_motions,
+)
 
 # Candidates of a plan as they are drawn and judged, turn by turn while too few are safe.
 
@@ -54,9 +73,6 @@ class Judged:
         seconds: by stage of a plan [s].
     """
 
-    # Of the first candidates refused ones are tried again: among so many are as many as are tried, where few are safe.
-    _HELD = 64
-
     def __init__(
         self, generator: str | None, asked: Asked, seed: np.random.SeedSequence, keeper: Keeper, turns: int
     ) -> None:
@@ -64,7 +80,6 @@ class Judged:
         # A search has looked for the best already.
         self._left = 1 if generator in SEARCHES else turns
         self._turn = 0
-        self._held: list[Filtered] = []
         self._report: FilterReport | None = None
         self.seconds = dict.fromkeys(("generate", "filter", "rank", "choose"), 0.0)
 
@@ -90,7 +105,7 @@ class Judged:
         with add_seconds(self.seconds, "filter"):
             found = filter_candidates(
                 asked.robot,
-                self._reading(source.candidates),
+                source.candidates,
                 jobs=asked.jobs,
                 total=source.count,
                 progress=asked.progress,
@@ -102,36 +117,25 @@ class Judged:
         self._turn, self._left = self._turn + 1, 0 if found.interrupted else self._left - 1
         return self._report
 
-    def _reading(self, candidates: Iterable[Filtered]) -> Iterator[Filtered]:
-        """The candidates, once, of which the first are remembered."""
-        for candidate in candidates:
-            if len(self._held) < self._HELD:
-                self._held.append(candidate)
-            yield candidate
-
     def refusals(self, report: FilterReport, fallen: Sequence[Rejection] = ()) -> Refusals:
-        """What refuses them, in rehearsal too; where few are safe, changes are tried on some that the filter refused,
-        unless the user broke off."""
-        asked = self.asked
+        """What refuses them, in rehearsal too."""
         few = len(report.kept) - len(fallen) < _FEW * report.generated
-        remedy = None
-        with add_seconds(self.seconds, "filter"):
-            if few and not report.interrupted:
-                again = [self._held[index] for index in report.first_refused if index < len(self._held)]
-                remedy = find_remedy(
-                    asked.robot, report.refused, again[:TRIED], jobs=asked.jobs, robust=asked.robust
-                )
-            refused = joined_refusals(report.refused, tally_refusals(asked.robot, fallen))
-        return Refusals(report.generated, refused, few, remedy)
+        refused = joined_refusals(report.refused, tally_refusals(self.asked.robot, fallen))
+        return Refusals(report.generated, refused, few)
 
 
-# Why a plan has few motions, or none: what refuses its candidates, and the change that lets most of them
-# pass.
+# Why a plan has few motions, or none: what refuses its candidates, and what to do about it.
 
-REFUSALS_FILE = "refusals.json"
-
-# What to do about refusals that no limit lifted takes away, and that no candidate was tried again without.
 _ADVICE = {
+    **{
+        f"joint_{name}": f"raise limits.{name} of the joints named, if they bear more"
+        for name in ("velocity", "acceleration", "jerk", "torque")
+    },
+    "self_collision": "add the pair to collision.ignored_pairs of robot.yaml, if it may touch; or state a "
+    "posture.joints in which the two are further apart",
+    "zmp": "state feet as large as they are, or a posture.joints whose centre of mass is well above them",
+    "com": "state feet as large as they are, or a posture.joints whose centre of mass is well above them",
+    "friction": "state the friction of the feet, if the ground gives more",
     "no_collision_pairs": "give every link that moves a shape: <collision> in the model, or collision.shapes",
     # To lift a foot ANYmal C shifts by 0.2 m where its feet stand 0.9 m apart, on legs of 0.5 m: none of 12 swings is
     # safe with knees at 1.0 … 1.4 rad, half of them unreachable, nor of 8 at 1.4 rad with the feet as wide. With hips
@@ -159,42 +163,21 @@ class Refusals(Stated):
         generated: number of candidates.
         refused: by pair of links, joint, contact or limit, the commonest first.
         few: whether so few are safe that a person is told.
-        remedy: the change with which most of the refused ones pass, None where there is none or enough are safe.
-        page: where pictures of the worst are, None where nobody has drawn them.
     """
 
     generated: int = field(default=0, metadata=HIDDEN)
     refused: tuple[Refused, ...] = ()
     few: bool = field(default=False, metadata=HIDDEN)
-    remedy: Remedy | None = None
-    page: str | None = field(default=None, metadata=HIDDEN)
-
-    def save(self, robot: Robot, folder: Path) -> Path:
-        """Write ``refusals.json`` into a folder, for a report of a plan without any motion."""
-        assumed, place = tuple(robot.description.assumed), robot_file(robot, folder)
-        document = RefusalsDocument(robot.name, self.generated, self.refused, self.remedy, assumed, **place)
-        return write_json(document.to_json(), folder / REFUSALS_FILE)
 
     @property
     def change(self) -> str:
         """What to do, in words."""
         first = self.refused[0].reason if self.refused else ""
-        if self.remedy is not None:
-            # It was tried on candidates that the filter refused, not on what fell afterwards.
-            return (
-                f"{_ADVICE[first]}; {self.remedy}" if first in (FELL, SLIPPED, TOUCHED) else str(self.remedy)
-            )
-        return _ADVICE.get(
-            first,
-            "see what refuses them: no single limit lifted lets any of those pass that were tried again",
-        )
+        return _ADVICE.get(first, "see what refuses them")
 
     def table(self) -> str:
         """A few lines for a person; empty where nothing was refused."""
-        lines = [refusals_table(self.refused, self.generated)]
-        if self.page is not None:
-            lines.append(f"pictures of the worst: {self.page}")
-        return "\n".join(line for line in lines if line)
+        return refusals_table(self.refused, self.generated)
 
     def summary(self) -> str:
         """The table and the change, where few candidates are safe; else empty."""
@@ -256,3 +239,162 @@ def candidates_of(generator: str | None, asked: Asked, seed: np.random.SeedSeque
         asked.robot, before + asked.count, seed, mix=mix, targets=asked.targets, beyond=before
     )
     return Source(proposals, asked.count)
+
+
+# The choice of a plan's motions: by a rule, rehearsed, and chosen again without those that fell.
+
+# Motions kept back for cross-validation.
+_N_VALIDATION = 4
+
+
+@dataclass(frozen=True)
+class Rule:
+    """How motions are chosen.
+
+    Attributes:
+        name: in ``SELECTIONS``.
+        budget_s: total duration that a greedy choice stays within [s]; as long as the best three take, if None.
+        limits: by segment, the condition number that is good enough, for the choice by ``segments``.
+        asked: parameters to reach, for the choice by ``targets``: see
+            :func:`~excite.excitation.targets.asked_parameters`.
+        target_rsd: relative standard deviation to reach with them [percent].
+        before: motions that were run already, which the choice adds to where it weighs rows by their noise.
+    """
+
+    name: str
+    budget_s: float | None = None
+    limits: Mapping[str, float] = field(default_factory=dict)
+    asked: tuple[str, ...] = ()
+    target_rsd: float = TARGET_RSD
+    before: tuple[Motion, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """Motions that were chosen and rehearsed: indices are those of the pool.
+
+    Attributes:
+        pool: the motions that did not fall.
+        selection: which of them go on.
+        validation: which of the others judge the result.
+        fallen: what went wrong with those that did not stand their rehearsal.
+        load: that the robot carried in the rehearsal, of its mass; None of a robot that cannot fall, and where the
+            user broke off before it.
+        interrupted: whether the user broke off: a robot that can fall has not rehearsed them.
+    """
+
+    pool: Pool
+    selection: Selection
+    validation: tuple[int, ...]
+    fallen: tuple[Rejection, ...]
+    load: float | None
+    interrupted: bool = False
+
+
+Rehearsed: TypeAlias = dict[tuple[str, float], Rejection | None]
+"""What became of motions in rehearsal, by name and load, so that none is rehearsed twice."""
+
+
+def choose_motions(
+    robot: Robot,
+    pool: Pool,
+    base: BaseParameters,
+    rule: Rule,
+    jobs: Jobs,
+    progress: Progress,
+    rehearsed: Rehearsed | None = None,
+    *,
+    interrupted: bool = False,
+) -> Choice:
+    """Choose motions by a rule, rehearse them, and choose again without those that fell; raises NoSolutionError.
+
+    Where all of them fall under the load that a robot should carry, they are rehearsed with the least. What is known
+    from rehearsals before stands in ``rehearsed``, and what these tell is added. Where the user broke off already, or
+    does now, they are chosen without a rehearsal, and without those of which it is known that they fall.
+    """
+    known: Rehearsed = {} if rehearsed is None else rehearsed
+    load = UNKNOWN_LOAD
+    while True:
+        try:
+            choice = _select_standing(robot, pool, base, rule, known, load)
+            if interrupted:
+                return replace(choice, load=None, interrupted=True)
+            names = choice.pool.names
+            new = [
+                i for i in (*choice.selection.indices, *choice.validation) if (names[i], load) not in known
+            ]
+            if not new:
+                return choice
+            motions = choice.pool.motions.only(new)
+            outcomes = rehearse_motions(robot, motions, load=load, jobs=jobs, progress=progress)
+            known.update(zip(((names[i], load) for i in new), outcomes, strict=True))
+        except _AllFallError:
+            if load == LEAST_LOAD:
+                raise
+            load = LEAST_LOAD
+        except KeyboardInterrupt:
+            interrupted = True
+
+
+class _AllFallError(NoSolutionError):
+    """No motion stands its rehearsal."""
+
+
+def _select_standing(
+    robot: Robot, pool: Pool, base: BaseParameters, rule: Rule, known: Rehearsed, load: float
+) -> Choice:
+    """What a rule selects of the motions not known to fall; raises NoSolutionError where that is nothing."""
+    fallen = {name: refused for name in pool.names if (refused := known.get((name, load))) is not None}
+    left = pool.without(set(fallen))
+    if fallen and not left.entries:
+        raise _AllFallError(
+            f"all {len(fallen)} safe motions of {robot.name} fall or slip in rehearsal, with {load:.0%} of its "
+            f"mass on its back: {tally_refusals(robot, fallen.values())[0].sentence}",
+            best=left.motions,
+            remedy=too_soft_to_stand(robot) or "ask for more candidates, or for calmer motions",
+        )
+    chosen = (
+        select_motions(rule.name, selection_candidates(robot, left, base, rule)) if left.entries else None
+    )
+    if chosen is None or not chosen.indices:
+        shortest = float(left.durations.min(initial=np.inf))
+        too_short = rule.budget_s is not None and rule.budget_s < shortest < np.inf
+        raise NoSolutionError(
+            f"none of the {len(left.entries)} safe motions excites any segment of {robot.name} to full rank",
+            best=left.motions,
+            remedy=f"the shortest of them takes {shortest / 60.0:.2f} min: give at least that"
+            if too_short
+            else "ask for more candidates",
+        )
+    # Of those that were not chosen, generators taken in turn.
+    others = [i for i in left.in_turn() if i not in chosen.indices][:_N_VALIDATION]
+    carried = load if can_fall(robot) else None
+    return Choice(left, chosen, tuple(sorted(others)), tuple(fallen.values()), carried)
+
+
+def selection_candidates(robot: Robot, pool: Pool, base: BaseParameters, rule: Rule) -> Candidates:
+    """What a rule of selection chooses from, within its bounds."""
+
+    def weighted() -> tuple[Sequence[MotionFactor], Sequence[MotionFactor]]:
+        noise, motions = row_noise(robot), pool.motions
+        files = tuple(pool.folder.path / f"{name}.weighted" for name in pool.names)
+        for index, path in enumerate(files):
+            # A choice without those that fell finds the others' there.
+            if not path.exists():
+                write_value(motion_factor(robot, motions[index], row_std=noise), path)
+        before = [motion_factor(robot, motion, row_std=noise) for motion in rule.before]
+        return OnDisk[MotionFactor](files, pool.folder), before
+
+    return Candidates(
+        robot=robot,
+        ranking=pool.ranking,
+        factors=pool.factors,
+        durations=pool.durations,
+        base=base,
+        weighted=weighted,
+        budget_s=rule.budget_s,
+        limits=rule.limits,
+        asked=rule.asked,
+        target_rsd=rule.target_rsd,
+        rows_hz=ProblemSettings().filters(floating=robot.measures_contacts).rate_hz,
+    )

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import re
 import shlex
-from collections.abc import Iterator
 from dataclasses import dataclass
-from html import escape
 from pathlib import Path
 
 import numpy as np
@@ -21,58 +18,8 @@ from excite.errors import InputError
 from excite.logs.header_blocks import Role
 from excite.motion.files import load_motion
 from excite.motion.motion import Motion
-from excite.report.page import html_page
 from excite.robot.load import RobotLike, as_robot
 from excite.robot.robot import Robot
-
-# The sheet of ``excite capture`` as a page: on a phone beside the robot, in the dark, on paper.
-
-
-def sheet_page(text: str) -> str:
-    """A page of the sheet's Markdown: headings, lists, one table, and the block for ``excite convert``, folded.
-
-    Args:
-        text: as :func:`~excite.campaign.capture.sheet_text` makes it.
-    """
-    before, _, rest = text.partition("```yaml\n")
-    first, *parts = re.split(r"^## ", before, flags=re.MULTILINE)
-    title, _, lead = first.removeprefix("# ").partition("\n")
-    # Its heading stands beside the block.
-    sections = "".join(_render_section(part) for part in parts[:-1])
-    block = (
-        f"<section><details><summary>{_render_inline(parts[-1].strip())}</summary>"
-        f'<pre class="capture">\n{escape(rest.partition("```")[0], quote=False)}</pre></details></section>'
-    )
-    head = f"<header><p>The sheet for the minutes at the robot</p><h1>{escape(title)}</h1></header>"
-    answer = f'<section class="answer"><p class="verdict">{_render_inline(lead.strip())}</p></section>'
-    return html_page(title, f"{head}\n<main>{answer}{sections}{block}</main>\n")
-
-
-def _render_section(part: str) -> str:
-    title, _, body = part.partition("\n")
-    return f"<section><h2>{_render_inline(title)}</h2>{''.join(_render_blocks(body))}</section>"
-
-
-def _render_blocks(body: str) -> Iterator[str]:
-    """The table or the list of a section; a line that goes on stands indented."""
-    lines = [line for line in re.sub(r"\n  (?=\S)", " ", body).splitlines() if line]
-    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines if line.startswith("|")]
-    if rows:
-        head, _, *cells = rows
-        names = "".join(f"<th>{_render_inline(cell)}</th>" for cell in head)
-        told = "".join(
-            f"<tr>{''.join(f'<td>{_render_inline(cell)}</td>' for cell in row)}</tr>" for row in cells
-        )
-        yield f'<div class="wide"><table><thead><tr>{names}</tr></thead><tbody>{told}</tbody></table></div>'
-    items = "".join(
-        f"<li>{_render_inline(line.removeprefix('- '))}</li>" for line in lines if line.startswith("- ")
-    )
-    yield f"<ul>{items}</ul>" if items else ""
-
-
-def _render_inline(text: str) -> str:
-    return re.sub(r"`([^`]*)`", r"<code>\1</code>", escape(text, quote=False))
-
 
 # Grease and seals settle within minutes of motion; friction of cold drives is up to twice that of warm ones
 # (Bittencourt and Gunnarsson 2012), and no identification shall mix both [s].
@@ -102,7 +49,7 @@ class Sheet:
 def capture(
     robot: RobotLike, plan: str | Path, out: str | Path | None = None, *, named: str | None = None
 ) -> Sheet:
-    """Write the sheet of a plan, Markdown or, if ``out`` ends with ``.html``, a page.
+    """Write the sheet of a plan, in Markdown.
 
     Args:
         robot: the robot, or what :func:`~excite.robot.load.load_robot` takes.
@@ -140,7 +87,7 @@ def capture(
     )
     path = Path(out) if out is not None else folder / "capture.md"
     text = sheet_text(sheet, robot, named or robot.name, path.name)
-    write_text(path, sheet_page(text) if path.suffix == ".html" else text)
+    write_text(path, text)
     return Sheet(path, sheet)
 
 
@@ -157,7 +104,7 @@ def capture_policy(robot: RobotLike, out: str | Path | None = None, *, named: st
 
     Args:
         robot: a robot that stands on feet, or what :func:`~excite.robot.load.load_robot` takes.
-        out: the file, Markdown or, if it ends with ``.html``, a page; ``policy.md`` if None.
+        out: the file; ``policy.md`` if None.
         named: what commands on the sheet call the robot; its name if None.
 
     Raises:
@@ -218,7 +165,7 @@ def capture_policy(robot: RobotLike, out: str | Path | None = None, *, named: st
     ]
     path = Path(out) if out is not None else Path("policy.md")
     text = "\n".join(lines)
-    write_text(path, sheet_page(text) if path.suffix == ".html" else text)
+    write_text(path, text)
     return Sheet(path, sheet)
 
 

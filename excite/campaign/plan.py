@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,33 +15,33 @@ from excite.atomic import all_or_nothing
 from excite.campaign.candidates import (
     ENOUGH,
     N_CANDIDATES,
-    REFUSALS_FILE,
     TURNS,
+    Choice,
     Judged,
     Refusals,
+    Rehearsed,
+    Rule,
     add_seconds,
     check_generator,
+    choose_motions,
     none_is_safe,
 )
 from excite.campaign.expected import TARGET_RSD, Outlook, check_target, is_predictable, outlook
 from excite.campaign.optimised_series import Asked, SeriesSettings
 from excite.campaign.plan_document import conditioning_comparison, robot_file
-from excite.campaign.pool import Keeper, OnDisk, Pool, ranked_segments, write_value
+from excite.campaign.pool import Keeper, OnDisk, Pool, ranked_segments
 from excite.campaign.searches import SEARCHES
 from excite.display import Row, Tabled, count
 from excite.documents.document import read_document
 from excite.documents.plan import CandidateCounts, CurvePoint, OutOfReach, PlanDocument, SelectedMotion, Stage
 from excite.errors import InputError, NoSolutionError
-from excite.excitation.conditioning import Conditioning, MotionFactor, compute_conditioning, motion_factor
+from excite.excitation.conditioning import Conditioning, MotionFactor, compute_conditioning
 from excite.excitation.design_rows import ArmRows
-from excite.excitation.precision import row_noise
 from excite.excitation.selection import (
     BEST_THREE,
     TARGETS,
-    Candidates,
     Selection,
     check_selection,
-    select_motions,
 )
 from excite.excitation.state_bound import bound_log_det, d_efficiency
 from excite.excitation.targets import NEGLIGIBLE, asked_parameters
@@ -55,179 +55,16 @@ from excite.progress import Progress, silent
 from excite.regressor.base_parameters import BaseParameters, structural_base_parameters
 from excite.report.comparisons import ReportData, save_report_data
 from excite.results import write_json
-from excite.robot.legs import too_soft_to_stand
 from excite.robot.load import RobotLike, as_robot
 from excite.robot.robot import Robot
 from excite.robot.shapes.stand_ins import shape_conditions
-from excite.rows.settings import ProblemSettings
 from excite.safety.checks.robustness import judge_robustness
 from excite.safety.checks.sweep import Sweep
 from excite.safety.filter_report import FilterReport
 from excite.safety.parameter_set import stated_parameters
-from excite.safety.refusals import tally_refusals
-from excite.safety.repairs.draft import Rejection
 from excite.safety.verdict import Robustness, conditions, robustness_of_all
-from excite.simulation.rehearsal import LEAST_LOAD, UNKNOWN_LOAD, can_fall, rehearse_motions
+from excite.simulation.rehearsal import UNKNOWN_LOAD
 from excite.temporary_folder import TemporaryFolder
-
-# The choice of a plan's motions: by a rule, rehearsed, and chosen again without those that fell.
-
-# Motions kept back for cross-validation.
-_N_VALIDATION = 4
-
-
-@dataclass(frozen=True)
-class Rule:
-    """How motions are chosen.
-
-    Attributes:
-        name: in ``SELECTIONS``.
-        budget_s: total duration that a greedy choice stays within [s]; as long as the best three take, if None.
-        limits: by segment, the condition number that is good enough, for the choice by ``segments``.
-        asked: parameters to reach, for the choice by ``targets``: see
-            :func:`~excite.excitation.targets.asked_parameters`.
-        target_rsd: relative standard deviation to reach with them [percent].
-        before: motions that were run already, which the choice adds to where it weighs rows by their noise.
-    """
-
-    name: str
-    budget_s: float | None = None
-    limits: Mapping[str, float] = field(default_factory=dict)
-    asked: tuple[str, ...] = ()
-    target_rsd: float = TARGET_RSD
-    before: tuple[Motion, ...] = ()
-
-
-@dataclass(frozen=True, eq=False)
-class Choice:
-    """Motions that were chosen and rehearsed: indices are those of the pool.
-
-    Attributes:
-        pool: the motions that did not fall.
-        selection: which of them go on.
-        validation: which of the others judge the result.
-        fallen: what went wrong with those that did not stand their rehearsal.
-        load: that the robot carried in the rehearsal, of its mass; None of a robot that cannot fall, and where the
-            user broke off before it.
-        interrupted: whether the user broke off: a robot that can fall has not rehearsed them.
-    """
-
-    pool: Pool
-    selection: Selection
-    validation: tuple[int, ...]
-    fallen: tuple[Rejection, ...]
-    load: float | None
-    interrupted: bool = False
-
-
-Rehearsed: TypeAlias = dict[tuple[str, float], Rejection | None]
-"""What became of motions in rehearsal, by name and load, so that none is rehearsed twice."""
-
-
-def choose_motions(
-    robot: Robot,
-    pool: Pool,
-    base: BaseParameters,
-    rule: Rule,
-    jobs: Jobs,
-    progress: Progress,
-    rehearsed: Rehearsed | None = None,
-    *,
-    interrupted: bool = False,
-) -> Choice:
-    """Choose motions by a rule, rehearse them, and choose again without those that fell; raises NoSolutionError.
-
-    Where all of them fall under the load that a robot should carry, they are rehearsed with the least. What is known
-    from rehearsals before stands in ``rehearsed``, and what these tell is added. Where the user broke off already, or
-    does now, they are chosen without a rehearsal, and without those of which it is known that they fall.
-    """
-    known: Rehearsed = {} if rehearsed is None else rehearsed
-    load = UNKNOWN_LOAD
-    while True:
-        try:
-            choice = _select_standing(robot, pool, base, rule, known, load)
-            if interrupted:
-                return replace(choice, load=None, interrupted=True)
-            names = choice.pool.names
-            new = [
-                i for i in (*choice.selection.indices, *choice.validation) if (names[i], load) not in known
-            ]
-            if not new:
-                return choice
-            motions = choice.pool.motions.only(new)
-            outcomes = rehearse_motions(robot, motions, load=load, jobs=jobs, progress=progress)
-            known.update(zip(((names[i], load) for i in new), outcomes, strict=True))
-        except _AllFallError:
-            if load == LEAST_LOAD:
-                raise
-            load = LEAST_LOAD
-        except KeyboardInterrupt:
-            interrupted = True
-
-
-class _AllFallError(NoSolutionError):
-    """No motion stands its rehearsal."""
-
-
-def _select_standing(
-    robot: Robot, pool: Pool, base: BaseParameters, rule: Rule, known: Rehearsed, load: float
-) -> Choice:
-    """What a rule selects of the motions not known to fall; raises NoSolutionError where that is nothing."""
-    fallen = {name: refused for name in pool.names if (refused := known.get((name, load))) is not None}
-    left = pool.without(set(fallen))
-    if fallen and not left.entries:
-        raise _AllFallError(
-            f"all {len(fallen)} safe motions of {robot.name} fall or slip in rehearsal, with {load:.0%} of its "
-            f"mass on its back: {tally_refusals(robot, fallen.values())[0].sentence}",
-            best=left.motions,
-            remedy=too_soft_to_stand(robot) or "ask for more candidates, or for calmer motions",
-        )
-    chosen = (
-        select_motions(rule.name, selection_candidates(robot, left, base, rule)) if left.entries else None
-    )
-    if chosen is None or not chosen.indices:
-        shortest = float(left.durations.min(initial=np.inf))
-        too_short = rule.budget_s is not None and rule.budget_s < shortest < np.inf
-        raise NoSolutionError(
-            f"none of the {len(left.entries)} safe motions excites any segment of {robot.name} to full rank",
-            best=left.motions,
-            remedy=f"the shortest of them takes {shortest / 60.0:.2f} min: give at least that"
-            if too_short
-            else "ask for more candidates",
-        )
-    # Of those that were not chosen, generators taken in turn.
-    others = [i for i in left.in_turn() if i not in chosen.indices][:_N_VALIDATION]
-    carried = load if can_fall(robot) else None
-    return Choice(left, chosen, tuple(sorted(others)), tuple(fallen.values()), carried)
-
-
-def selection_candidates(robot: Robot, pool: Pool, base: BaseParameters, rule: Rule) -> Candidates:
-    """What a rule of selection chooses from, within its bounds."""
-
-    def weighted() -> tuple[Sequence[MotionFactor], Sequence[MotionFactor]]:
-        noise, motions = row_noise(robot), pool.motions
-        files = tuple(pool.folder.path / f"{name}.weighted" for name in pool.names)
-        for index, path in enumerate(files):
-            # A choice without those that fell finds the others' there.
-            if not path.exists():
-                write_value(motion_factor(robot, motions[index], row_std=noise), path)
-        before = [motion_factor(robot, motion, row_std=noise) for motion in rule.before]
-        return OnDisk[MotionFactor](files, pool.folder), before
-
-    return Candidates(
-        robot=robot,
-        ranking=pool.ranking,
-        factors=pool.factors,
-        durations=pool.durations,
-        base=base,
-        weighted=weighted,
-        budget_s=rule.budget_s,
-        limits=rule.limits,
-        asked=rule.asked,
-        target_rsd=rule.target_rsd,
-        rows_hz=ProblemSettings().filters(floating=robot.measures_contacts).rate_hz,
-    )
-
 
 # Each takes some ten milliseconds, and those that are safe wait on disk: a million are a night's work of one machine.
 MAX_CANDIDATES = 1_000_000
@@ -447,7 +284,7 @@ class Plan(Tabled):
         robot: the robot.
         generated: number of candidates.
         rejected: by reason, how many candidates the filter refused.
-        refusals: what refused them, where, and the change that would help most.
+        refusals: what refused them, and where.
         pool: every accepted motion, in the order of the candidates.
         selection: which of them go on, and for which segments.
         validation: accepted motions that were not chosen and that judge the result, as indices.
@@ -639,7 +476,6 @@ class Plan(Tabled):
             conditioning=self.conditioning,
             stages=tuple(Stage(*stage) for stage in self.stages.items()),
             refused=self.refusals.refused,
-            remedy=self.refusals.remedy,
             robust={item.motion: one for item, one in zip(chosen, self.robust, strict=False)},
             rehearsed_load=self.load,
             interrupted=self.interrupted,
@@ -738,8 +574,6 @@ class Plan(Tabled):
         # Motions of a plan before this one are of another robot, or were chosen beside others.
         for name in before - {motion.name for motion in (*self.motions, *self.validation_motions)}:
             (folder / "motions" / f"{name}.parquet").unlink(missing_ok=True)
-        # Of a plan before this one, in which nothing was safe.
-        (folder / REFUSALS_FILE).unlink(missing_ok=True)
         return folder
 
 

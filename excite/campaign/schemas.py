@@ -13,7 +13,7 @@ from excite.conversion.explicit_mapping import Map
 from excite.diagnosis.answer.answer import Diagnosis
 from excite.documents.campaign import Campaign
 from excite.documents.document import Document, model_of, schema_of
-from excite.documents.plan import PlanDocument, RefusalsDocument
+from excite.documents.plan import PlanDocument
 from excite.errors import UnknownNameError
 from excite.export.export import ExportReport
 from excite.export.models.simulator_model import SimulatorModel
@@ -23,7 +23,6 @@ from excite.identification.inertia import NAMES
 from excite.identification.physical.bounds_file import SCHEMA as BOUNDS_SCHEMA
 from excite.identification.result import Identification
 from excite.logs.log import LogHeader
-from excite.logs.signals.trace import SignalTrace
 from excite.motion.files import MotionDocument
 from excite.robot.description import RobotDescription
 from excite.safety.verdict import CheckReport
@@ -42,7 +41,6 @@ _KINDS: tuple[type[Document], ...] = (
             Identification,
             Diagnosis,
             PlanDocument,
-            RefusalsDocument,
             CheckReport,
             Examination,
             RankReport,
@@ -51,7 +49,6 @@ _KINDS: tuple[type[Document], ...] = (
             BegunCampaign,
             Campaign,
             MeasuredPerson,
-            SignalTrace,
             ExportReport,
             SimulatorModel,
         )

@@ -386,7 +386,7 @@ def _in_words(left: str) -> str:
 
 
 # Commands whose help names the methods; these are loaded only when that help is shown.
-_IDENTIFYING = ("identify", "campaign", "human")
+_IDENTIFYING = ("identify", "campaign")
 
 
 class HelpfulCommand(TyperCommand):

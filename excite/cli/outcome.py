@@ -16,7 +16,7 @@ import time
 import traceback
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from dataclasses import field as dataclass_field
 from importlib import metadata
 from pathlib import Path
@@ -32,7 +32,7 @@ from excite.results import to_json
 from excite.temporary_folder import in_temporary_folder
 
 if TYPE_CHECKING:
-    from excite.robot.robot import Robot
+    pass
 
 _NAMED_FILES = 3
 
@@ -219,15 +219,9 @@ def of_error(error: ExciteError) -> Failure:
         remedy=None if remedy is None else one_line(str(remedy)),
         line=one_line(str(error)),
         findings=getattr(error, "findings", ()),
-        best={} if refusals is None else _said_of(refusals),
+        best={} if refusals is None else {"refused": refusals.to_json()["refused"]},
         table="" if refusals is None else refusals.table(),
     )
-
-
-def _said_of(refusals: Any) -> dict[str, Any]:
-    """What refuses candidates; the remedy of an error is its text, what it was counted from stands beside it."""
-    document = refusals.to_json()
-    return {"refused": document["refused"], "change": document["remedy"], "report": refusals.page}
 
 
 def of_system(error: OSError) -> Failure:
@@ -316,9 +310,7 @@ def _write_details(error: BaseException, arguments: Sequence[str]) -> Path | Non
 
 
 # Packages that are not as excite asks for them: what an error that nobody foresaw is most often about.
-#
-# The libraries that share C++ code are looked at before they are loaded (:mod:`excite.pinned_versions`); of all
-# others any version may do, so that they are looked at only after something failed.
+# Any version may do, so that they are looked at only after something failed.
 
 
 @dataclass(frozen=True)
@@ -365,20 +357,3 @@ def unmet_requirements(distribution: str = "excite") -> list[Unmet]:
 def pip_install(unmet: list[Unmet]) -> str:
     """The command that puts them right, for a shell."""
     return "pip install " + " ".join(shlex.quote(one.asked) for one in unmet)
-
-
-# A plan without any safe candidate leaves a page behind that shows why.
-
-
-@contextmanager
-def refusals_shown(robot: Robot, folder: Path) -> Iterator[None]:
-    """Write ``refusals.json`` and ``report.html`` into a folder where no candidate is safe; the error goes on."""
-    try:
-        yield
-    except NothingSafeError as error:
-        from excite.campaign.candidates import Refusals  # lazy: pinocchio
-
-        if isinstance(error.best, Refusals):
-            error.best.save(robot, folder)
-            error.best = replace(error.best, page=str(excite.report(folder)))
-        raise

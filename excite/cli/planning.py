@@ -14,7 +14,7 @@ from excite.cli.options import (
     command,
     stated_source,
 )
-from excite.cli.outcome import exit_code_of_interruption, keeping_best, refusals_shown, say_interrupted
+from excite.cli.outcome import exit_code_of_interruption, keeping_best, say_interrupted
 from excite.cli.output import (
     EXIT_NEGATIVE,
     command_line,
@@ -171,23 +171,22 @@ def plan_motions(
     ):
         loaded = excite.load_robot(robot)
         chart = examine_model(loaded)
-        with refusals_shown(loaded, folder):
-            plan = excite.plan(
-                loaded,
-                n_candidates=candidates,
-                targets=tuple(target or ()),
-                generator=generator,
-                series=_series_settings(criterion, period),
-                selection=select,
-                budget_s=budget,
-                target_rsd=target_rsd,
-                minutes=minutes,
-                parameters=tuple(filter(None, parameters.split(","))),
-                robust=robust,
-                seed=call.seed,
-                jobs=crew,
-                progress=progress,
-            )
+        plan = excite.plan(
+            loaded,
+            n_candidates=candidates,
+            targets=tuple(target or ()),
+            generator=generator,
+            series=_series_settings(criterion, period),
+            selection=select,
+            budget_s=budget,
+            target_rsd=target_rsd,
+            minutes=minutes,
+            parameters=tuple(filter(None, parameters.split(","))),
+            robust=robust,
+            seed=call.seed,
+            jobs=crew,
+            progress=progress,
+        )
         plan.save(folder)
         if not plan.interrupted:
             excite.report(folder)
@@ -280,15 +279,14 @@ def run_campaign(
         made_by(_begun_command(robot, settings), excite.__version__, settings.seed),
     ):
         loaded = excite.load_robot(robot)
-        with refusals_shown(loaded, folder):
-            result = excite.campaign(
-                loaded,
-                folder,
-                settings,
-                resume=resume,
-                jobs=crew,
-                progress=progress,
-            )
+        result = excite.campaign(
+            loaded,
+            folder,
+            settings,
+            resume=resume,
+            jobs=crew,
+            progress=progress,
+        )
         then = command_line("campaign", robot, "--resume", "--out", folder)
         if not result.interrupted:
             excite.report(folder)

@@ -15,7 +15,6 @@ from excite.cli.options import (
     Call,
     command,
     named_numbers,
-    segment_settings,
 )
 from excite.cli.output import (
     EXIT_NEGATIVE,
@@ -27,14 +26,12 @@ from excite.cli.output import (
 )
 from excite.display import count
 from excite.errors import InputError
-from excite.identification.estimators.registry import find_estimator
 from excite.results import write_json
 from excite.robot.catalogue import is_robot, robot_of_log
 
 if TYPE_CHECKING:
     from excite.conversion.result import Conversion
     from excite.doctor.examine import Chart
-    from excite.identification.estimators.settings import EstimatorSettings
     from excite.logs.log import Log
     from excite.robot.robot import Robot
 
@@ -286,20 +283,12 @@ def measure_person(
     up: str | None = None,
     cutoff_hz: float = 6.0,
     hold_out: float = 0.3,
-    identify: str | None = None,
-    loaded: int = 0,
     segment_mass: list[str] | None = None,
     osim: str | None = None,
-    asymmetric: list[str] | None = None,
-    mass_range: list[str] | None = None,
     *,
     call: Call,
 ) -> None:
     """Make a person's model (15 segments, 34 joints) and a log folder; then `excite identify DIR/robot.yaml DIR`."""
-    if identify is None and (asymmetric or mass_range):
-        option = "--asymmetric" if asymmetric else "--mass-range"
-        raise InputError("identifies nothing", field=option, remedy="add --identify hqp")
-    estimator = None if identify is None else segment_settings(identify, asymmetric, mass_range)
     settings = excite.MeasureSettings(
         table=table,
         markers=markers,
@@ -310,45 +299,21 @@ def measure_person(
         osim=osim,
     )
     subject = excite.Subject(mass, height, sex)
-    _check_whole(trials, loaded, identify, out)
+    from excite.logs.files import check_replaceable, keep_others  # lazy: pinocchio
+
+    check_replaceable(out)
     written_before = _written_files(out)
     with progress_bars() as progress:
         person = excite.measure_person(subject, trials, tuple(static or ()), settings, progress)
-    from excite.logs.files import keep_others  # lazy: pinocchio
-
     # All of it or nothing: a folder without what was asked for would be taken for the whole.
     with atomic_folder(out) as folder:
         excite.write_person(person, folder)
-        person, summary = _evaluate_person(person, folder, loaded, identify, estimator)
         files = sorted([_DOCUMENT, *(item.name for item in folder.iterdir())])
         document = replace(person, files=tuple(files)).to_json()
         write_json(document, folder / _DOCUMENT)
         keep_others(out, folder, written_before)
-    # Of a log with trials that were done with a weight, the body is not to be identified as if there were none.
-    plain = identify is None and not loaded
-    then = command_line("identify", out / "robot.yaml", out, "--out", "segments") if plain else ""
-    call.emit_result(
-        f"{person.summary()}\nwrote {out}{summary}",
-        document,
-        then=then or ("" if identify is None else command_line("report", out)),
-    )
-
-
-def _check_whole(trials: list[Path], loaded: int, identify: str | None, out: Path) -> None:
-    """Say before the work is done that it could not be finished."""
-    if loaded >= len(trials):
-        from excite.formats.number import shorten_value  # lazy: numpy
-
-        raise InputError(
-            f"is {shorten_value(loaded)} of {len(trials)} recordings",
-            field="--loaded",
-            remedy="give a recording without the weight too, before those with it",
-        )
-    from excite.logs.files import check_replaceable  # lazy: pinocchio
-
-    if identify is not None:
-        find_estimator(identify)
-    check_replaceable(out)
+    then = command_line("identify", out / "robot.yaml", out, "--out", "segments")
+    call.emit_result(f"{person.summary()}\nwrote {out}", document, then=then)
 
 
 def _written_files(out: Path) -> list[str]:
@@ -362,33 +327,3 @@ def _written_files(out: Path) -> list[str]:
         return list(read_document(out / _DOCUMENT, model_of(MeasuredPerson)).content()["files"])
     except InputError:  # what it named cannot be told: all is kept
         return []
-
-
-def _evaluate_person(
-    person: excite.MeasuredPerson,
-    folder: Path,
-    loaded: int,
-    identify: str | None,
-    estimator: EstimatorSettings | None,
-) -> tuple[excite.MeasuredPerson, str]:
-    """The person with all that was asked for, which was written beside the log, and what is said of it."""
-    said = []
-    weight = excite.added_mass(folder, loaded) if loaded else None
-    if weight is not None:
-        person = replace(person, added_mass=weight)
-        said.append(f"\n{weight.summary()}")
-    if identify is not None:
-        found = excite.identify_person(person, folder, identify, estimator, loaded=loaded)
-        person = replace(
-            person, identification=found.identification, ground_reaction=found.reaction_table.fits
-        )
-        said.append(f"\n\n{found.summary()}")
-        worn = None
-        if weight is not None:
-            worn = excite.identify_wearing(person, folder, weight, found, loaded, identify, estimator)
-            person = replace(person, worn_weight=worn)
-            said.append(f"\n\n{worn.summary()}")
-        from excite.report.person_figures import save_person_figures  # lazy: pinocchio
-
-        save_person_figures(found, None if worn is None else worn.wearing, person.body.table, folder)
-    return person, "".join(said)

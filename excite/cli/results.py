@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from excite.export.models.simulator_model import SimulatorModel
     from excite.export.models.subject import Change
     from excite.identification.sessions import Sessions
-    from excite.logs.signals.trace import SignalTrace
     from excite.robot.robot import Robot
 
 
@@ -45,7 +44,6 @@ def identify_robot(
     force: bool = False,
     template: Path | None = None,
     align: bool = False,
-    explain_signals: bool = False,
     sessions: bool = False,
     *,
     call: Call,
@@ -87,13 +85,10 @@ def identify_robot(
     if pooled is not None:
         document["sessions"] = pooled.to_json()
         summary += f"\n\n{pooled.summary()}"
-    trace = excite.explain_signals(loaded, log, settings) if explain_signals else None
-    if trace is not None:
-        document["signals"] = [{"step": step.name, "effect": step.effect} for step in trace.steps]
-        summary += f"\n\n{trace.summary()}"
     if call.out is not None:
         with all_or_nothing():
-            _write_extras(pooled, trace, call.out)
+            if pooled is not None:
+                excite.write_ranges(pooled, call.out / "ranges.yaml")
             excite.save_findings(loaded, result, log, call.out, settings)
             models = excite.write_models(
                 loaded, result, call.out, drives=drives, force=force, template=template
@@ -112,15 +107,6 @@ def identify_robot(
 
 def _pool_sessions(robot: excite.Robot, logs: list[excite.Log], settings: excite.ProblemSettings) -> Sessions:
     return excite.identify_sessions(robot, excite.split_sessions(logs), problem_settings=settings)
-
-
-def _write_extras(pooled: Sessions | None, trace: SignalTrace | None, out: Path) -> None:
-    """Write what was asked for beside the identification."""
-    if pooled is not None:
-        excite.write_ranges(pooled, out / "ranges.yaml")
-    if trace is not None:
-        write_json(trace.to_json(), out / "signals.json")
-        excite.save_signal_figure(trace, out / "signals.png")
 
 
 def _check_template(robot: excite.Robot, template: Path | None, out: Path | None) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import replace
-from html import unescape
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -97,8 +96,8 @@ def read_capture(path: Path) -> Capture:
         LogError: the file is missing, or holds no such block, or mistakes.
     """
     text = read_text(path, error=LogError)
-    block = re.search(r"(?:```yaml|<pre class=\"capture\">)\n(.*?)\n(?:```|</pre>)", text, re.DOTALL)
-    said = text if block is None else unescape(block[1]) if block[0].startswith("<") else block[1]
+    block = re.search(r"```yaml\n(.*?)\n```", text, re.DOTALL)
+    said = text if block is None else block[1]
     try:
         return Capture.model_validate(yaml.safe_load(said))
     except (ValidationError, yaml.YAMLError, TypeError) as error:

@@ -126,7 +126,7 @@ def examine(
     Args:
         robot: the nominal model.
         log: the log.
-        settings: coupling and torque constants that the log does not state; none if None.
+        settings: torque constants that the log does not state; none if None.
         latest_s: torques that are less late than this are left so [s]: whoever asks finds their delay along.
 
     Returns:
@@ -135,7 +135,7 @@ def examine(
     case = Case(robot, log, latest_s=latest_s)
     if settings is not None:
         constants = {**log.header.torque_constants, **settings.drive_gains}
-        case.change_header(torque_constants=constants, coupling=settings.coupling or log.header.coupling)
+        case.change_header(torque_constants=constants)
     for find in RULES:
         find(case)
     found = worst_first(merge_findings(tuple(case.findings)))

@@ -1,4 +1,4 @@
-"""``excite.plan/1``: motions that were chosen, and what they excite; ``excite.refusals/1``: a plan without any."""
+"""``excite.plan/1``: motions that were chosen, and what they excite."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from excite.results import (
     Stated,
     UnboundedPositive,
 )
-from excite.safety.refusals import Refused, Remedy
+from excite.safety.refusals import Refused
 from excite.safety.verdict import Robustness
 
 
@@ -103,7 +103,6 @@ class PlanDocument(Stated):
         conditioning: of the chosen motions together.
         stages: time taken, in the order in which the stages ran.
         refused: what refuses candidates, the commonest first.
-        remedy: the change most likely to help; null where none helps or enough candidates are safe.
         robust: by chosen motion, least margins over the robots that it may be.
         rehearsed_load: what the robot carried on its back in the rehearsal, as a share of its mass; null of a robot
             that has nothing to fall from, and where planning was interrupted before it.
@@ -133,7 +132,6 @@ class PlanDocument(Stated):
     conditioning: ConditionNumbers
     stages: tuple[Stage, ...]
     refused: tuple[Refused, ...] = ()
-    remedy: Remedy | None = None
     robust: Mapping[Name, Robustness] = field(default_factory=dict)
     rehearsed_load: float | None = None
     interrupted: bool = False
@@ -149,27 +147,4 @@ class PlanDocument(Stated):
     as_far_as: tuple[str, ...] = ()
     assumed: tuple[Assumed, ...] = ()
     findings: tuple[Finding, ...] = ()
-    robot_file: FilePath | None = field(default=None, metadata=LEFT_OUT)
-
-
-@dataclass(frozen=True)
-class RefusalsDocument(Stated):
-    """What refuses all candidates of a plan, and the change most likely to help.
-
-    Attributes:
-        robot: name of the robot.
-        generated: number of candidate motions, none of which is safe.
-        refused: what refuses candidates, the commonest first.
-        remedy: the change most likely to help; null where none helps.
-        assumed: what no file said of the robot.
-        robot_file: ``robot.yaml`` of a robot of one's own, relative to the document's folder.
-    """
-
-    SCHEMA = "excite.refusals/1"
-
-    robot: Name
-    generated: int
-    refused: tuple[Refused, ...]
-    remedy: Remedy | None = None
-    assumed: tuple[Assumed, ...] = ()
     robot_file: FilePath | None = field(default=None, metadata=LEFT_OUT)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -88,22 +87,3 @@ def read_storage(path: Path, error: type[InputError] = InputError) -> dict[str, 
     if "time" not in columns or not len(columns["time"]):
         raise error("has no column time", source=path, remedy="export it again")
     return columns
-
-
-def write_storage(
-    columns: Mapping[str, NDArray[Any]], path: Path, head: Iterable[str], digits: str = ""
-) -> None:
-    """Write columns, ``(n,)`` each, with tabs between them below a header.
-
-    Args:
-        columns: by label, ``time`` first.
-        path: where to.
-        head: lines above, the first the name; how many rows and columns there are is added.
-        digits: how numbers are written, as of :func:`format`; all digits where left out.
-    """
-    rows: Sequence[Sequence[float]] = np.column_stack(list(columns.values())).tolist()
-    lines = [*head, f"nRows={len(rows)}", f"nColumns={len(columns)}", _END, "\t".join(columns)]
-    with path.open("w", encoding="utf-8") as stream:
-        stream.writelines(f"{line}\n" for line in lines)
-        for row in rows:
-            stream.write("\t".join(format(value, digits) if digits else repr(value) for value in row) + "\n")

@@ -360,13 +360,6 @@ class Body:
         ]
         return replace(self, inertias=tuple(inertias))
 
-    def wearing(self, segment: str, weight: BodyInertia) -> Body:
-        """The body with a weight on a segment, in the segment's frame."""
-        inertias = list(self.inertias)
-        inertias[NAMES.index(segment)] = inertias[NAMES.index(segment)] + weight
-        subject = replace(self.subject, mass=self.subject.mass + weight.mass)
-        return replace(self, subject=subject, inertias=tuple(inertias))
-
 
 def body_of(subject: Subject, dimensions: Dimensions | None = None, table: Anthropometry = "de_leva") -> Body:
     """A person's body; dimensions in proportion to stature where none were measured."""

@@ -105,7 +105,7 @@ def candidates(
     there = drive_terms(log.header, settings)
     usual: tuple[str, ...] = ()
     if settings.drive_terms is None:
-        usual = tuple(dict.fromkeys((*there, *usual_terms(log.header, settings))))
+        usual = tuple(dict.fromkeys((*there, *usual_terms(log.header))))
     added = tuple(name for name in EXTENSIONS if name not in there)
     asked = tuple(name for name in usual if name not in EXTENSIONS)
     columns = tuple(dict.fromkeys((*there, *usual, *added)))

@@ -4,22 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.errors import LogError
-from excite.identification.preparation import prepare_trial
-from excite.logs.log import Log
+from excite.logs.log import Log, Trial
 from excite.logs.robot import robot_in_log
 from excite.logs.signals.butterworth import noise_bandwidth
+from excite.logs.signals.resample import resample_noisy
 from excite.progress import step
 from excite.regressor.columns import PARAMETERS
 from excite.robot.robot import Robot
 from excite.rows.base_rows import BaseRows
 from excite.rows.joint_rows import JointRows, drive_terms
 from excite.rows.kinematics import decimation_factor, trial_rate
+from excite.rows.saturation import flags_at
 from excite.rows.settings import Filters, ProblemSettings
 from excite.threads import one_blas_thread
 
@@ -192,7 +194,7 @@ def build_problem(
     else:
         builder = JointRows(robot, log.header, settings, filters, drive_terms(log.header, settings))
         unmeasured = ()
-    trials = tuple(prepare_trial(trial, settings, filters).trial for trial in trials)
+    trials = tuple(advance_torques(trial, settings.torque_delay_s) for trial in trials)
     parts = [builder.rows(trial) for trial in trials]
     # Sample by sample, unusable rows left out.
     places = [np.nonzero(part.use) for part in parts]
@@ -232,3 +234,20 @@ def build_problem(
         sampling_hz=rate,
         freedom=np.concatenate(freedom) if len(freedom) == len(parts) else None,
     )
+
+
+def advance_torques(trial: Trial, delay_s: float) -> Trial:
+    """The trial with torques, currents and wrenches ``delay_s`` [s] earlier; ends hold their last value."""
+    if delay_s == 0.0:
+        return trial
+    wanted = np.clip(trial.time + delay_s, trial.time[0], trial.time[-1])
+
+    def shifted(values: Array) -> Array:
+        return resample_noisy(trial.time, values, wanted)
+
+    changed: dict[str, Any] = {
+        name: shifted(getattr(trial, name)) for name in ("tau", "current") if getattr(trial, name) is not None
+    }
+    wrenches = {name: shifted(reading) for name, reading in trial.wrenches.items()}
+    beyond = None if trial.beyond is None else flags_at(trial.time, trial.beyond, wanted)
+    return replace(trial, **changed, wrenches=wrenches, beyond=beyond)

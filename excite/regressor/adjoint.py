@@ -65,30 +65,6 @@ def regressor_gradient(
     return _regressor_gradient(tree, q, v, a, row_joint, weights)
 
 
-def torque_gradient(
-    model: pin.Model | KinematicTree, q: Array, v: Array, a: Array, weights: Array
-) -> RegressorGradient:
-    """Gradients of ``Σ weights · τ`` of the joints' torques by inverse dynamics, model parameters.
-
-    Args:
-        model: as for :func:`regressor_gradient`; a free base has to stand still, its own rows do not count.
-        q: ``(n, nq)`` configurations.
-        v: ``(n, nv)`` velocities.
-        a: ``(n, nv)`` accelerations.
-        weights: ``(n, n_joints)``, joints in the order of their velocities.
-
-    Raises:
-        InputError: as :func:`regressor_gradient`.
-    """
-    tree = read_tree(model)
-    if tree.floating and (np.any(v[:, :6]) or np.any(a[:, :6])):
-        raise InputError("the base moves", field="v", remedy="hold it still")
-    rows = _joint_of_row(tree)[6 if tree.floating else 0 :]
-    # A row that weighs nothing anywhere costs as much as one that does.
-    used = np.flatnonzero(np.any(weights, axis=0))
-    return _regressor_gradient(tree, q, v, a, rows[used], weights[:, used, None] * tree.phi)
-
-
 def _regressor_gradient(
     tree: KinematicTree, q: Array, v: Array, a: Array, row_joint: np.ndarray, weights: Array
 ) -> RegressorGradient:

@@ -120,8 +120,7 @@ class PathComparison:
         time: ``(n,)`` [s].
         measured: positions, ``(n, n_joints)`` [rad or m].
         nominal: of the nominal simulator, likewise.
-        identified: of the simulator with the effects, likewise; of an identification, of the identified model.
-        horizon_s: how long a model ran before it started anew from the record [s]; None where the document says it.
+        identified: of the simulator with the effects, likewise.
     """
 
     trial: Text
@@ -130,7 +129,6 @@ class PathComparison:
     measured: Curves
     nominal: Curves
     identified: Curves
-    horizon_s: Scalar | None = None
 
 
 # The arrays that a report shows and that no JSON file holds: ``report_data.npz``, of a log ``doctor_data.npz``.

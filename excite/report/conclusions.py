@@ -61,7 +61,7 @@ def robot_of_result(found: Document, findings: Findings) -> str:
 
 
 def _robot_documents(findings: Findings) -> list[Document]:
-    named = (findings.plan, findings.identification, findings.campaign, findings.check, findings.refusals)
+    named = (findings.plan, findings.identification, findings.campaign, findings.check)
     return [one for one in (*named, findings.doctor) if one]
 
 
@@ -361,7 +361,9 @@ def of_plan(plan: Document, findings: Findings) -> Conclusion:
     """Of ``plan.json``."""
     chosen, candidates, forecast = plan["selected"], plan["candidates"], plan["forecast"]
     if not chosen:
-        return of_refusals({**plan, "generated": candidates["generated"]}, findings)
+        again = ("plan", robot_words(findings), "--out", findings.folder)
+        said = f"None of {candidates['generated']} candidate motions is safe."
+        return Conclusion(said, False, again, "again, once its limits, posture at rest and feet are right")
     seconds = sum(entry["duration_s"] for entry in chosen)
     found = (
         f"{count(len(chosen), 'motion')} of {seconds:.0f} s in all, chosen from {candidates['accepted']} safe ones "
@@ -386,25 +388,6 @@ def of_plan(plan: Document, findings: Findings) -> Conclusion:
     return Conclusion(f"{found}.", enough, capture, "the sheet for the minutes at the robot")
 
 
-def of_refusals(found: Document, findings: Findings) -> Conclusion:
-    """Of a plan that has no motion: ``generated``, ``refused`` and ``remedy``."""
-    sentence, remedy = f"None of {found['generated']} candidate motions is safe", found["remedy"]
-    if found["refused"]:
-        most = max(found["refused"], key=lambda item: item["candidates"])
-        reason = most["reason"].replace("_", " ")
-        sentence += f"; most are refused for {reason} ({most['where']}, {most['candidates']} of them)"
-    helps, purpose = (
-        (f"What would help most: {remedy['change']}.", "again, with that changed")
-        if remedy
-        else (
-            "No single limit lifted helps.",
-            "again, once its limits, posture at rest and feet are seen to be right",
-        )
-    )
-    again = ("plan", robot_words(findings), "--out", findings.folder)
-    return Conclusion(f"{sentence}. {helps}", False, again, purpose)
-
-
 def of_check(check: Document, findings: Findings) -> Conclusion:
     """Of ``check.json``."""
     motions = check["motions"]
@@ -425,7 +408,6 @@ _STEPS: dict[str, Callable[[Document, Findings], Conclusion]] = {
     "identification": of_identification,
     "plan": of_plan,
     "check": of_check,
-    "refusals": of_refusals,
     "human": of_person,
     "doctor": of_doctor,
 }

@@ -30,11 +30,9 @@ _KINDS: Registry[Any] = Registry(
     "document",
     {
         "plan": "excite.documents.plan:PlanDocument",
-        "refusals": "excite.documents.plan:RefusalsDocument",
         "check": "excite.safety.verdict:CheckReport",
         "identification": "excite.identification.result:Identification",
         "campaign": "excite.documents.campaign:Campaign",
-        "signals": "excite.logs.signals.trace:SignalTrace",
         "diagnosis": "excite.diagnosis.answer.answer:Diagnosis",
         "human": "excite.human.measure:MeasuredPerson",
         "doctor": "excite.finding:Examination",
@@ -42,10 +40,8 @@ _KINDS: Registry[Any] = Registry(
 )
 # Commands that write them, where these have another name.
 _COMMANDS = {
-    "signals": "identify ROBOT LOG --explain-signals CHANNEL",
     "identification": "identify",
     "diagnosis": "diagnose",
-    "refusals": "plan",
 }
 # A thousand kilometres from the origin, where a picture cannot tell a robot's links apart any more.
 _FARTHEST = 1e6
@@ -83,11 +79,9 @@ class Findings:
     Attributes:
         folder: the folder.
         plan: contents of ``plan.json``, None where there is none.
-        refusals: of ``refusals.json``, which a plan without any safe candidate writes.
         check: of ``check.json``.
         identification: of ``identification.json``, else the one inside ``campaign.json``.
         campaign: of ``campaign.json``.
-        signals: of ``signals.json``, which only ``identify --explain-signals`` writes.
         diagnosis: of ``diagnosis.json``, which only ``diagnose`` writes.
         human: of ``human.json``, which only ``human`` writes.
         doctor: of ``doctor.json``.
@@ -102,11 +96,9 @@ class Findings:
 
     folder: Path
     plan: Document | None
-    refusals: Document | None
     check: Document | None
     identification: Document | None
     campaign: Document | None
-    signals: Document | None
     diagnosis: Document | None
     human: Document | None
     doctor: Document | None

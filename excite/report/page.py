@@ -34,7 +34,6 @@ _TITLES = {
     "identification": "Identification",
     "human": "A person's model",
     "plan": "Exciting motions",
-    "refusals": "Exciting motions",
     "check": "Safety of motions",
     "doctor": "What is wrong with a log",
 }
@@ -239,6 +238,5 @@ SECTIONS: tuple[tuple[str, str, Callable[[Findings], Shown]], ...] = (
     ("differences", "Differences", identified.show_differences),
     ("parameters", "Parameters", identified.show_parameters),
     ("sessions", "Sessions", identified.show_sessions),
-    ("signals", "Signals", identified.show_signals),
     ("stages", "Time taken", show_stages),
 )

@@ -204,7 +204,7 @@ class JointRows:
     @cached_property
     def motors(self) -> Array | None:
         """Matrix from joint to motor velocities, ``(n_motors, n_joints)``, None where each joint has its own motor."""
-        coupling = self.settings.coupling or self.header.coupling
+        coupling = self.header.coupling
         return coupling_matrix(self.channel_names, coupling) if coupling else None
 
     def _joints(self) -> list[int]:
@@ -278,15 +278,15 @@ def drive_terms(header: LogHeader, settings: ProblemSettings) -> tuple[str, ...]
         for name, term in DRIVE_TERMS.items()
         if any(effect in header.modelled for effect in term.effects)
     )
-    return named or usual_terms(header, settings)
+    return named or usual_terms(header)
 
 
-def usual_terms(header: LogHeader, settings: ProblemSettings) -> tuple[str, ...]:
+def usual_terms(header: LogHeader) -> tuple[str, ...]:
     """Terms that joints have as a rule; a sensor behind the gear reads nothing of the rotor."""
     usual: tuple[str, ...] = ("viscous", "coulomb", "offset")
     if header.torque != "link_side":
         usual = (*usual, "armature")
-    return (*usual, *SHARED_GEAR_TERMS) if settings.coupling or header.coupling else usual
+    return (*usual, *SHARED_GEAR_TERMS) if header.coupling else usual
 
 
 # Contact flags of a trial on the grid of its kinematics.

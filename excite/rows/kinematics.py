@@ -20,7 +20,6 @@ from excite.logs.signals.butterworth import (
     kept_samples,
     lowpass,
     settling_samples,
-    wrapped_derivatives,
 )
 from excite.logs.signals.resample import (
     is_uniform,
@@ -95,10 +94,7 @@ def trial_kinematics(
     rate, cutoff_hz = trial_rate(header, trial), filters.kinematics_cutoff_hz
     grid = trial_grid(trial, rate)
     positions = positions_on_grid(trial.time, trial.q, grid)
-    if settings.differentiation == "fourier" and settings.period_s is not None:
-        joints = wrapped_derivatives(positions, rate, round(settings.period_s * rate), cutoff_hz)
-    else:
-        joints = central_differences(lowpass(positions, rate, cutoff_hz, filters.order), rate)
+    joints = central_differences(lowpass(positions, rate, cutoff_hz, filters.order), rate)
     n = len(grid)
     q = in_configurations(robot, header.joints, joints.value)
     v, a = (in_velocities(robot, header.joints, values) for values in (joints.first, joints.second))

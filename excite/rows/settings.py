@@ -86,17 +86,7 @@ class ProblemSettings:
         drive_terms: names among ``DRIVE_TERMS``; None takes those that ``modelled`` in the log names, else
             viscous and Coulomb friction and offset, and armature where torques are on the motor's side.
         drive_gains: torque per ampere by joint [N·m/A], for logs of currents.
-        coupling: how much a motor, named after its joint, turns per turn of other joints, as
-            :func:`~excite.logs.signals.coupling.coupling_matrix` takes it; torques and currents of the log are
-            then the motors', reflected through their own gears. Empty takes what the log says.
-        clock: ``stamps`` takes them as they are, ``positions`` the regular clock behind them where positions
-            say that it fits better.
-        outlier_sigma: samples further from their neighbours are replaced; None leaves all.
         torque_delay_s: how much later than positions torques (currents, wrenches) were logged.
-        period_s: period of a motion that repeats; whole periods are averaged. None does not.
-        skip_periods: periods that are left out at the start, while transients die down.
-        differentiation: ``central`` differences of filtered positions, or ``fourier`` in the frequency domain,
-            for which a period has to be known.
     """
 
     cutoff_hz: float | None = number(
@@ -112,13 +102,7 @@ class ProblemSettings:
     longest_gap_s: float = number(LONGEST_GAP_S, "s", 0.0, 1e3, "longest gap that is interpolated")
     drive_terms: tuple[str, ...] | None = None
     drive_gains: Mapping[str, float] = field(default_factory=dict)
-    coupling: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    clock: str = word("stamps", ("stamps", "positions"), "whose times samples have")
-    outlier_sigma: float | None = number(None, "1", 2.0, 1e3, "deviations beyond which a sample is replaced")
     torque_delay_s: float = number(0.0, "s", -10.0, 10.0, "delay of torques behind positions")
-    period_s: float | None = number(None, "s", 1e-3, 1e5, "period over which signals are averaged")
-    skip_periods: int = number(0, "1", 0, 1000, "periods left out at the start")
-    differentiation: str = word("central", ("central", "fourier"), "how positions are differentiated")
 
     def filters(self, *, floating: bool, lowpass_hz: float | None = None) -> Filters:
         """The filters, with every None that depends on the robot or on others filled in.
@@ -157,10 +141,6 @@ class ProblemSettings:
             UnknownNameError: an unknown drive term.
         """
         check_settings(self)
-        if self.differentiation == "fourier" and self.period_s is None:
-            raise InputError(
-                "needs a period", source=SOURCE, field="differentiation", remedy="state period_s"
-            )
         for name in self.drive_terms or ():
             if name not in DRIVE_TERMS:
                 raise UnknownNameError("drive term", name, list(DRIVE_TERMS))

@@ -8,8 +8,6 @@ from dataclasses import replace
 from functools import lru_cache, partial
 from typing import Any
 
-import numpy as np
-
 from excite.motion.content import with_verdict
 from excite.motion.generators.generator import Candidate, Proposal
 from excite.motion.generators.mixture import draw_candidate
@@ -80,7 +78,6 @@ class SafetyFilter:
             verdict=verdict,
             rejection=_rejection_of(motion.name, verdict),
             seconds=seconds,
-            postures=tuple(_posture_at(motion, item.time_s) for item in verdict.violations),
         )
 
 
@@ -168,14 +165,6 @@ def _rejection_of(name: str, verdict: Verdict) -> Rejection | None:
         first = verdict.violations[0]
         return Rejection(name, f"check_{first.kind}", first.where, first.time_s, first.value, first.limit)
     return Rejection(name, "check_not_computed", ", ".join(verdict.not_computed))
-
-
-def _posture_at(motion: Motion, time_s: float | None) -> tuple[float, ...] | None:
-    """Configuration of a motion at a time, None where it has none."""
-    if time_s is None:
-        return None
-    index = int(np.argmin(np.abs(motion.time - time_s)))
-    return tuple(float(x) for x in motion.q[index])
 
 
 def _filter_one(shared: tuple[Robot, Keep | None, bool], candidate: Filtered) -> FilterOutcome:

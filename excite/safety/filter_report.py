@@ -15,9 +15,6 @@ from excite.safety.verdict import Verdict
 
 _Number = TypeVar("_Number", int, float)
 
-# Rejected candidates whose places are remembered, so that they can be tried again with a change.
-_FIRST = 64
-
 
 @dataclass(frozen=True, eq=False)
 class FilterOutcome:
@@ -31,7 +28,6 @@ class FilterOutcome:
         rejection: why it was rejected, None if accepted.
         seconds: processor time by stage [s]; stages are ``draw`` of a proposal, the repairs and ``check``.
         kept: what ``keep`` made of an accepted motion.
-        postures: configurations in which the verdict's violations happen, in their order.
     """
 
     candidate: str
@@ -41,7 +37,6 @@ class FilterOutcome:
     rejection: Rejection | None
     seconds: Mapping[str, float]
     kept: Any = None
-    postures: tuple[tuple[float, ...] | None, ...] = ()
 
     @property
     def accepted(self) -> bool:
@@ -62,7 +57,6 @@ class FilterReport:
         accepted: number of accepted ones by generator.
         stage_seconds: processor time by stage, over all candidates and processes [s].
         refused: what refuses them, by pair of links, joint, contact or limit, the commonest first.
-        first_refused: indices of the first rejected candidates, a few.
         interrupted: whether somebody broke off before all candidates were judged.
     """
 
@@ -73,7 +67,6 @@ class FilterReport:
     accepted: dict[str, int]
     stage_seconds: dict[str, float]
     refused: tuple[Refused, ...] = ()
-    first_refused: tuple[int, ...] = ()
     interrupted: bool = False
 
     @property
@@ -96,7 +89,6 @@ class FilterReport:
             accepted=_add_counts(self.accepted, more.accepted),
             stage_seconds=_add_counts(self.stage_seconds, more.stage_seconds),
             refused=joined_refusals(self.refused, more.refused),
-            first_refused=(*self.first_refused, *(self.generated + index for index in more.first_refused)),
             interrupted=self.interrupted or more.interrupted,
         )
 
@@ -121,16 +113,14 @@ def count_outcomes(
     made, accepted, reasons = Counter[str](), Counter[str](), Counter[str]()
     seconds: dict[str, float] = {}
     tally = RefusalTally(robot)
-    first: list[int] = []
     interrupted = False
     try:
-        for index, outcome in enumerate(outcomes):
+        for outcome in outcomes:
             made[outcome.generator] += 1
             accepted[outcome.generator] += outcome.accepted
             if outcome.rejection is not None:
                 reasons[outcome.rejection.reason] += 1
-                tally.add(outcome.rejection, outcome.verdict, outcome.postures)
-                first += [index] if len(first) < _FIRST else []
+                tally.add(outcome.rejection, outcome.verdict)
             elif outcome.kept is not None:
                 kept.append(outcome.kept)
             for stage, spent in outcome.seconds.items():
@@ -148,7 +138,6 @@ def count_outcomes(
         accepted=dict(accepted),
         stage_seconds=seconds,
         refused=tally.refused(),
-        first_refused=tuple(first),
         interrupted=interrupted,
     )
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from itertools import zip_longest
-from typing import Any
 
 from excite.results import Name, Stated
 from excite.robot.prismatic import sliding_joints
@@ -44,7 +42,6 @@ class Refused(Stated):
         unit: of both; empty where there is none.
         time_s: when the worst happens in its motion [s], None where it has no time.
         candidate: whose the worst is.
-        posture: configuration of the worst ``(nq,)``, None where there is none to show.
     """
 
     reason: Name
@@ -55,7 +52,6 @@ class Refused(Stated):
     unit: str = ""
     time_s: float | None = None
     candidate: str = ""
-    posture: tuple[float, ...] | None = None
 
     @property
     def excess(self) -> float:
@@ -69,11 +65,6 @@ class Refused(Stated):
         )
         return self.limit - self.worst if below else self.worst - self.limit
 
-    def to_json(self) -> dict[str, Any]:
-        """The entry in a document."""
-        posture = None if self.posture is None else [round(x, 5) for x in self.posture]
-        return {**super().to_json(), "posture": posture}
-
     @property
     def sentence(self) -> str:
         """How many candidates it refuses, and what it is."""
@@ -86,30 +77,6 @@ class Refused(Stated):
         return text if self.time_s is None else f"{text} at {self.time_s:.2f} s"
 
 
-@dataclass(frozen=True)
-class Remedy(Stated):
-    """A change, and how many refused candidates pass with it.
-
-    Attributes:
-        change: what to do, in words.
-        reason: of the refusals that it takes away.
-        where: places of them.
-        passes: how many of the tried candidates pass.
-        tried: how many were tried.
-    """
-
-    change: str
-    reason: Name
-    where: tuple[Name, ...]
-    passes: int
-    tried: int
-
-    def __str__(self) -> str:
-        return (
-            f"{self.change}: {self.passes} of {self.tried} refused candidates that were tried again pass then"
-        )
-
-
 class RefusalTally:
     """Counts refusals as outcomes come: memory grows with what refuses, never with the number of candidates."""
 
@@ -117,15 +84,10 @@ class RefusalTally:
         self._sliding = sliding_joints(robot)
         self._found: dict[tuple[str, str], Refused] = {}
 
-    def add(
-        self,
-        rejection: Rejection,
-        verdict: Verdict | None,
-        postures: tuple[tuple[float, ...] | None, ...] = (),
-    ) -> None:
-        """Count one refused candidate, once for each thing that refuses it; ``postures`` go with its violations."""
+    def add(self, rejection: Rejection, verdict: Verdict | None) -> None:
+        """Count one refused candidate, once for each thing that refuses it."""
         seen: dict[tuple[str, str], Refused] = {}
-        for found in self._causes(rejection, verdict, postures):
+        for found in self._causes(rejection, verdict):
             known = seen.get((found.reason, found.where))
             if known is None or found.excess > known.excess:
                 seen[found.reason, found.where] = found
@@ -135,26 +97,20 @@ class RefusalTally:
         """All that refuses, the commonest first."""
         return _commonest_first(self._found.values())
 
-    def _causes(
-        self,
-        rejection: Rejection,
-        verdict: Verdict | None,
-        postures: tuple[tuple[float, ...] | None, ...],
-    ) -> Iterable[Refused]:
+    def _causes(self, rejection: Rejection, verdict: Verdict | None) -> Iterable[Refused]:
         if verdict is None or not verdict.violations:
             reason, where = (
                 rejection.reason.removeprefix("check_"),
                 rejection.where.removeprefix("transfer, "),
             )
-            posture = rejection.posture
-            yield self._refused(reason, where, rejection, rejection.candidate, posture, rejection.unit)
+            yield self._refused(reason, where, rejection, rejection.candidate, rejection.unit)
             return
-        for item, posture in zip_longest(verdict.violations, postures):
+        for item in verdict.violations:
             where = item.where
             if item.kind == "self_collision":
                 # Shapes are named after their links and numbered.
                 where = " - ".join(name.rsplit("_", 1)[0] for name in where.split(" - "))
-            yield self._refused(item.kind, where, item, rejection.candidate, posture)
+            yield self._refused(item.kind, where, item, rejection.candidate)
 
     def _refused(
         self,
@@ -162,11 +118,10 @@ class RefusalTally:
         where: str,
         found: Violation | Rejection,
         candidate: str,
-        posture: tuple[float, ...] | None,
         unit: str | None = None,
     ) -> Refused:
         unit = unit or unit_of(reason, where, self._sliding)
-        return Refused(reason, where, 1, found.value, found.limit, unit, found.time_s, candidate, posture)
+        return Refused(reason, where, 1, found.value, found.limit, unit, found.time_s, candidate)
 
 
 def tally_refusals(robot: Robot, rejections: Iterable[Rejection]) -> tuple[Refused, ...]:

@@ -250,9 +250,7 @@ def _parse_rehearsal(content: bytes, motion: str) -> Rehearsal:
     found = json.loads(content)
     refused = found.pop("refused")
     if refused is not None:
-        posture = refused.pop("posture")
-        where = None if posture is None else tuple(posture)
-        refused = Rejection(**{**refused, "candidate": motion, "posture": where})
+        refused = Rejection(**{**refused, "candidate": motion})
     return Rehearsal(**{**found, "robots": tuple(found["robots"]), "refused": refused})
 
 
@@ -282,8 +280,7 @@ def _refuse_run(robot: Robot, motion: Motion, run: WatchedRun | None, may_slip: 
         near = CollisionProbe(robot).closest(recording.q[row : row + 1])
         # What is apart from all else has met the ground.
         where = near.pair if near.distance < near.required else "ground"
-        posture = tuple(float(x) for x in recording.q[row])
-        return Rejection(motion.name, TOUCHED, where, float(recording.time[row]), posture=posture)
+        return Rejection(motion.name, TOUCHED, where, float(recording.time[row]))
     if replay.max_slip_m > may_slip:
         foot = max(replay.slip_m, key=lambda name: max(replay.slip_m[name], default=0.0))
         return Rejection(motion.name, SLIPPED, foot, value=replay.max_slip_m, limit=may_slip)

@@ -16,6 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.people.identified import identify_person
+from benchmarks.people.worn_weight import AddedMass, locate_added_mass
 from benchmarks.virtual_person import (
     Belt,
     VirtualSubject,
@@ -26,10 +28,8 @@ from benchmarks.virtual_person import (
     repeat_exercise,
 )
 from excite.human.body import segment_box
-from excite.human.identified import identify_person
 from excite.human.measure import MeasureSettings, measure_person, measure_recordings, write_person
 from excite.human.segments import NAMES
-from excite.human.weights import AddedMass, locate_added_mass
 from excite.logs.files import load_log
 from excite.robot.loading import load_robot
 from excite.robot.shapes.collision import com_boxes

@@ -1,4 +1,4 @@
-"""Screening of candidates by more workers, and what a task costs beside its work, on this machine and through Dask."""
+"""Screening of candidates by more workers, and what a task costs beside its work."""
 
 from __future__ import annotations
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 import excite
+from excite.campaign.candidates import Rule, selection_candidates
 from excite.campaign.expected import predict_statistics
-from excite.campaign.plan import Rule, selection_candidates
 from excite.excitation.conditioning import compute_conditioning
 from excite.excitation.selection import SELECTIONS, Candidates, select_motions
 from tests.benchmarks.table import Row

@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from excite.campaign.plan import Rule, choose_motions, selection_candidates
+from excite.campaign.candidates import Rule, choose_motions, selection_candidates
 from excite.campaign.pool import Keeper, Pool, ranked_segments
 from excite.excitation.conditioning import compute_conditioning
 from excite.excitation.selection import select_motions

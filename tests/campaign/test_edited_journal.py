@@ -13,9 +13,8 @@ import numpy as np
 import pytest
 
 from excite.campaign.journal import Journal
-from excite.campaign.loop import campaign
+from excite.campaign.loop import campaign, true_masses
 from excite.campaign.plan_document import merged_plan
-from excite.campaign.result import true_masses
 from excite.documents.campaign import Campaign
 from excite.errors import ExciteError, InputError, LogError
 from excite.robot.robot import Robot

@@ -153,7 +153,6 @@ def test_what_a_motion_does_not_stand_is_said_with_where_and_how_much(
     assert becomes(fell=True).where == "base"
     touched = becomes(self_collided=True)
     assert touched.reason == "touched_in_rehearsal" and touched.time_s == 0.0
-    assert touched.posture is not None and len(touched.posture) == g1.model.nq
     monkeypatch.setattr(rehearsal, "may_slip_m", lambda robot: 0.004)
     monkeypatch.setattr(type(g1.feet[0]), "flat", property(lambda foot: False))
     slipped = becomes(slip_m={"left_foot": (0.002,), "right_foot": (0.001, 0.005)})
@@ -186,7 +185,7 @@ def test_a_motion_near_falling_has_to_stand_without_the_load_too(
 
 
 def test_when_every_motion_falls_that_is_what_is_said(ur10: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
-    choice = import_module("excite.campaign.plan")
+    choice = import_module("excite.campaign.candidates")
     monkeypatch.setattr(choice, "rehearse_motions", lambda robot, motions, **_: (FALLEN,) * len(motions))
     with pytest.raises(
         NoSolutionError, match=r"all 2 safe motions of ur10 fall or slip in rehearsal, with 5%.* of base"
@@ -197,7 +196,7 @@ def test_when_every_motion_falls_that_is_what_is_said(ur10: Robot, monkeypatch: 
 def test_a_robot_that_cannot_carry_much_is_rehearsed_with_less(
     ur10: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    choice = import_module("excite.campaign.plan")
+    choice = import_module("excite.campaign.candidates")
     monkeypatch.setattr(choice, "can_fall", lambda robot: True)
     monkeypatch.setattr(
         choice,
@@ -233,7 +232,7 @@ def test_where_few_are_safe_more_candidates_are_drawn(ur10: Robot, monkeypatch: 
 
 
 def test_more_are_drawn_where_motions_fall(ur10: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
-    choice = import_module("excite.campaign.plan")
+    choice = import_module("excite.campaign.candidates")
     rehearsed: list[str] = []
 
     def falls(

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from excite.campaign.result import Earlier, joints_to_aim_at, missed_targets
+from excite.campaign.loop import Earlier, joints_to_aim_at, missed_targets
 from excite.documents.campaign import Campaign, Reason
 from excite.report.conclusions import draw_conclusion
 from excite.report.folder import read_folder

@@ -28,13 +28,12 @@ def test_help_says_what_is_to_be_typed_not_of_which_type_it_will_be() -> None:
         assert not re.search(r"<[a-z][^=]*>", options), command
 
 
-@pytest.mark.parametrize("name", ["identify", "campaign", "human"])
+@pytest.mark.parametrize("name", ["identify", "campaign"])
 def test_every_method_is_named_with_what_it_is_for(name: str) -> None:
     table = " " + " ".join(help_of(name).split("Methods:")[1].split())
     for item in method_summaries():
         assert f"{item.title}. For {item.use}." in table
-    # A person's segments are identified by the method that is named, or not at all.
-    assert (f" {DEFAULT_METHOD} (default) " in table) == (name != "human")
+    assert f" {DEFAULT_METHOD} (default) " in table
 
 
 def test_other_help_loads_no_estimator() -> None:

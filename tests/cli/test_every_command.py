@@ -128,7 +128,6 @@ def test_a_file_or_name_that_is_not_there_ends_in_one_line_and_a_document(
         ("export", EXPORTERS),
         ("identify", ESTIMATORS),
         ("campaign", ESTIMATORS),
-        ("human", ESTIMATORS),
         ("human", ANTHROPOMETRY),
         ("simulate", INJECTED_EFFECTS),
         ("schema", schema_names()),

@@ -143,16 +143,6 @@ def test_commands_on_the_sheet_find_a_robot_of_ones_own_from_any_folder(plan, tm
     )
 
 
-def test_a_page_holds_the_same_sheet(plan, tmp_path):
-    robot = excite.load_robot("ur10")
-    page = excite.capture(robot, plan, tmp_path / "sheet.html")
-    assert read_capture(page.path) == page.capture
-    text = page.path.read_text()
-    assert '<meta name="viewport"' in text and "prefers-color-scheme: dark" in text
-    assert "<h2>Order</h2>" in text and text.count("☐") == len(page.capture.runs)
-    assert "--capture sheet.html</code>" in text and "##" not in text and "| ---" not in text
-
-
 def test_logs_come_back_with_the_plans_roles(plan, tmp_path):
     sheet = excite.capture(excite.load_robot("ur10"), plan, tmp_path / "sheet.md")
     files = [

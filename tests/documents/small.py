@@ -80,23 +80,6 @@ CAMPAIGN = {
     "targets_met": True,
     "identification": IDENTIFICATION,
 }
-SIGNALS = {
-    "schema": "excite.signals/1",
-    "trial": "one",
-    "channel": "elbow_joint",
-    "steps": [
-        {
-            "name": name,
-            "effect": "takes 0.1 rad/s off",
-            "quantity": "velocity [rad/s]",
-            "axis": "time [s]",
-            "before": {"x": [0.0, 0.1, 0.2], "y": [0.0, 1.0, None]},
-            "after": {"x": [0.0, 0.2], "y": [0.1, 0.9]},
-            "dots": False,
-        }
-        for name in ("velocity", "filter")
-    ],
-}
 _CANDIDATE = {
     "effect": "backlash",
     "location": "elbow_joint",
@@ -149,7 +132,6 @@ SMALL: dict[str, dict[str, Any]] = {
     "check": CHECK,
     "identification": IDENTIFICATION,
     "campaign": CAMPAIGN,
-    "signals": SIGNALS,
     "diagnosis": DIAGNOSIS,
     "journal": JOURNAL,
     "truth": TRUTH,

@@ -66,7 +66,7 @@ def test_what_commands_write_is_accepted(tmp_path: Path) -> None:
         write_json(document, tmp_path / f"{name}.json")
     sample_folder(tmp_path / "sample", robot, n_motions=2)
     read_back = sorted(tmp_path.rglob("*.json"))
-    assert len(read_back) == 13
+    assert len(read_back) == 12
     for path in read_back:
         assert kept(read(path), json.loads(path.read_text())), path
 

@@ -20,8 +20,8 @@ from excite.excitation.series_search import (
     optimise_excitation,
     solve_program,
 )
-from excite.regressor.adjoint import regressor_gradient, torque_gradient
-from excite.regressor.kernels import base_link_regressor, inverse_dynamics, joint_torque_regressor
+from excite.regressor.adjoint import regressor_gradient
+from excite.regressor.kernels import base_link_regressor, joint_torque_regressor
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.safety.check import check_motion
@@ -54,15 +54,10 @@ def test_regressor_gradients_against_differences(name: str, request: pytest.Fixt
     v[:, first:], a[:, first:] = rng.normal(size=(2, 2, robot.n_joints))
     regressor = base_link_regressor if robot.floating else joint_torque_regressor
     weights = rng.normal(size=regressor(robot.model, q, v, a).shape)
-    pull = rng.normal(size=(2, robot.n_joints))
     cases = (
         (
             regressor_gradient(robot.model, q, v, a, weights),
             lambda *x: (weights * regressor(robot.model, *x)).sum(),
-        ),
-        (
-            torque_gradient(robot.model, q, v, a, pull),
-            lambda *x: (pull * inverse_dynamics(robot.model, *x)[:, first:]).sum(),
         ),
     )
     ways = rng.normal(size=(3, 2, robot.n_joints))

@@ -79,22 +79,14 @@ def test_a_c3d_file_that_its_library_crashes_on_is_one_line(tmp_path):
         read_recording(path)
 
 
-def test_an_unknown_method_is_refused_before_anything_is_measured(person, tmp_path):
-    excite.write_person(person, tmp_path / "log")
-    before = {path: path.read_bytes() for path in (tmp_path / "log").iterdir()}
-    with pytest.raises(InputError, match="unknown method 'magic'"):
-        excite.identify_person(person, tmp_path / "log", "magic")
-    assert {path: path.read_bytes() for path in (tmp_path / "log").iterdir()} == before
-
-
 def test_what_fails_late_leaves_no_folder(person, tmp_path, monkeypatch):
     def fails(*_args, **_options):
         raise InputError("fails late")
 
     monkeypatch.setattr(excite, "measure_person", lambda *_args: person)
-    monkeypatch.setattr(excite, "identify_person", fails)
+    monkeypatch.setattr(excite, "write_person", fails)
     out = tmp_path / "made"
-    words = ["human", "a.c3d", "--mass=70", "--height=1.75", "--sex=male", "--identify=lmi", f"--out={out}"]
+    words = ["human", "a.c3d", "--mass=70", "--height=1.75", "--sex=male", f"--out={out}"]
     run = CliRunner().invoke(app, words)
     assert str(run.exception) == "fails late"
     assert list(tmp_path.iterdir()) == []

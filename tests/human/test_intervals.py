@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import excite
+from benchmarks.people.identified import identify_person
 from benchmarks.virtual_person import simulate_person
-from excite.human.identified import identify_person
 from excite.human.measure import measure_person, write_person
 from excite.human.segments import Subject
 

@@ -1,8 +1,6 @@
-"""The person's model: 34 joints, the same in pinocchio, in the room's own kinematics and in OpenSim's file."""
+"""The person's model: 34 joints, the same in pinocchio and in the room's own kinematics."""
 
 from __future__ import annotations
-
-from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
@@ -13,7 +11,7 @@ from benchmarks.virtual_person import pose_of
 from excite.errors import InputError
 from excite.human.body import body_of
 from excite.human.markers.inverse_kinematics import MarkerModel, solve_poses
-from excite.human.models import osim_text, robot_yaml, urdf_text
+from excite.human.measure import robot_yaml, urdf_text
 from excite.human.segments import JOINT_NAMES, NAMES, SEGMENTS, Subject
 from excite.human.skeleton import (
     base_pose,
@@ -84,18 +82,6 @@ def test_jacobian_against_finite_differences():
             for sign in (1.0, -1.0)
         )
         assert exact[..., column] == pytest.approx((ahead - behind) / (2 * h), abs=1e-8)
-
-
-def test_opensim_file_names_every_coordinate_and_keeps_mass_and_markers():
-    model = MarkerModel(("M",), np.array([3]), np.array([[0.01, 0.02, 0.03]]), BODY.offsets)
-    root = ElementTree.fromstring(osim_text(BODY, model))
-    names = [element.get("name") for element in root.iter("Coordinate")]
-    assert len(names) == 40 and set(JOINT_NAMES) < set(names)
-    assert sum(float(m.text) for m in root.iter("mass")) == pytest.approx(70.0)
-    marker = root.find(".//Marker/location")
-    assert [float(v) for v in marker.text.split()] == pytest.approx([0.01, 0.03, -0.02])
-    knee = root.find(".//CustomJoint[@name='right_knee']//PhysicalOffsetFrame/translation")
-    assert float(knee.text.split()[1]) == pytest.approx(-BODY.dimensions["right_thigh"])
 
 
 @pytest.mark.parametrize(

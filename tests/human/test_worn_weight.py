@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
+from benchmarks.people.identified import added_mass, identify_person, identify_wearing, split_trials
+from benchmarks.people.worn_weight import AddedMass, Candidate
 from benchmarks.virtual_person import (
     Belt,
     draw_subject,
@@ -16,13 +16,10 @@ from benchmarks.virtual_person import (
     record_performance,
     record_standing,
     repeat_exercise,
-    simulate_person,
 )
-from excite.cli.main import app
 from excite.errors import InputError
-from excite.human.identified import split_trials
+from excite.human.measure import measure_person, write_person
 from excite.human.segments import Subject
-from excite.human.weights import AddedMass, Candidate
 from tests.human.recordings import write_c3d
 
 
@@ -55,31 +52,20 @@ def test_a_belt_is_found_from_files(tmp_path):
     base = record_performance(who, show, rng)
     loaded = record_performance(who, repeat_exercise(who.body, show, rng), rng, belt)
     static = replace(record_standing(who, rng), plates=base.plates)
-    recordings = {"base": base, "belt": loaded, "standing": static}
-    files = [write_c3d(recording, tmp_path / f"{name}.c3d") for name, recording in recordings.items()]
+    trial, wearing, static = (
+        write_c3d(item, tmp_path / f"{name}.c3d")
+        for name, item in {"base": base, "belt": loaded, "standing": static}.items()
+    )
     out = tmp_path / "out"
-    words = ["human", *map(str, files[:2]), "--static", str(files[2]), "--loaded", "1", "--identify", "qp"]
-    words += ["--mass", "70", "--height", "1.82", "--sex", "male", "--out", str(out), "--json"]
-    run = CliRunner().invoke(app, words)
-    assert run.exit_code == 0, run.output
-    document = json.loads(run.stdout)
-    assert document["added_mass"]["segment"] == "left_foot"
-    assert document["added_mass"]["mass_kg"] == pytest.approx(2.0, abs=0.5)
-    assert document["worn_weight"]["mass_by_segments_kg"] == pytest.approx(2.0, abs=1.0)
+    person = measure_person(Subject(70.0, 1.82, "male"), [trial, wearing], [static])
+    write_person(person, out)
+    located = added_mass(out, 1)
+    assert located.best.segment == "left_foot"
+    assert located.best.mass == pytest.approx(2.0, abs=0.5)
+    without = identify_person(person, out, "qp", loaded=1)
     # The trial with the weight says nothing of the body without it.
-    assert document["identification"]["total_mass"]["identified"] == pytest.approx(70.0, abs=1.2)
+    assert without.identification.mass.identified == pytest.approx(70.0, abs=1.2)
+    worn = identify_wearing(person, out, located, without, 1, "qp")
+    assert worn.mass_by_segments_kg == pytest.approx(2.0, abs=1.0)
     header = (out / "with_weight" / "segments.csv").read_text().splitlines()[0]
     assert header == "segment,de_leva_kg,dumas_kg,stated_kg,identified_kg,std_kg"
-    assert (out / "segment_masses.png").stat().st_size > 10_000
-
-
-@pytest.mark.slow
-def test_a_log_with_a_weight_is_not_sent_to_be_identified_as_if_there_were_none(tmp_path):
-    subject = Subject(70.0, 1.82, "male")
-    session = simulate_person(tmp_path, subject, seconds=10.0, seed=4, weight=("torso", 3.0))
-    words = ["human", *map(str, (*session.moving, *session.wearing)), "--static", str(session.standing[0])]
-    words += ["--mass", "70", "--height", "1.82", "--sex", "male", "--out", str(tmp_path / "out")]
-    run = CliRunner().invoke(app, [*words, "--loaded", "1"])
-    assert run.exit_code == 0 and "weight worn" in run.output and "then:" not in run.output
-    plain = CliRunner().invoke(app, words)
-    assert "then: excite identify" in plain.output

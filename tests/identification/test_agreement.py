@@ -18,7 +18,6 @@ from excite.identification.estimators.conic import (
 )
 from excite.identification.estimators.hqp import BoundedNearBase, HierarchicalProgram
 from excite.identification.estimators.least_squares import (
-    Huber,
     LeastSquares,
     LsSettings,
     MaximumAPosteriori,
@@ -65,30 +64,6 @@ class TestLeastSquares:
         nominal = LeastSquares().estimate(problem, LsSettings(ls_reference="nominal"))
         assert zero.residual == pytest.approx(nominal.residual, rel=1e-9)
         assert np.linalg.norm(zero.parameters) < np.linalg.norm(nominal.parameters)
-
-    def test_robust_without_outliers_beyond_its_bound_is_ls(self, problem):
-        """With a bound that no residual reaches, Huber's objective is the sum of squares (one channel)."""
-        single = replace(
-            problem,
-            channel=np.zeros(problem.n_rows, dtype=np.int64),
-            channel_names=("all",),
-            channel_units=("N·m",),
-            weights=np.ones(problem.n_rows),
-            # One channel holds one row at each instant.
-            time=np.arange(problem.n_rows) * 0.01,
-            trial=np.zeros(problem.n_rows, dtype=np.int64),
-        )
-        settings = dict(huber=100.0, ls_reference="nominal")
-        a = estimated(Huber(), single, **settings).parameters
-        b = estimated(LeastSquares(), single, **settings).parameters
-        assert in_spreads(problem, settings, a - b) < AGREE
-
-    def test_robust_without_outliers_is_wls_with_its_deviations(self, problem):
-        settings = dict(huber=100.0, weight_iterations=0)
-        found = estimated(Huber(), problem, **settings)
-        stated = replace(problem, weights=1.0 / found.regression.std[problem.channel])
-        expected = estimated(WeightedLeastSquares(), stated, **settings).parameters
-        assert in_spreads(problem, settings, found.parameters - expected) < AGREE
 
     def test_wls_with_stated_weights_is_ls_on_rows_multiplied_by_them(self, problem):
         settings = dict(ls_reference="nominal", weight_iterations=0)

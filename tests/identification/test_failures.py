@@ -18,9 +18,6 @@ from excite.identification.estimators import (
 )
 from excite.identification.estimators import least_squares as map_module
 from excite.identification.estimators import (
-    least_squares as robust,
-)
-from excite.identification.estimators import (
     least_squares as wls,
 )
 from excite.identification.estimators.conic import (
@@ -34,7 +31,6 @@ from excite.identification.estimators.conic import (
 from excite.identification.estimators.estimator import SolveStatus
 from excite.identification.estimators.hqp import BoundedNearBase, HierarchicalProgram, icosphere_corners
 from excite.identification.estimators.least_squares import (
-    Huber,
     LeastSquares,
     MaximumAPosteriori,
     WeightedLeastSquares,
@@ -143,16 +139,15 @@ def test_best_point_of_cls1_keeps_its_bounds(standing):
         assert (parameters >= bounds[0] - 1e-9).all() and (parameters <= bounds[1] + 1e-9).all()
 
 
-@pytest.mark.parametrize("kind", [LeastSquares, WeightedLeastSquares, MaximumAPosteriori, Huber])
+@pytest.mark.parametrize("kind", [LeastSquares, WeightedLeastSquares, MaximumAPosteriori])
 def test_closed_forms_without_numbers_are_no_answer(kind, monkeypatch):
     problem = arm_problem(load_robot("panda"), seed=0, duration=2.0)
-    ridge, step = map_module.ridge, robust._step
+    ridge = map_module.ridge
     for module in (ls, wls):
         monkeypatch.setattr(module, "least_squares", lambda factor, **_: np.full(factor.shape[1] - 1, np.nan))
     monkeypatch.setattr(
         map_module, "ridge", lambda *rows: replace(ridge(*rows), target=np.nan * ridge(*rows).target)
     )
-    monkeypatch.setattr(robust, "_step", lambda *rows: replace(step(*rows), change=np.nan, distance=1.0))
     with pytest.raises(NoSolutionError, match="not finite") as caught:
         estimated(kind(), problem, **SETTINGS)
     assert np.isfinite(caught.value.best.parameters).all()
@@ -178,7 +173,6 @@ SOLVERS = {
 STEPS = {
     "ls": (ls, "least_squares", broken),
     "wls": (wls, "least_squares", broken),
-    "robust": (robust, "_step", broken),
     "map": (map_module, "ridge", broken),
     "physical": (feasible_set, "solve_cone_program", no_point),
 }

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from excite.campaign.result import mass_comparison
+from excite.campaign.loop import mass_comparison
 from excite.identification.changed_segments import ChangedSegment
 from excite.identification.estimators.method_settings import estimator_settings
 from excite.identification.estimators.registry import find_estimator

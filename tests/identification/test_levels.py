@@ -8,9 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from excite.errors import NoSolutionError
 from excite.identification.constraints.linear import LinearConstraints, equivalent_boxes, stack_constraints
-from excite.identification.estimators import least_squares as robust
 from excite.identification.estimators.conic import Cls3Settings, DensityRealisable
 from excite.identification.estimators.estimator import SolveStatus
 from excite.identification.estimators.hierarchy import HierarchyAnswer, HierarchyState, Level, solve_hierarchy
@@ -22,7 +20,6 @@ from excite.identification.estimators.hqp import (
     _recomputed_status,
     paper_levels,
 )
-from excite.identification.estimators.least_squares import Huber, RobustSettings
 from excite.identification.estimators.projection import ActiveSetProjector
 from excite.identification.estimators.scaled_problem import scaled_parameters
 from excite.identification.physical.bounds import KnownBounds
@@ -292,62 +289,3 @@ def test_ellipsoids_reach_as_far_as_a_stated_box(arm, side):
     kept, found = centres
     assert abs(kept) < abs(side) / 2.0
     assert abs(found - side) < 0.05
-
-
-# --- Huber
-
-
-def test_one_row_has_bounded_influence(arm):
-    """A row that is a thousand or a million deviations off moves the estimate alike."""
-    found = []
-    for size in (1e3, 1e6):
-        y = arm.y.copy()
-        y[77] += size / arm.weights[77]
-        found.append(Huber().estimate(replace(arm, y=y), RobustSettings()).parameters)
-    clean = Huber().estimate(arm, RobustSettings()).parameters
-    moved = [np.linalg.norm((arm.Y @ (one - clean)) * arm.weights) for one in found]
-    assert moved[0] == pytest.approx(moved[1], rel=1e-3)
-    assert 0.0 < moved[0] < 5.0
-
-
-def test_deviations_are_robust_and_the_residual_is_weighted_by_them(arm):
-    estimate = Huber().estimate(arm, RobustSettings())
-    residual = arm.residual(estimate.parameters)
-    for c in range(len(arm.channel_names)):
-        deviation = np.median(np.abs(residual[arm.channel == c])) / 0.6744897501960817
-        assert estimate.regression.std[c] == pytest.approx(deviation, rel=1e-3)
-    weighted = residual / estimate.regression.std[arm.channel]
-    assert estimate.residual == pytest.approx(np.sqrt(np.mean(weighted**2)))
-    assert estimate.distance < 1e-8 and estimate.regression.noise is not None
-
-
-def test_many_rows_are_taken_in_blocks_and_where_all_count_as_squares_it_is_least_squares():
-    problem = arm_problem(load_robot("panda"), seed=3, duration=7.0)
-    assert problem.n_rows > 4096
-    estimate = Huber().estimate(problem, RobustSettings(huber=100.0))
-    std = estimate.regression.std[problem.channel]
-    expected = np.linalg.lstsq(problem.Y / std[:, None], problem.y / std, rcond=1e-9)[0]
-    assert np.allclose(problem.Y @ estimate.parameters / std, problem.Y @ expected / std, atol=1e-5)
-
-
-def test_reweighting_that_does_not_settle_is_no_solution(arm, monkeypatch):
-    monkeypatch.setattr(robust, "_ROUNDS", 1)
-    with pytest.raises(NoSolutionError, match="not optimal") as caught:
-        Huber().estimate(arm, RobustSettings(huber=0.1))
-    assert caught.value.best.status is SolveStatus.NOT_OPTIMAL
-    assert caught.value.best.distance > 1e-5
-
-
-class Channels:
-    """What the deviations need of a problem."""
-
-    channel = np.array([0, 0, 0, 1, 1, 1])
-
-
-def test_deviations_are_median_residuals_and_never_zero() -> None:
-    residual = np.array([1.0, -2.0, 50.0, 0.0, 0.0, 3.0])
-    found = robust._deviations(Channels(), residual, np.array([7.0, 7.0, 5.0]))
-    # 0.6745: the quartile of a normal variable. A channel without rows keeps what it had.
-    np.testing.assert_allclose(found, [2.0 / 0.6744897501960817, 5e-6, 5.0])
-    all_exact = robust._deviations(Channels(), np.zeros(6), np.zeros(2))
-    np.testing.assert_allclose(all_exact, 1e-18, rtol=1e-12)

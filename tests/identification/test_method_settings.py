@@ -34,7 +34,6 @@ KNOWN = {
     "adaptive": {"alpha", "inertia_floor", "terms"},
     "ls": {"ls_reference"},
     "wls": {"weight_iterations"},
-    "robust": {"huber"},
     "map": {"alpha"},
     "qp": {"alpha", "com_boxes", "inertia_floor", "symmetry", "asymmetric"},
     "hqp": {
@@ -114,8 +113,8 @@ class TestSettingsOfAnotherClass:
 def test_identify_refuses_before_it_works_and_names_the_file_of_bounds():
     robot = load_robot("ur10")
     log = arm_log(robot, 0, trials=1, duration=2.0)
-    with pytest.raises(InputError, match="settings: huber: is not used by method 'adaptive'; choose robust"):
-        identify(robot, log, settings=estimator_settings("robust", huber=2.0))
+    with pytest.raises(InputError, match="settings: mirror: is not used by method 'adaptive'; choose hqp"):
+        identify(robot, log, settings=estimator_settings("hqp", mirror=0.2))
     known = estimator_settings("physical", bounds=KnownBounds(total_mass=(1.0, 2.0), source="known.yaml"))
     with pytest.raises(InputError, match=r"known\.yaml: bounds: .*one of cls1, cls2, cls3, physical"):
         identify(robot, log, "wls", settings=known)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -21,8 +19,6 @@ from excite.identification.estimators.hqp import (
     mirrored_pairs,
 )
 from excite.identification.estimators.least_squares import (
-    Huber,
-    RobustSettings,
     WeightedLeastSquares,
     WlsSettings,
 )
@@ -50,30 +46,6 @@ def standing(g1) -> IdentificationProblem:
     feet = tuple(segment_index(g1, link) for link in FEET)
     true = modified_g1_parameters(g1)
     return wrench_problem(g1, true, seed=1, trials=2, duration=5.0, unmeasured=feet)
-
-
-class TestRobust:
-    def test_few_wild_rows_do_not_move_it(self, arm):
-        """One row in fifty is off by a hundred deviations; wls follows, robust does not."""
-        rng = np.random.default_rng(0)
-        wild = rng.random(arm.n_rows) < 0.02
-        spoilt = replace(arm, y=arm.y + wild * 100.0 / arm.weights * rng.choice([-1.0, 1.0], arm.n_rows))
-        clean = WeightedLeastSquares().estimate(arm, WlsSettings()).parameters
-
-        def error(parameters):
-            return np.sqrt(np.mean(((arm.Y @ (parameters - clean)) * arm.weights) ** 2))
-
-        robust = error(Huber().estimate(spoilt, RobustSettings()).parameters)
-        followed = error(WeightedLeastSquares().estimate(spoilt, WlsSettings()).parameters)
-        assert robust < 0.2 < 5.0 * robust < followed
-
-    def test_gradient_of_the_objective_vanishes(self, arm):
-        found = Huber().estimate(arm, RobustSettings())
-        scaled = arm.residual(found.parameters) / found.regression.std[arm.channel]
-        influence = np.clip(scaled, -1.345, 1.345)
-        columns = arm.Y / found.regression.std[arm.channel, None]
-        size = np.linalg.norm(columns, axis=0)
-        assert np.abs(columns.T @ influence)[size > 0.0].max() < 1e-6 * size.max() * np.sqrt(arm.n_rows)
 
 
 class TestHierarchicalProgram:

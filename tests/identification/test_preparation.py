@@ -1,4 +1,4 @@
-"""Clock, outliers, delay, periods and coupled drives on the way from a log to rows."""
+"""Delay of torques and coupled drives on the way from a log to rows."""
 
 from __future__ import annotations
 
@@ -7,14 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from excite.errors import InputError, LogError
-from excite.identification.explanation import estimate_torque_delay, explain_signals
-from excite.identification.preparation import advance_torques, prepare_trial
-from excite.identification.problem import build_problem
+from excite.identification.problem import advance_torques, build_problem
+from excite.identification.torque_delay import estimate_torque_delay
 from excite.logs.log import Log, LogHeader, Trial
 from excite.logs.signals.coupling import coupling_matrix
 from excite.regressor.kernels import inverse_dynamics
-from excite.report.sections.identified import plot_signals, save_signal_figure
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.rows.joint_rows import SHARED_GEAR_TERMS
@@ -85,45 +82,6 @@ def misfit(problem) -> float:
     return float(np.abs(problem.residual(truth(problem))).max() / np.abs(problem.y).max())
 
 
-def test_default_settings_leave_a_trial_alone(robot: Robot) -> None:
-    trial = made_log(robot).trials[0]
-    settings = ProblemSettings()
-    assert prepare_trial(trial, settings, settings.filters(floating=False)).trial is trial
-
-
-def test_averaged_periods_have_less_noise_and_the_same_rows(robot: Robot) -> None:
-    """Xu et al. 2020, eq. 11: M periods leave noise over the root of M."""
-    settings = ProblemSettings(period_s=PERIOD, differentiation="fourier")
-    log = made_log(robot, periods=9, noise=1.0)
-    clean = build_problem(robot, made_log(robot, periods=9), settings)
-    assert misfit(clean) < 2e-3
-    noisy = build_problem(robot, log, settings)
-    once = build_problem(robot, replace(log, trials=(_cut(log.trials[0]),)), settings)
-    spread = [float(np.std(problem.y - clean.y)) for problem in (noisy, once)]
-    assert spread[1] / spread[0] == pytest.approx(3.0, rel=0.15)
-    # Exactly one period of rows: nothing twice, nothing lost to the filters' ends.
-    span = clean.time.max() - clean.time.min()
-    assert PERIOD - 0.25 < span + 1.0 / 10.0 < PERIOD + 0.25
-    prepared = prepare_trial(log.trials[0], settings, settings.filters(floating=False))
-    assert prepared.n_periods == 9 and prepared.period_std[0] == pytest.approx(1.0, rel=0.05)
-
-
-def _cut(trial: Trial) -> Trial:
-    n = int(PERIOD * RATE)
-    return replace(trial, time=trial.time[:n], q=trial.q[:n], tau=trial.tau[:n])
-
-
-def test_a_wrong_period_is_refused(robot: Robot) -> None:
-    with pytest.raises(LogError, match="jumps"):
-        build_problem(robot, made_log(robot), ProblemSettings(period_s=7.3))
-    with pytest.raises(LogError, match="hold no period"):
-        build_problem(robot, made_log(robot), ProblemSettings(period_s=50.0))
-    with pytest.raises(InputError, match="period_s"):
-        ProblemSettings(differentiation="fourier")
-    with pytest.raises(InputError, match="choose stamps or positions"):
-        ProblemSettings(clock="sundial")
-
-
 @pytest.mark.parametrize("delay", [0.0, 0.004, 0.0173, -0.011])
 def test_a_delay_of_torques_is_estimated_and_taken_out(robot: Robot, delay: float) -> None:
     log = made_log(robot, periods=2, noise=0.5, delay=delay)
@@ -152,58 +110,16 @@ def test_shifting_takes_all_forces_and_no_positions(robot: Robot) -> None:
     np.testing.assert_allclose(shifted.wrenches["foot"][inner, 3], expected, atol=1e-5)
 
 
-def test_spikes_do_not_reach_the_rows(robot: Robot) -> None:
-    log = made_log(robot, noise=0.05)
-    trial = log.trials[0]
-    spiked = trial.tau.copy()
-    spiked[np.arange(100, 6000, 401)] += 80.0
-    bad = replace(log, trials=(replace(trial, tau=spiked),))
-    clean, left, mended = (
-        build_problem(robot, data, ProblemSettings(outlier_sigma=sigma)).y
-        for data, sigma in ((log, None), (bad, None), (bad, 6.0))
-    )
-    assert np.std(left - clean) > 20.0 * np.std(mended - clean)
-
-
-def test_a_regular_clock_behind_late_stamps_is_used_where_it_is_asked_for(robot: Robot) -> None:
-    log = made_log(robot)
-    trial = log.trials[0]
-    late = np.random.default_rng(0).exponential(0.002, len(trial.time))
-    stamps = np.maximum.accumulate(trial.time + late) + 1e-8 * np.arange(len(late))
-    bad = replace(log, trials=(replace(trial, time=stamps),))
-    settings = (ProblemSettings(), ProblemSettings(clock="positions"))
-    left, mended = (misfit(build_problem(robot, bad, item)) for item in settings)
-    assert mended < 0.3 * left
-
-
 def test_a_coupled_wrist_is_explained_with_its_matrix_alone(robot: Robot) -> None:
     log = made_log(robot, coupled=True)
-    coupled = build_problem(robot, log, ProblemSettings(coupling=COUPLING))
-    assert misfit(coupled) < 2e-3
-    assert misfit(build_problem(robot, log)) > 0.02
-    # The log may say it itself.
     stated = replace(log, header=log.header.model_copy(update={"coupling": COUPLING}))
-    np.testing.assert_array_equal(build_problem(robot, stated).Y, coupled.Y)
-    free = ProblemSettings(coupling=COUPLING, drive_terms=("viscous", *SHARED_GEAR_TERMS))
-    names = build_problem(robot, log, free).parameter_names
-    columns = build_problem(robot, log, free).Y[:, [k for k, n in enumerate(names) if n.startswith("joint_")]]
+    assert misfit(build_problem(robot, stated)) < 2e-3
+    assert misfit(build_problem(robot, log)) > 0.02
+    free = ProblemSettings(drive_terms=("viscous", *SHARED_GEAR_TERMS))
+    names = build_problem(robot, stated, free).parameter_names
+    columns = build_problem(robot, stated, free).Y[
+        :, [k for k, n in enumerate(names) if n.startswith("joint_")]
+    ]
     # Friction and inertia behind the gear are told apart only where two motors share a joint.
     moved = np.abs(columns).max(axis=0) > 0.0
     assert moved.tolist() == [name == "wrist_3_joint" for name in robot.joint_names] * 3
-
-
-def test_every_step_is_explained_and_drawn(robot: Robot, tmp_path) -> None:
-    log = made_log(robot, noise=0.3, delay=0.006, coupled=True)
-    settings = ProblemSettings(coupling=COUPLING, outlier_sigma=6.0, period_s=PERIOD, torque_delay_s=0.006)
-    trace = explain_signals(robot, log, settings)
-    names = [step.name for step in trace.steps]
-    assert names == [
-        "clock", "outliers", "periods", "velocity", "acceleration", "delay", "coupling", "filter", "standstill",
-    ]  # fmt: skip
-    for step in trace.steps:
-        assert len(step.before_x) == len(step.before) and len(step.after_x) == len(step.after)
-        assert np.isfinite(step.before).any() and step.effect
-    delay = trace.steps[names.index("delay")]
-    assert delay.before_x[np.argmin(delay.before)] == pytest.approx(6.0, abs=3.0)
-    assert len(plot_signals(trace).axes) == 10
-    assert save_signal_figure(trace, tmp_path / "s.png").read_bytes().startswith(b"\x89PNG")

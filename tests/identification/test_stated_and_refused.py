@@ -25,12 +25,10 @@ from excite.identification.estimators.hqp import (
     paper_levels,
 )
 from excite.identification.estimators.least_squares import (
-    Huber,
     LeastSquares,
     LsSettings,
     MapSettings,
     MaximumAPosteriori,
-    RobustSettings,
     WeightedLeastSquares,
     WlsSettings,
 )
@@ -66,8 +64,8 @@ def arm() -> IdentificationProblem:
         ("qp", "alpha", 0.0, "settings: alpha: is 0.0; choose 1e-12 … 1e+12"),
         ("qp", "alpha", None, "settings: alpha: is None; choose 1e-12 … 1e+12"),
         ("wls", "weight_iterations", 101, "settings: weight_iterations: is 101; choose 0 … 100"),
-        ("robust", "huber", 0.01, "settings: huber: is 0.01; choose 0.1 … 100"),
-        ("robust", "huber", True, "settings: huber: is True; choose 0.1 … 100"),
+        ("hqp", "mass_range", -0.01, "settings: mass_range: is -0.01; choose 0 … 1e+06"),
+        ("hqp", "mass_range", True, "settings: mass_range: is True; choose 0 … 1e+06"),
         ("adaptive", "alpha", 0.0, "settings: alpha: is 0.0; choose 1e-12 … 1e+12"),
         ("adaptive", "inertia_floor", None, "settings: inertia_floor: is None; choose 0 … 0.9"),
         ("adaptive", "inertia_floor", 0.91, "settings: inertia_floor: is 0.91; choose 0 … 0.9"),
@@ -79,7 +77,7 @@ def arm() -> IdentificationProblem:
             "x",
             "settings: regulariser: is 'x'; choose euclidean or pullback",
         ),
-        ("ls", "huber", 2.0, "settings: huber: is not used by method 'ls'; choose robust, or leave it out"),
+        ("ls", "mirror", 0.2, "settings: mirror: is not used by method 'ls'; choose hqp, or leave it out"),
         (
             "wls",
             "symmetry",
@@ -130,7 +128,7 @@ def test_summaries_say_of_each_method_what_it_is():
     assert {name for name, item in found.items() if item.consistent} == CONSISTENT
     assert {name for name, item in found.items() if item.default} == {"adaptive"} == {DEFAULT_METHOD}
     assert {name for name, kind in ESTIMATORS.items() if kind.adapts} == {"adaptive"}
-    assert found["robust"].settings == ("huber",) and found["map"].settings == ("alpha",)
+    assert found["map"].settings == ("alpha",)
     for name, item in found.items():
         kind = ESTIMATORS[name]
         assert (item.title, item.use, item.guarantees) == (kind.title, kind.use, kind.guarantees)
@@ -184,22 +182,6 @@ def test_the_most_probable_parameters_are_those_of_the_normal_equations(alpha, a
     expected = np.linalg.lstsq(a, b, rcond=None)[0]
     assert np.allclose((found.parameters - arm.prior) / scales, expected, atol=1e-8)
     assert (found.method, found.distance, found.active, found.violations) == ("map", 0.0, (), {})
-
-
-@pytest.mark.parametrize("huber", [0.5, 1.345, 3.0])
-def test_robust_balances_clipped_residuals(huber, arm):
-    """Huber's condition: ``Yᵀ ψ(r/σ)/σ = 0`` with residuals clipped at the bound."""
-    y = arm.y.copy()
-    y[::97] += 5.0
-    spoiled = replace(arm, y=y)
-    found = Huber().estimate(spoiled, RobustSettings(huber=huber))
-    std = found.regression.std[arm.channel]
-    clipped = np.clip(spoiled.residual(found.parameters) / std, -huber, huber)
-    rows = arm.Y / std[:, None]
-    left = rows.T @ clipped
-    size = np.linalg.norm(rows, axis=0)
-    assert np.abs(left / np.maximum(size, 1e-6 * size.max())).max() < 1e-5
-    assert (np.abs(clipped) >= huber).any() and found.status is SolveStatus.SOLVED
 
 
 # --- Quadratic programs

@@ -6,7 +6,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.errors import LogError
-from excite.logs.signals.clock import Lag, Shifted, find_peak
+from excite.identification.torque_delay import Lag, Shifted, find_peak
 
 
 def estimate_lag(measured: Array, predicted: Array, rate_hz: float, max_lag_s: float = 0.1) -> Lag:

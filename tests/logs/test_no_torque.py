@@ -10,7 +10,6 @@ import pytest
 
 from excite.diagnosis.equations.resampling import arm_samples
 from excite.errors import LogError
-from excite.identification.explanation import explain_signals
 from excite.identification.identify import identify
 from excite.identification.problem import build_problem
 from excite.logs.files import load_log, save_log
@@ -74,9 +73,7 @@ def test_rows_and_drives_are_those_of_the_other_joints() -> None:
     assert all(fit.rmse < 0.1 * fit.reference_rmse for fit in result.validation.values())
 
 
-def test_diagnosis_and_explanations_go_on_without_that_joint() -> None:
+def test_diagnosis_goes_on_without_that_joint() -> None:
     panda = load_robot("panda")
     quiet = declared(moving_arm(panda, trials=2), "panda_joint1")
     assert tuple(arm_samples(panda, quiet, quiet.trials).joints) == quiet.header.torque_joints
-    trace = explain_signals(panda, quiet, ProblemSettings(cutoff_hz=5.0))
-    assert trace.channel != "panda_joint1"

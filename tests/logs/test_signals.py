@@ -13,11 +13,9 @@ from excite.logs.signals.butterworth import (
     central_differences,
     lowpass,
     noise_bandwidth,
-    periodic_derivatives,
     settling_samples,
 )
 from excite.logs.signals.resample import (
-    average_periods,
     is_uniform,
     moving_span,
     near_samples,
@@ -26,6 +24,7 @@ from excite.logs.signals.resample import (
     uniform_grid,
 )
 from excite.logs.signals.spectrum import welch_spectrum
+from tests.reproduction.periods import average_periods, periodic_derivatives
 
 RATE = 200.0
 TIME = np.arange(2000) / RATE

@@ -1,4 +1,4 @@
-"""Outliers, clocks, lags, coupled drives, decimation: against what was put into the signals."""
+"""Clocks, lags, coupled drives, decimation: against what was put into the signals."""
 
 from __future__ import annotations
 
@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from excite.errors import InputError, LogError, UnknownNameError
-from excite.logs.signals.butterworth import decimation_step, kept_samples, lowpass, wrapped_derivatives
-from excite.logs.signals.clock import cubic_misfit, find_clock, regular_clock
+from excite.logs.signals.butterworth import decimation_step, kept_samples, lowpass
+from excite.logs.signals.clock import cubic_misfit
 from excite.logs.signals.coupling import coupling_matrix, joint_positions, joint_torques
-from excite.logs.signals.resample import long_standstill, replace_outliers
-from excite.logs.signals.trace import SignalStep, SignalTrace, trace_from_json
+from excite.logs.signals.resample import long_standstill
 from tests.logs.lag import estimate_lag
 
 RATE = 200.0
@@ -22,67 +21,11 @@ def motion(time: np.ndarray) -> np.ndarray:
     return np.column_stack([np.sin(1.9 * time), 0.6 * np.cos(5.3 * time + 0.4)])
 
 
-def test_outliers_are_found_and_nothing_else_is_touched() -> None:
-    rng = np.random.default_rng(0)
-    clean = motion(TIME) + 0.01 * rng.normal(size=(2000, 2))
-    spiked = clean.copy()
-    places = rng.choice(np.arange(10, 1990, 10), 20, replace=False)
-    spiked[places, 0] += rng.choice([-0.5, 0.5], 20)
-    repaired = replace_outliers(spiked)
-    assert repaired.found[places, 0].all() and repaired.count == 20
-    assert np.abs(repaired.values - clean).max() < 0.06
-    np.testing.assert_array_equal(repaired.values[~repaired.found], clean[~repaired.found])
-
-
-@pytest.mark.parametrize(
-    "signal",
-    [
-        np.round(np.sin(TIME) * 50) / 50,
-        np.where(TIME > 5.0, 1.0, 0.0),
-        np.zeros(2000),
-        np.abs(np.sin(3.0 * TIME)),
-    ],
-    ids=["quantised", "step", "rest", "corners"],
-)
-def test_signals_without_outliers_stay_as_they_are(signal: np.ndarray) -> None:
-    repaired = replace_outliers(signal[:, None])
-    assert repaired.count == 0
-    np.testing.assert_array_equal(repaired.values[:, 0], signal)
-
-
-def test_late_stamps_are_told_from_late_samples() -> None:
-    rng = np.random.default_rng(1)
-    late = rng.exponential(0.0015, 2000)
-    late -= late.mean()
-    # A reader that was kept waiting: samples regular, stamps late.
-    clock = find_clock(np.maximum.accumulate(TIME + late) + 1e-9 * np.arange(2000), motion(TIME))
-    assert clock.regular and np.abs(clock.time - TIME).max() < 3e-4
-    assert clock.jitter_s < 2e-5 and "regular clock" in clock.summary()
-    # A sampler that jitters, and says so.
-    stamps = TIME + rng.normal(0.0, 0.001, 2000)
-    clock = find_clock(stamps, motion(stamps))
-    assert not clock.regular and clock.jitter_s < 2e-5
-    np.testing.assert_array_equal(clock.time, stamps)
-
-
-@pytest.mark.parametrize("jitter", [0.0, 0.0002, 0.001])
-def test_unknown_jitter_is_estimated_beside_noise(jitter: float) -> None:
-    rng = np.random.default_rng(2)
-    sampled = motion(TIME + rng.normal(0.0, jitter, 2000)) + rng.normal(0.0, [2e-5, 1e-4], (2000, 2))
-    clock = find_clock(TIME, sampled)
-    assert clock.jitter_s == pytest.approx(jitter, rel=0.1, abs=2e-5)
-    np.testing.assert_allclose(
-        clock.noise, [2e-5, 1e-4], rtol=0.4 if jitter else 0.1, atol=6e-5 if jitter else 0.0
-    )
-
-
 def test_misfit_of_white_noise_is_its_deviation_and_cubics_have_none() -> None:
     stamps = np.cumsum(np.random.default_rng(3).uniform(0.5, 1.5, 4000))
     noise = np.random.default_rng(4).normal(size=(4000, 1))
     assert cubic_misfit(stamps, noise).std() == pytest.approx(1.0, rel=0.05)
     assert np.abs(cubic_misfit(stamps / 4000, (stamps / 4000)[:, None] ** 3)).max() < 1e-9
-    gap = np.delete(TIME, slice(500, 540))
-    np.testing.assert_allclose(regular_clock(gap), gap, atol=1e-9)
 
 
 @pytest.mark.parametrize("lag", [0.0, 0.0031, 0.0125, -0.0242])
@@ -91,8 +34,8 @@ def test_a_lag_is_found_to_a_fraction_of_a_sample(lag: float) -> None:
     measured = 3.0 * motion(TIME - lag) + 2.0 + 0.05 * rng.normal(size=(2000, 2))
     found = estimate_lag(measured, motion(TIME), RATE, max_lag_s=0.05)
     assert found.lag_s == pytest.approx(lag, abs=max(4.0 * found.std_s, 2e-4))
-    assert 1e-6 < found.std_s < 1e-3 and found.correlation >= found.correlation_before
-    assert found.certain == (lag != 0.0)
+    assert 1e-6 < found.std_s < 1e-3
+    assert (abs(found.lag_s) > 3.0 * found.std_s) == (lag != 0.0)
 
 
 def test_deviation_of_a_lag_is_what_repetition_shows() -> None:
@@ -144,30 +87,8 @@ def test_decimation_keeps_what_is_slow_and_lets_nothing_alias() -> None:
     assert decimation_step(RATE, 150.0) == 1
 
 
-def test_a_periodic_signal_is_differentiated_over_its_ends() -> None:
-    omega = 2 * np.pi / 5.0
-    values = np.sin(3.0 * omega * TIME[:1400])[:, None]
-    d = wrapped_derivatives(values, RATE, 1000, 2.0)
-    np.testing.assert_allclose(d.first[:, 0], 3 * omega * np.cos(3 * omega * TIME[:1400]), atol=1e-9)
-    np.testing.assert_allclose(d.second, -((3 * omega) ** 2) * values, atol=1e-8)
-    with pytest.raises(LogError, match="no period"):
-        wrapped_derivatives(values, RATE, 1500, 2.0)
-
-
 def test_long_standstill_spares_changes_of_direction() -> None:
     velocity = np.sin(2.0 * TIME)[:, None]
     velocity[800:1000] = 0.0
     standing = long_standstill(velocity, 0.02, 50)
     assert standing[800:1000].all() and standing.sum() < 210
-
-
-def test_a_trace_survives_its_file() -> None:
-    gone = np.where(TIME < 1.0, np.nan, TIME)
-    step = SignalStep("filter", "what", "torque [N·m]", "time [s]", TIME, np.sin(TIME), TIME, gone, True)
-    trace = SignalTrace("one", "elbow", (step,))
-    again = trace_from_json(trace.to_json())
-    (same,) = again.steps
-    assert (again.trial, again.channel, same.name, same.dots) == ("one", "elbow", "filter", True)
-    every = np.isin(np.round(TIME * RATE), np.round(same.after_x * RATE))
-    np.testing.assert_allclose(same.after, gone[every], rtol=1e-5)
-    assert len(same.before) <= 800 and "filter  what" in trace.summary()

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from excite.logs.signals.trace import SignalStep, SignalTrace
 from excite.motion.files import save_motion
 from excite.motion.motion import Motion, MotionMetadata
 from excite.report.comparisons import (
@@ -120,7 +119,6 @@ def sample_folder(folder: Path, robot: Robot, n_motions: int = 6) -> Path:
         "plan": _plan(robot, motions, data),
         "check": _check(motions),
         "campaign": _campaign(robot, data),
-        "signals": _signals(robot),
         "diagnosis": budgeted().to_json(),
     }.items():
         (folder / f"{name}.json").write_text(json.dumps(document), encoding="utf-8")
@@ -147,7 +145,6 @@ def _plan(robot: Robot, motions: list[Motion], data: ReportData) -> dict:
                 "unit": "m",
                 "time_s": 1.5,
                 "candidate": "squat_003",
-                "posture": [float(x) for x in robot.rest],
             }
         ],
         "assumed": [
@@ -206,37 +203,6 @@ def _check(motions: list[Motion]) -> dict:
         ],
     }
     return {"schema": "excite.check/1", "safe": False, "motions": rows}
-
-
-def _signals(robot: Robot) -> dict:
-    time = np.linspace(0.0, 4.0, 300)
-    noisy = np.sin(3.0 * time) + 0.1 * np.random.default_rng(2).normal(size=300)
-    steps = (
-        SignalStep(
-            "velocity",
-            "filter <of 5 Hz>",
-            "velocity [rad/s]",
-            "time [s]",
-            time,
-            noisy,
-            time,
-            np.sin(3.0 * time),
-        ),
-        SignalStep(
-            "filter", "every 20.", "torque [N·m]", "time [s]", time, noisy, time[::20], noisy[::20], True
-        ),
-        SignalStep(
-            "standstill",
-            "5 %",
-            "velocity [rad/s]",
-            "time [s]",
-            time,
-            noisy,
-            time,
-            np.where(time < 1, np.nan, noisy),
-        ),
-    )
-    return SignalTrace("trial_00", robot.joint_names[0], steps).to_json()
 
 
 def _standard_parameters(robot: Robot, data: ReportData) -> dict:

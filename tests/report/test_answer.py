@@ -181,25 +181,6 @@ def test_an_empty_folder_says_what_writes_one(tmp_path: Path) -> None:
     assert "(identification.json), which excite identify ROBOT LOG --out DIR writes" in page
 
 
-def test_where_nothing_is_safe_the_first_sentence_says_why(tmp_path: Path) -> None:
-    entry = {"worst": None, "limit": None, "unit": "", "time_s": None, "candidate": "one", "posture": None}
-    refused = [
-        {**entry, "reason": "zmp", "where": "feet", "candidates": 2},
-        {**entry, "reason": "self_collision", "where": "a - b", "candidates": 9},
-    ]
-    document = {"schema": "excite.refusals/1", "robot": "ur10", "generated": 12, "refused": refused}
-    text, mark = answer(tmp_path, refusals={**document, "remedy": None})
-    assert text.startswith(
-        "None of 12 candidate motions is safe; most are refused for self collision (a - b, 9 of"
-    )
-    assert mark == "no" and f"excite plan ur10 --out {tmp_path}" in text
-    remedy = {"reason": "zmp", "where": ["feet"], "change": "0.1 m more room", "passes": 3, "tried": 4}
-    assert (
-        "What would help most: 0.1 m more room"
-        in answer(tmp_path, refusals={**document, "remedy": remedy})[0]
-    )
-
-
 def test_a_campaign_counts_the_motions_of_all_its_iterations(tmp_path: Path) -> None:
     campaign = json.loads(json.dumps(SMALL["campaign"]))
     step = campaign["iterations"][0]

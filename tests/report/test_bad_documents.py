@@ -22,7 +22,7 @@ from tests.documents.small import SMALL
 from tests.report.sample import sample_motion
 from tests.report.scripts import strange_scripts
 
-_PAGES = ("plan", "check", "identification", "campaign", "signals", "diagnosis")
+_PAGES = ("plan", "check", "identification", "campaign", "diagnosis")
 _HOSTILE = "<script>alert(1)</script>\" onload='x' $\\frac{1}$ $ & <img src=x>"
 
 

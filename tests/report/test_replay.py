@@ -27,7 +27,6 @@ from excite.report.replay.tracks import (
     nearest_pairs,
     pack_table,
     packed_indices,
-    unpack_table,
 )
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
@@ -36,6 +35,7 @@ from excite.safety.check import check_motion
 from excite.safety.checks.collision import Distances
 from excite.safety.checks.sweep import Sweep
 from tests.report.kinematics import poses
+from tests.report.unpacked import unpack_table
 
 
 @pytest.fixture(scope="module", params=["ur10", "g1"])

@@ -16,13 +16,13 @@ from excite.logs.files import load_log
 from excite.motion.collection import load_motions
 from excite.motion.files import save_motion
 from excite.report.comparisons import ReportData, save_report_data
-from excite.report.replay.tracks import unpack_table
 from excite.report.view import page_text, read_thing, record_page, serve
 from excite.results import write_json
 from excite.robot.loading import load_robot
 from tests.report.diagnosed import two_joints_diagnosed
 from tests.report.sample import sample_path
 from tests.report.scripts import islands, strange_scripts
+from tests.report.unpacked import unpack_table
 
 
 @pytest.fixture(scope="module")

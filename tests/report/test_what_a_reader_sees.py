@@ -82,7 +82,7 @@ def test_a_simulator_that_runs_away_is_not_shown(folder: Path) -> None:
     log = arm_log(robot, 1, trials=2, duration=4.0)
     data = load_report_data(folder / "report_data.npz")
     assert data.path is not None
-    away = replace(data.path, trial=log.trials[0].name, nominal=data.path.measured + 1e5, horizon_s=None)
+    away = replace(data.path, trial=log.trials[0].name, nominal=data.path.measured + 1e5)
     findings = SimpleNamespace(
         record=Record(robot, log), data=replace(data, path=away), diagnosis={"effects": []}
     )

@@ -13,6 +13,9 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.people.ground_reaction import ReactionTable
+from benchmarks.people.identified import IdentifiedPerson, added_mass, identify_person, identify_wearing
+from benchmarks.people.worn_weight import WornWeight
 from benchmarks.virtual_person import (
     Belt,
     VirtualSubject,
@@ -23,11 +26,8 @@ from benchmarks.virtual_person import (
     repeat_exercise,
 )
 from excite.human.body import segment_box
-from excite.human.identified import IdentifiedPerson, added_mass, identify_person, identify_wearing
 from excite.human.measure import MeasuredPerson, measure_recordings, write_person
-from excite.human.plates import ReactionTable
 from excite.human.segments import NAMES
-from excite.human.weights import WornWeight
 
 # Table III: RMSE and CC by component, identified and Dumas.
 TABLE_3: dict[str, tuple[float, float, float, float]] = {

@@ -9,8 +9,7 @@ from functools import cache
 import numpy as np
 
 from excite.arrays import Array
-from excite.logs.signals.butterworth import lowpass, periodic_derivatives
-from excite.logs.signals.resample import average_periods
+from excite.logs.signals.butterworth import lowpass
 from excite.motion.motion import Motion
 from excite.simulation.true_parameters import TrueParameters, nominal_drives
 from excite.simulation.virtual_robot import VirtualRobot
@@ -29,6 +28,7 @@ from tests.reproduction.iiwa import (
     rows,
 )
 from tests.reproduction.iiwa_excitation import excitation
+from tests.reproduction.periods import average_periods, periodic_derivatives
 from tests.simulation.motions import simulate
 
 # Table 8, columns of the base parameters: what they leave, for reference trajectories 1, 2 and 3 [N·m].

@@ -11,8 +11,8 @@ from excite.arrays import Array
 from excite.formats.registry import format_of
 from excite.identification.estimators.method_settings import estimator_settings
 from excite.identification.estimators.registry import find_estimator
-from excite.identification.explanation import estimate_torque_delay
 from excite.identification.problem import build_problem
+from excite.identification.torque_delay import estimate_torque_delay
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log
 from excite.logs.robot import nominal_robot

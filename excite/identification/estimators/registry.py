@@ -20,7 +20,6 @@ ESTIMATORS: Registry[Estimator[Any]] = Registry(
         "adaptive": "excite.identification.estimators.conic:Adaptive",
         "ls": "excite.identification.estimators.least_squares:LeastSquares",
         "wls": "excite.identification.estimators.least_squares:WeightedLeastSquares",
-        "robust": "excite.identification.estimators.least_squares:Huber",
         "map": "excite.identification.estimators.least_squares:MaximumAPosteriori",
         "qp": "excite.identification.estimators.conic:QuadraticProgram",
         "hqp": "excite.identification.estimators.hqp:HierarchicalProgram",

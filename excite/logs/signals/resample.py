@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from excite.arrays import Array
@@ -70,115 +67,6 @@ def near_samples(time: Array, grid: Array, longest_gap_s: float) -> NDArray[np.b
     """Which grid points lie in an interval between samples of at most ``longest_gap_s``, ``(m,)``."""
     index = np.clip(np.searchsorted(time, grid, side="right"), 1, len(time) - 1)
     return (time[index] - time[index - 1]) <= longest_gap_s
-
-
-# Averaging the periods of a repeated motion.
-
-
-@dataclass(frozen=True, eq=False)
-class PeriodAverage:
-    """The mean period and the noise around it.
-
-    Attributes:
-        mean: ``(K, …)`` mean over the periods.
-        std: ``(…)`` standard deviation of one sample about the mean, pooled over the period, the signal's
-            unit; that of the mean itself is ``std / sqrt(n_periods)``.
-        n_periods: number of periods averaged, M.
-    """
-
-    mean: Array
-    std: Array
-    n_periods: int
-
-
-def average_periods(values: Array, samples_per_period: int, skip: int = 0) -> PeriodAverage:
-    """Average the whole periods of a signal: x̄(k) = 1/M Σ x_m(k).
-
-    (Xu et al., Dynamic identification of the KUKA LBR iiwa robot with retrieval of physical parameters
-    using global optimization, IEEE Access 2020, eq. 11.) Samples after the last whole period are left out.
-
-    Args:
-        values: ``(n, …)``, uniformly sampled.
-        samples_per_period: K.
-        skip: periods left out at the start, while transients die down.
-
-    Returns:
-        Mean, noise, number of periods.
-
-    Raises:
-        LogError: there is no whole period.
-    """
-    n_periods = len(values) // samples_per_period - skip if samples_per_period > 0 else 0
-    if n_periods < 1:
-        raise LogError(
-            f"{len(values)} samples hold no period of {samples_per_period} after {skip} skipped",
-            field="samples_per_period",
-            remedy="record whole periods",
-        )
-    start = skip * samples_per_period
-    periods = values[start : start + n_periods * samples_per_period]
-    periods = periods.reshape(n_periods, samples_per_period, *values.shape[1:])
-    mean = periods.mean(axis=0)
-    freedom = max(1, (n_periods - 1) * samples_per_period)
-    std = (((periods - mean) ** 2).sum(axis=(0, 1)) / freedom) ** 0.5
-    return PeriodAverage(mean=mean, std=std, n_periods=n_periods)
-
-
-# Single samples that are far from their neighbours: found and replaced.
-
-# From the median absolute deviation to the standard deviation of a normal distribution.
-_NORMAL = 1.4826
-
-
-@dataclass(frozen=True, eq=False)
-class Outliers:
-    """A signal without its outliers.
-
-    Attributes:
-        values: ``(n, …)`` outliers replaced by the median of their neighbourhood.
-        found: ``(n, …)`` True where one was.
-    """
-
-    values: Array
-    found: NDArray[np.bool_]
-
-    @property
-    def count(self) -> int:
-        """Number of samples replaced, all channels together."""
-        return int(self.found.sum())
-
-
-def replace_outliers(values: Array, sigma: float = 6.0, half_window: int = 3) -> Outliers:
-    """Replace samples that lie further than ``sigma`` deviations from the median of their neighbourhood.
-
-    The Hampel identifier (Pearson 2002, Outliers in process modeling and identification, IEEE Trans. Control
-    Systems Technology 10(1), section IV): the deviation is the larger of the neighbourhood's own (from its
-    median absolute deviation) and the whole signal's about its running median, so that a signal at rest or
-    in coarse steps is left alone.
-
-    Args:
-        values: ``(n, …)`` along time.
-        sigma: how many standard deviations.
-        half_window: neighbours on either side.
-
-    Returns:
-        The repaired signal; ``half_window`` samples in a row that are off together are not recognised.
-    """
-    values = np.asarray(values, dtype=float)
-    flat = values.reshape(len(values), -1)
-    repaired, found = flat.copy(), np.zeros(flat.shape, dtype=bool)
-    for channel in range(flat.shape[1]):
-        padded = np.pad(flat[:, channel], half_window, mode="edge")
-        windows = sliding_window_view(padded, 2 * half_window + 1)
-        median = np.median(windows, axis=1)
-        local = _NORMAL * np.median(np.abs(windows - median[:, None]), axis=1)
-        apart = np.abs(flat[:, channel] - median)
-        # What is not zero: a monotone stretch is its own running median.
-        off = apart[apart > 0.0]
-        overall = _NORMAL * float(np.median(off)) if len(off) else 0.0
-        found[:, channel] = apart > sigma * np.maximum(local, overall)
-        repaired[found[:, channel], channel] = median[found[:, channel]]
-    return Outliers(repaired.reshape(values.shape), found.reshape(values.shape))
 
 
 # Cutting off standstill before and after a motion.

@@ -1,9 +1,8 @@
-"""A robot in postures, seen from one side: snapshots of motions, and what is refused."""
+"""A robot in postures, seen from one side: snapshots of motions."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from textwrap import wrap
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -12,8 +11,6 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.motion.motion import Motion
-from excite.report.folder import Document
-from excite.report.html import format_number
 from excite.report.replay.scene import shape_bodies
 from excite.report.theme import (
     GROUND,
@@ -26,7 +23,6 @@ from excite.report.theme import (
     TRUE,
     WIDTH_IN,
     draw_figure,
-    shorten_name,
 )
 from excite.robot.robot import Robot
 
@@ -46,8 +42,8 @@ _FLAT = np.array([1.0, 1.0, 0.0])
 # between its neighbours by less than 0.7 % of what that is long, of a trunk less than a picture's dot.
 _SIDES = 2.0 * np.pi * np.arange(256) / 256
 _OUTWARDS = np.column_stack([np.cos(_SIDES), np.sin(_SIDES)])
-# A row of snapshots, and a picture of what is refused, are no higher [inch].
-_ROW_IN, _REFUSED_IN = 2.1, 2.8
+# A row of snapshots is no higher [inch].
+_ROW_IN = 2.1
 
 
 def project(points: Array) -> Array:
@@ -69,14 +65,12 @@ class Picture(NamedTuple):
 
     Attributes:
         hulls: outlines of the links' shapes, far ones first, each ``(n, 2)``.
-        marked: outlines of the links that were to be marked, each ``(n, 2)``; they are no hulls then.
         soles: outlines of the soles, each ``(n_corners, 2)``.
         support: outline of the support polygon, ``(n, 2)``; None where nothing stands on the ground.
         com: centre of mass projected on the ground, ``(2,)``; None for a fixed base.
     """
 
     hulls: list[Array]
-    marked: list[Array]
     soles: list[Array]
     support: Array | None
     com: Array | None
@@ -84,17 +78,16 @@ class Picture(NamedTuple):
     @property
     def ends(self) -> tuple[Array, Array]:
         """Lowest and highest coordinates, ``(2,)`` each."""
-        points = np.vstack([*self.hulls, *self.marked, *self.soles])
+        points = np.vstack([*self.hulls, *self.soles])
         return points.min(axis=0), points.max(axis=0)
 
     def paint(self, axes: Axes, offset: Array) -> None:
-        """Support in green, pale bodies, marked ones in orange, soles, the centre of mass."""
+        """Support in green, pale bodies, soles, the centre of mass."""
         from matplotlib.collections import PolyCollection
 
         areas: tuple[tuple[list[Array], dict[str, Any]], ...] = (
             ([] if self.support is None else [self.support], {"fc": (TRUE.light, 0.45), "ec": "none"}),
             (self.hulls, {"fc": PALE.light, "ec": MUTED.light, "lw": 0.5}),
-            (self.marked, {"fc": (NOMINAL.light, 0.75), "ec": INK.light, "lw": 0.6}),
             (self.soles, {"fc": "none", "ec": INK.light, "lw": 0.8}),
         )
         for parts, look in areas:
@@ -105,16 +98,13 @@ class Picture(NamedTuple):
             axes.plot(*(self.com + offset), "o", **look)
 
 
-def draw_posture(
-    robot: Robot, q: Array, loaded: frozenset[str], marked: frozenset[str] = frozenset()
-) -> Picture:
+def draw_posture(robot: Robot, q: Array, loaded: frozenset[str]) -> Picture:
     """Draw a posture.
 
     Args:
         robot: the robot.
         q: configuration, ``(nq,)``.
         loaded: names of the feet that carry load.
-        marked: links to mark.
     """
     data = robot.model.createData()
     pin.forwardKinematics(robot.model, data, q)
@@ -131,11 +121,10 @@ def draw_posture(
         seen = project(points)
         corners = hull_outline(seen)
         if len(corners) > 2:
-            outlines.append((float(points.mean(axis=0) @ _TOWARDS), body.link, seen[corners]))
+            outlines.append((float(points.mean(axis=0) @ _TOWARDS), seen[corners]))
     outlines.sort(key=lambda item: item[0])
     return Picture(
-        hulls=[outline for _, link, outline in outlines if link not in marked],
-        marked=[outline for _, link, outline in outlines if link in marked],
+        hulls=[outline for _, outline in outlines],
         soles=[project(corners) for corners in soles.values()],
         support=None if ground is None else project(ground[hull_outline(ground[:, :2])]),
         com=None if mass is None else project(mass[None])[0],
@@ -219,52 +208,3 @@ def draw_snapshots(robot: Robot, motions: Sequence[Motion], n_postures: int = 7)
                 axes.text(offset[0], low[1], f"{time - motion.time[0]:.1f} s", color=MUTED.light, ha="center")
 
     return draw_figure(paint, height_in=row_in * len(rows))
-
-
-def draw_refused(robot: Robot, worst: Sequence[Document]) -> Figure:
-    """A picture each, side by side: all links pale, the links that touch (or the joint's, or the foot's) orange.
-
-    Args:
-        robot: the robot.
-        worst: of a document's ``refused``, with postures.
-    """
-    feet, places = frozenset(foot.name for foot in robot.feet), max(len(worst), 2)
-    ground = 0.0 if robot.floating else robot.description.collision.table_height
-
-    def paint(figure: Figure) -> None:
-        for axes in figure.subplots(1, places)[len(worst) :]:
-            axes.set_visible(False)
-        for axes, item in zip(figure.axes, worst, strict=False):
-            drawn = draw_posture(
-                robot, np.array(item["posture"]), feet, concerned_links(robot, item["where"])
-            )
-            low, high = drawn.ends
-            if ground is not None:
-                level = float(project(np.array([[0.0, 0.0, ground]]))[0, 1])
-                low[1], high[1] = min(low[1], level), max(high[1], level)
-                axes.axhline(level, color=GROUND.light, lw=1.5)
-            drawn.paint(axes, np.zeros(2))
-            title = [part for line in _refusal_title(item) for part in wrap(line, 80 // places)]
-            margin = 0.02 * (high - low)
-            _prepare_axes(axes, "\n".join(title), low - margin, high + margin)
-
-    return draw_figure(paint, height_in=_REFUSED_IN + 3 * LINE_IN)
-
-
-def _refusal_title(item: Document) -> list[str]:
-    """Reason, place and value, a line each."""
-    limit = "" if item["limit"] is None else f" (limit {value_text(item, 'limit')})"
-    value = "" if item["worst"] is None else f"{value_text(item, 'worst')}{limit}"
-    return [part for part in (item["reason"].replace("_", " "), shorten_name(item["where"]), value) if part]
-
-
-def concerned_links(robot: Robot, where: str) -> frozenset[str]:
-    """Links that a refusal's place names: a pair's, the one that a joint moves, a foot's."""
-    links = set(where.split(" - ")) | {foot.link for foot in robot.feet if where in {foot.name, "feet"}}
-    moved = {segment.link for segment in robot.segments if robot.model.names[segment.joint] == where}
-    return frozenset(links | moved)
-
-
-def value_text(item: Document, key: str) -> str:
-    """``worst`` or ``limit`` of a refusal with its unit."""
-    return "–" if item[key] is None else f"{format_number(item[key])} {item['unit']}".strip()

@@ -281,14 +281,6 @@ def pack_table(values: Array) -> dict[str, Any]:
     return _pack(np.where(known, np.rint(scaled), _UNKNOWN), low, step)
 
 
-def unpack_table(block: dict[str, Any]) -> Array:
-    """The table of :func:`pack_table`, ``(n, m)``."""
-    low, step = np.array(block["low"]), np.array(block["step"])
-    numbers = np.frombuffer(zlib.decompress(base64.b64decode(block["data"])), "<u2")
-    numbers = np.cumsum(numbers.reshape(len(low), block["rows"]).T, axis=0, dtype=np.uint16)
-    return np.where(numbers == _UNKNOWN, np.nan, low + step * numbers)
-
-
 def packed_indices(values: NDArray[Any]) -> dict[str, Any]:
     """Whole numbers below 65536, ``(n, m)`` or ``(n,)``, kept as they are."""
     table = np.asarray(values).reshape(len(values), -1)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +11,6 @@ import numpy as np
 from excite.display import count, span
 from excite.export.models.parameters import find_differences
 from excite.identification.judgement import said_rsd
-from excite.logs.signals.trace import SignalTrace, trace_from_json
 from excite.report.comparisons import MassComparison
 from excite.report.folder import Document, Findings
 from excite.report.html import (
@@ -30,14 +28,11 @@ from excite.report.html import (
 from excite.report.plots.bars import Bars, draw_bars
 from excite.report.plots.curves import (
     MOST_PANELS,
-    Line,
-    Panel,
     channel_label,
     channel_panels,
-    draw_panels,
     show_panels,
 )
-from excite.report.theme import IDENTIFIED, INK, NOMINAL, draw_figure, save_png, to_svg
+from excite.report.theme import IDENTIFIED, INK, NOMINAL, draw_figure, to_svg
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -119,7 +114,7 @@ _FITS: Columns = {
 
 def show_forces(findings: Findings) -> Shown:
     """Measured, nominal and identified on one trial; RMSE and correlation of all trials."""
-    data, path, found = findings.data.forces, findings.data.path, findings.identification or {}
+    data, record, found = findings.data.forces, findings.record, findings.identification or {}
     blocks = {
         "Cross validation (trials that the identification has not seen)": found.get("validation"),
         "Direct validation (trials that it was identified from)": found.get("fit"),
@@ -131,18 +126,13 @@ def show_forces(findings: Findings) -> Shown:
         lead = "RMSE should fall and correlation rise from the nominal to the identified model."
         return [lead, *tables] if tables else ""
     # The trial's own time, by which it is shown in motion; a record's clock may start anywhere.
-    same = path is not None and path.trial == data.trial
-    data = replace(data, time=data.time - (path.time[0] if path is not None and same else data.time[0]))
+    trial = None if record is None else record.trial(data.trial)
+    same = trial is not None and trial.name == data.trial
+    data = replace(data, time=data.time - (trial.time[0] if trial is not None and same else data.time[0]))
     lead = (
         f"On {data.trial}, which the identification has not seen, the blue line of the identified "
         "model should cover the measured one, and the dashed nominal one should not."
     )
-    if findings.human is not None and tables:
-        lead += (
-            " The curves are the ground reaction in the laboratory's axes, with moments about a point on the "
-            "ground below the pelvis, as under Person; the tables are of the same wrench in the pelvis' axes, "
-            "about its origin, as it was fitted: other figures of the same trials."
-        )
     if len(data.channels) > MOST_PANELS:
         lead += f" Drawn are the first {MOST_PANELS} of {len(data.channels)} channels."
     said = "Measured and predicted forces of a validation trial"
@@ -155,51 +145,19 @@ def _relative_change(before: float | None, after: float | None) -> str:
     return f"{100.0 * (after - before) / before:+.0f} %".replace("-", "−")
 
 
-# A person: segment masses beside the tables', and the ground reaction.
-
-_ROLES = {"validation": "trials that were left out", "identification": "trials that were identified from"}
-_REACTIONS: Columns = {
-    "ground reaction": lambda fit: f"{fit['name']} [{fit['unit']}]",
-    "RMSE identified": "rmse",
-    "correlation": lambda fit: format_number(fit["cc"]),
-    "RMSE nominal": "reference_rmse",
-    "correlation nominal": lambda fit: format_number(fit["reference_cc"]),
-}
+# A person: segment masses by the tables.
 
 
 def show_person(findings: Findings) -> Shown:
-    """De Leva's and Dumas' masses beside those that were identified, and how well the ground reaction is predicted."""
+    """De Leva's and Dumas' masses of the segments."""
     human = findings.human
     if human is None:
         return ""
-    found = (findings.identification or {}).get("standard_parameters", {}).values()
-    blocks = {block.get("name"): block for block in reversed(found) if block["nominal_mass"]}
-    columns: dict[str, Any] = {
-        "segment": "segment",
-        "de Leva 1996 [kg]": "de_leva_kg",
-        "Dumas 2007 [kg]": "dumas_kg",
-    }
-    if found:
-        columns["identified [kg]"] = lambda item: _with_deviation(blocks.get(item["segment"]))
-    fits = human.get("ground_reaction") or {}
+    columns = {"segment": "segment", "de Leva 1996 [kg]": "de_leva_kg", "Dumas 2007 [kg]": "dumas_kg"}
     return [
-        "Masses of the segments by two tables of the literature, beside those that the ground reaction tells; "
-        "± is one standard deviation of motions and table together, and where it is as large as the mass, motions "
-        "did not tell it.",
+        "Masses of the segments by two tables of the literature.",
         columns_table(human["segments"], columns),
-        *(
-            f"<h3>Ground reaction, {words}</h3>{columns_table(named_rows(fits[role]), _REACTIONS)}"
-            for role, words in _ROLES.items()
-            if fits.get(role)
-        ),
     ]
-
-
-def _with_deviation(block: Document | None) -> str:
-    if block is None:
-        return "–"
-    std = (block.get("std") or {}).get("mass")
-    return format_number(block["mass"]) + ("" if std is None else f" ± {format_number(std, 2)}")
 
 
 # What several sessions of one robot agree on, and what changes between them.
@@ -242,48 +200,6 @@ def show_sessions(findings: Findings) -> Shown:
 
 def _session_value(found: Document | None) -> str:
     return "–" if found is None else f"{format_number(found['value'])} ± {format_number(found['std'], 2)}"
-
-
-# What the signal processing did to one channel.
-
-
-def show_signals(findings: Findings) -> Shown:
-    """One panel and one line a step."""
-    if findings.signals is None:
-        return ""
-    trace = trace_from_json(findings.signals)
-    rows = [(f"{number} {step.name}", step.effect) for number, step in enumerate(trace.steps, start=1)]
-    svg = to_svg(plot_signals(trace), "signals", "Each step of the signal processing, before and after")
-    return [
-        f"From the samples of {trace.channel} in {trace.trial}, as logged, to the rows of the regression: "
-        "each panel is one step.",
-        inline_figure(svg),
-        html_table(("step", "what it did"), rows),
-    ]
-
-
-def plot_signals(trace: SignalTrace) -> Figure:
-    """Two panels a row, in the order of the steps; what each did is in its caption on the page."""
-    panels = []
-    for number, step in enumerate(trace.steps, start=1):
-        look: dict[str, Any] = {"ls": "none", "marker": "o", "ms": 2.8} if step.dots else {"lw": 1.3}
-        before = Line("before", step.before, NOMINAL, x=step.before_x)
-        after = Line("after", step.after, IDENTIFIED, x=step.after_x, look=look)
-        panels.append(Panel(f"{number} {step.name}", step.quantity, (before, after), axis=step.axis))
-    return draw_panels(None, panels, row_in=2.05)
-
-
-def save_signal_figure(trace: SignalTrace, path: Path) -> Path:
-    """Write the figure as a PNG; appears only when complete.
-
-    Args:
-        trace: what :func:`excite.recordings.explain_signals` found.
-        path: the PNG to write.
-
-    Returns:
-        The file.
-    """
-    return save_png(plot_signals(trace), path)
 
 
 # The base parameters, whether the standard ones are physical, and warnings.

@@ -33,11 +33,10 @@ from excite.report.html import (
     percent_cell,
 )
 from excite.report.plots.bars import Bars, draw_bars
-from excite.report.plots.postures import choose_motions, draw_refused, draw_snapshots, value_text
+from excite.report.plots.postures import choose_motions, draw_snapshots
 from excite.report.replay.scene import frame_times, robot_scene, trial_track
 from excite.report.replay.tracks import motion_tracks, pack_table
 from excite.report.theme import to_svg
-from excite.robot.prismatic import is_prismatic
 from excite.robot.robot import Robot
 from excite.safety.verdict import MARGINS, conditions
 
@@ -146,7 +145,7 @@ def motion_title(motion: Motion) -> str:
 
 
 def show_moving(findings: Findings) -> Shown:
-    """The trial that judges; with an identification both models, with a diagnosis its simulator before and after."""
+    """The trial that judges; with a diagnosis its simulator before and after."""
     record, data, found = findings.record, findings.data, findings.diagnosis or {}
     if record is None:
         return ""
@@ -155,34 +154,26 @@ def show_moving(findings: Findings) -> Shown:
     except ExciteError:
         return ""
     path = _fitting_path(record, data)
-    models, robot = _model_paths(path, found), record.robot
-    if path is not None and models and path.horizon_s is not None:
-        supplied, identified = (_describe_strays(robot, path, at) for at in (path.nominal, path.identified))
-        lead = (
-            f"Trial {path.trial} as it was measured, and transparent where a model goes under the measured "
-            f"forces, when it starts anew from the record every {path.horizon_s:g} s. By then the model as supplied "
-            f"strays by {supplied}, the identified one by {identified}. Where nothing was computed the two coincide."
+    models, shown = _model_paths(path, found), record.trial(_shown_trial(record, data))
+    horizon_s = (found.get("simulation") or {}).get("horizon_s")
+    again = f"; it starts anew from the record every {horizon_s:g} s" if horizon_s else ""
+    lead = f"Trial {shown.name} as it was measured"
+    if models:
+        lead += (
+            f", and transparent where the simulator takes it{again}, and where nothing was simulated the two "
+            "coincide. Joints that part are those that the model gets wrong."
         )
     else:
-        horizon_s = (found.get("simulation") or {}).get("horizon_s")
-        again = f"; it starts anew from the record every {horizon_s:g} s" if horizon_s else ""
-        lead = f"Trial {record.trial(path.trial if path else '').name} as it was measured"
-        if models:
-            lead += (
-                f", and transparent where the simulator takes it{again}, and where nothing was simulated the two "
-                "coincide. Joints that part are those that the model gets wrong."
-            )
-        else:
-            told = any("ghost" in track for track in tracks.values())
-            lead += ", and transparent where it was told to be." if told else "."
-            # A joint that spins, since its model lacks friction and a rotor, is nothing to look at.
-            lead += (
-                " Under the measured torques the simulator runs away by more than half a turn, and is not shown."
-                if path is not None
-                else ""
-            )
+        told = any("ghost" in track for track in tracks.values())
+        lead += ", and transparent where it was told to be." if told else "."
+        # A joint that spins, since its model lacks friction and a rotor, is nothing to look at.
+        lead += (
+            " Under the measured torques the simulator runs away by more than half a turn, and is not shown."
+            if path is not None
+            else ""
+        )
     still = html_paragraph("Open this page in a browser that runs scripts to see it move.", "lead")
-    return [lead, live_replay("moving-replay", robot_scene(robot), tracks, still)]
+    return [lead, live_replay("moving-replay", robot_scene(record.robot), tracks, still)]
 
 
 def trial_tracks(record: Record, data: ReportData, diagnosis: Document) -> dict[str, Any]:
@@ -193,7 +184,7 @@ def trial_tracks(record: Record, data: ReportData, diagnosis: Document) -> dict[
     path, gap, robot = _fitting_path(record, data), data.gap, record.robot
     models = _model_paths(path, diagnosis)
     if path is None or not models:
-        return recorded_track(record, record.trial(path.trial if path else gap.trial if gap else ""))
+        return recorded_track(record, record.trial(_shown_trial(record, data)))
     base = None if set(BASE_POSE) <= set(path.joints) else record.trial(path.trial).base
     base = base if base is not None and len(base) == len(path.time) else None
     signals = []
@@ -238,33 +229,23 @@ def _joint_columns(
     return pack_table(found)
 
 
+def _shown_trial(record: Record, data: ReportData) -> str:
+    """Name of the trial that the curves are of; empty where there are none."""
+    known = (_fitting_path(record, data), data.gap, data.forces)
+    return next((one.trial for one in known if one is not None), "")
+
+
 def _fitting_path(record: Record, data: ReportData) -> PathComparison | None:
     path = data.path
     return path if path and set(path.joints) - set(BASE_POSE) <= set(record.robot.joint_names) else None
 
 
-def _describe_strays(robot: Robot, path: PathComparison, positions: Array) -> str:
-    """How far a model strays at most, and where: of a free base the base, else the joint."""
-    apart = np.abs(positions - path.measured)
-    if set(BASE_POSE) <= set(path.joints):
-        place = [path.joints.index(name) for name in BASE_POSE[:3]]
-        return f"up to {1e3 * np.linalg.norm(apart[:, place], axis=1).max():.2g} mm (base)"
-    most = int(np.argmax(apart.max(axis=0)))
-    joint, much = path.joints[most], float(apart[:, most].max())
-    if is_prismatic(robot.model, robot.n_base_v + robot.joint_index(joint)):
-        return f"up to {1e3 * much:.2g} mm ({joint})"
-    return f"up to {much:.2g} rad ({joint})" if much < np.pi else f"more than half a turn ({joint})"
-
-
 def _model_paths(path: PathComparison | None, diagnosis: Document) -> dict[str, Array]:
-    """Where models take the robot, by what they are: those of an identification, or simulators of a diagnosis."""
+    """Where simulators of a diagnosis take the robot, by what they are."""
     if path is None:
         return {}
-    if path.horizon_s is not None:
-        models = {"the identified model": path.identified, "the model as supplied": path.nominal}
-    else:
-        models = {"the simulator as it was": path.nominal}
-        models |= {"the simulator with the effects": path.identified} if diagnosis.get("effects") else {}
+    models = {"the simulator as it was": path.nominal}
+    models |= {"the simulator with the effects": path.identified} if diagnosis.get("effects") else {}
     return {name: at for name, at in models.items() if np.abs(at - path.measured).max() < np.pi}
 
 
@@ -311,54 +292,46 @@ def draw_conditioning(data: ConditioningComparison) -> Any:
     )
 
 
-# What refuses candidates: how many, the worst with a picture, and the change most likely to help.
+# What refuses candidates: how many, and the worst of each.
 
-# Pictures beside each other, and lines of the table that are not folded away.
-_PICTURES, _LISTED = 3, 8
+# Lines of the table that are not folded away.
+_LISTED = 8
 
 _REFUSED: Columns = {
     "reason": lambda item: item["reason"].replace("_", " "),
     "where": "where",
     "candidates": "candidates",
-    "worst": lambda item: value_text(item, "worst"),
-    "limit": lambda item: value_text(item, "limit"),
+    "worst": lambda item: _value_text(item, "worst"),
+    "limit": lambda item: _value_text(item, "limit"),
     "at [s]": "time_s",
 }
-_BARE: Document = {"where": "–", "worst": None, "limit": None, "unit": "", "time_s": None, "posture": None}
+_BARE: Document = {"where": "–", "worst": None, "limit": None, "unit": "", "time_s": None}
 
 
 def show_refused(findings: Findings) -> Shown:
-    """Pictures of the worst refused postures, the table, the change that was counted."""
-    plan, robot, pictures = findings.plan, findings.robot, ""
-    source = findings.refusals or plan or {"refused": []}
-    refused, generated = source["refused"], source.get("generated")
-    if findings.refusals is None and plan is not None:
-        # What is told by no distance, as a fall in the rehearsal, has a number of candidates alone.
-        measured, generated = {item["reason"] for item in refused}, plan["candidates"]["generated"]
-        others = plan["candidates"]["rejected"].items()
-        refused = refused + [_BARE | {"reason": r, "candidates": n} for r, n in others if r not in measured]
+    """The table of what refuses candidates."""
+    if findings.plan is None:
+        return ""
+    candidates, refused = findings.plan["candidates"], findings.plan["refused"]
+    # What is told by no distance, as a fall in the rehearsal, has a number of candidates alone.
+    measured = {item["reason"] for item in refused}
+    others = candidates["rejected"].items()
+    refused = refused + [_BARE | {"reason": r, "candidates": n} for r, n in others if r not in measured]
     if not refused:
         return ""
-    remedy = source["remedy"]
     lead = (
-        f"Of {generated} candidates. One that breaks several limits counts with each. Limits are planning's, "
-        "which keeps a reserve to what the check asks for; no time is stated of what is refused as a posture."
+        f"Of {candidates['generated']} candidates. One that breaks several limits counts with each. Limits are "
+        "planning's, which keeps a reserve to what the check asks for; no time is stated of what is refused as a "
+        "posture."
     )
-    if remedy is not None:
-        lead += (
-            f" Most likely to help: {remedy['change']} ({remedy['passes']} of {remedy['tried']} that were tried "
-            "again pass then)."
-        )
-    elif plan is None:
-        lead += " No single limit lifted lets any of those pass that were tried again."
-    nq = -1 if robot is None else robot.model.nq
-    worst = [item for item in refused if item["posture"] is not None and len(item["posture"]) == nq]
-    if robot is not None and worst:
-        said = "The robot in the worst of the refused postures"
-        pictures = inline_figure(to_svg(draw_refused(robot, worst[:_PICTURES]), "refused-postures", said))
     more = refused[_LISTED:]
     folded = folded_content(f"{len(more)} more", columns_table(more, _REFUSED)) if more else ""
-    return [lead, pictures, columns_table(refused[:_LISTED], _REFUSED), folded]
+    return [lead, columns_table(refused[:_LISTED], _REFUSED), folded]
+
+
+def _value_text(item: Document, key: str) -> str:
+    """``worst`` or ``limit`` of a refusal with its unit."""
+    return "–" if item[key] is None else f"{format_number(item[key])} {item['unit']}".strip()
 
 
 # The independent verdict on the chosen motions.
@@ -421,7 +394,7 @@ def _motion_margin(name: str, unit: str, motion: Document) -> tuple[float | None
 
 def show_assumed(findings: Findings) -> Shown:
     """Everything that the robot's description assumed."""
-    assumed = (findings.plan or findings.refusals or findings.check or {}).get("assumed", [])
+    assumed = (findings.plan or findings.check or {}).get("assumed", [])
     if not assumed:
         return ""
     return [

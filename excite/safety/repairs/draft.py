@@ -6,7 +6,6 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar
 
-from excite.arrays import Array
 from excite.motion.generators.generator import Candidate
 from excite.motion.motion import Motion
 from excite.robot.robot import Robot
@@ -27,7 +26,6 @@ class Rejection:
         value: the quantity that refuses it, None where there is no number.
         limit: what it must not pass, same unit.
         unit: of both, where that is not the usual one of the reason.
-        posture: configuration in which it happens ``(nq,)``, None where there is none to show.
     """
 
     candidate: str
@@ -37,7 +35,6 @@ class Rejection:
     value: float | None = None
     limit: float | None = None
     unit: str | None = None
-    posture: tuple[float, ...] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,11 +63,9 @@ class Draft:
         value: float | None = None,
         limit: float | None = None,
         unit: str | None = None,
-        posture: Array | None = None,
     ) -> Rejection:
         """A rejection of this draft's candidate."""
-        shown = None if posture is None else tuple(float(x) for x in posture)
-        return Rejection(self.candidate.name, reason, where, time_s, value, limit, unit, shown)
+        return Rejection(self.candidate.name, reason, where, time_s, value, limit, unit)
 
 
 def refused_by(draft: Draft, near: TooClose, where: str = "{}") -> Rejection:
@@ -80,7 +75,6 @@ def refused_by(draft: Draft, near: TooClose, where: str = "{}") -> Rejection:
         where.format(near.pair),
         value=near.distance,
         limit=near.required,
-        posture=near.posture,
     )
 
 

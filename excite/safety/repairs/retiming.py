@@ -15,7 +15,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.safety.repairs.draft import Draft, Rejection, Repair
-from excite.safety.repairs.path import MotionPath, TimeLaw
+from excite.safety.repairs.path import TimeLaw
 from excite.safety.repairs.rows import PathLimits, Rows
 
 # Shortest time that the path parameter takes for one unit [s], where nothing else limits it.
@@ -51,24 +51,23 @@ class Retiming(Repair):
         rows = limits.rows(draft.path.knots)
         rate = fastest_rate(draft.path.s, rows, limits.speed_bound())
         if rate is None:
-            return _standing_still(draft, draft.path, rows)
+            return _standing_still(draft, rows)
         return replace(draft, limits=limits, law=smoothed_law(draft.path.s, rate))
 
 
-def _standing_still(draft: Draft, path: MotionPath, rows: Rows) -> Rejection:
+def _standing_still(draft: Draft, rows: Rows) -> Rejection:
     """Why a path has no speed at all: what is beyond its limit by most while the robot stands on it."""
     worst = np.unravel_index(int(np.argmax(rows.static)), rows.static.shape)
     excess = float(rows.static[worst])
     if excess <= 0.0:
         return draft.rejected("no_time_law", "path")
     reason, where = rows.labels[int(worst[1])]
-    q = path.knots.q[int(worst[0])]
     if reason.endswith("joint_torque"):
-        return draft.rejected(reason, where, None, 1.0 + excess, 1.0, SHARE_USED, q)
+        return draft.rejected(reason, where, None, 1.0 + excess, 1.0, SHARE_USED)
     if reason.endswith("zmp"):
         # Rows are relative to the weight, which the ground carries here: what is left is a distance.
-        return draft.rejected(reason, where, None, -excess, 0.0, "m inside the edge", q)
-    return draft.rejected(reason, where, None, excess, 0.0, "of its weight", q)
+        return draft.rejected(reason, where, None, -excess, 0.0, "m inside the edge")
+    return draft.rejected(reason, where, None, excess, 0.0, "of its weight")
 
 
 def fastest_rate(s: Array, rows: Rows, bound: Array) -> Array | None:

@@ -74,10 +74,7 @@ class TimeScaling(Repair):
             return replace(draft, law=draft.law.faster(draft.law.duration * rate / samples))
         scaling = largest_factor(draft.limits, draft.law, min(_FINER * rate, _HIGHEST_RATE_HZ))
         if scaling.factor < _SLOWEST:
-            at = draft.limits.path.sample(draft.law.evaluate(np.array([scaling.time])))
-            return draft.rejected(
-                scaling.reason, scaling.where, scaling.time, *self._excess(scaling), posture=at.q[0]
-            )
+            return draft.rejected(scaling.reason, scaling.where, scaling.time, *self._excess(scaling))
         fastest = 1.0 if draft.candidate.speed is not None else _FASTEST
         samples = int(np.ceil(draft.law.duration / min(scaling.factor, fastest) * rate))
         for _ in range(_ROUNDS):

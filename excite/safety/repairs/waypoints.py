@@ -64,9 +64,7 @@ class Waypoints(Repair):
         if self._weak is not None:
             strain = float(self._strain(self._last[None])[0, self._weak])
             joint = self.robot.joint_names[self._weak]
-            return draft.rejected(
-                "joint_torque", joint, value=strain, limit=1.0, unit=SHARE_USED, posture=self._last
-            )
+            return draft.rejected("joint_torque", joint, value=strain, limit=1.0, unit=SHARE_USED)
         return refused_by(draft, self.probe.closest(self._last[None]))
 
     def _shrink(self, candidate: Candidate) -> Curve | None:

@@ -77,7 +77,7 @@ class WholeBody(Repair):
                 candidate = follow_zmp(self.robot, candidate, s, q)
             solved = len(s) if self._balancer is None else self._balancer.solve(candidate, s, q)
             if solved < len(s):
-                return draft.rejected("unreachable", "legs", posture=q[max(solved - 1, 0)])
+                return draft.rejected("unreachable", "legs")
             if self.robot.closing is not None:
                 try:
                     q[:] = self.robot.closing.closed(q)
@@ -95,11 +95,10 @@ class WholeBody(Repair):
                     self.robot.joint_names[joint],
                     value=value,
                     limit=float(limit),
-                    posture=q[row],
                 )
         foot = self._grounded(candidate, s, q)
         if foot is not None:
-            return draft.rejected("foot_ground", foot[0], posture=foot[1])
+            return draft.rejected("foot_ground", foot)
         collision = self.probe.first(q)
         if collision is not None:
             return refused_by(draft, self.probe.closest(q[collision:]))
@@ -108,8 +107,8 @@ class WholeBody(Repair):
     def _corners(self, phase: SupportPhase) -> Array:
         return support_corners(self.robot, [self.robot.foot(name) for name in phase.feet])
 
-    def _grounded(self, candidate: Candidate, s: Array, q: Array) -> tuple[str, Array] | None:
-        """Name of a free foot that goes below the ground, and the configuration in which it does."""
+    def _grounded(self, candidate: Candidate, s: Array, q: Array) -> str | None:
+        """Name of a free foot that goes below the ground."""
         data = self.robot.model.createData()
         for foot in self.robot.feet:
             free = ~candidate.supports(s, foot.name)
@@ -117,7 +116,7 @@ class WholeBody(Repair):
                 pin.forwardKinematics(self.robot.model, data, row)
                 pose = data.oMi[foot.joint]
                 if (foot.sole @ pose.rotation[2] + pose.translation[2]).min() < -_GROUND:
-                    return foot.name, row
+                    return foot.name
         return None
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
-from excite.human.plates import ReactionTable
+from benchmarks.people.ground_reaction import ReactionTable
 from excite.human.segments import NAMES
 from tests.reproduction.belt import (
     BELT,
@@ -88,7 +88,7 @@ def _belts(trials: tuple[BeltTrial, ...]) -> Table:
             Line(f"{place}: mass by the segment's own, {CONSISTENT} [kg]", None, other),
         ]
     note = (
-        f"A belt of 2 kg at {', '.join(PLACES)}. `excite human --loaded 1` finds segment and mass with the body's"
+        f"A belt of 2 kg at {', '.join(PLACES)}. `benchmarks.people` finds segment and mass with the body's"
         " parameters eliminated and is told neither; below it the paper's way, the segment's mass identified with"
         " the belt minus that without."
     )

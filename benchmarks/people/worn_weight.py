@@ -11,9 +11,9 @@ from scipy.linalg import block_diag
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
+from benchmarks.people.segment_table import SegmentTable
 from excite.arrays import Array
 from excite.errors import LogError
-from excite.human.segment_table import SegmentTable
 from excite.human.segments import NAMES
 from excite.identification.inertia import COLUMNS, ROWS
 from excite.identification.problem import IdentificationProblem, build_problem
@@ -183,7 +183,7 @@ def best_fit(columns: Array, target: Array, box: Array, body_mass: float) -> Any
     def residual(x: Array) -> Array:
         mass, place = x[0], x[1:]
         inertia = mass * ((place @ place + BELT_RADIUS**2) * np.eye(3) - np.outer(place, place))
-        return columns @ np.concatenate([[mass], mass * place, inertia[ROWS, COLUMNS]]) - target
+        return np.asarray(columns @ np.concatenate([[mass], mass * place, inertia[ROWS, COLUMNS]]) - target)
 
     fits = [
         least_squares(

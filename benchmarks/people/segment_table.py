@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from excite.arrays import Array
 from excite.errors import InputError
-from excite.human.body import ANTHROPOMETRY, Body, BodyInertia
+from excite.human.body import ANTHROPOMETRY, Body
 from excite.human.segments import NAMES
-from excite.human.skeleton import frame_turn
-from excite.identification.inertia import central_inertia_matrices
 from excite.identification.result import Identification
 
 STATED = "stated"
@@ -107,19 +105,6 @@ def segment_table(body: Body, result: Identification) -> SegmentTable:
             for k, name in enumerate(NAMES)
         )
     )
-
-
-def identified_body(body: Body, result: Identification) -> Body:
-    """The body with identified inertial parameters; raises InputError for another robot's."""
-    ten = _rows_of(result.parameters, result)
-    central = central_inertia_matrices(ten.ravel())
-    inertias = []
-    for k in range(len(NAMES)):
-        turn = frame_turn(k)
-        mass = float(ten[k, 0])
-        center = turn.T @ ten[k, 1:4] / mass if mass > 0.0 else np.zeros(3)
-        inertias.append(BodyInertia(mass, center, turn.T @ central[k] @ turn))
-    return replace(body, table=f"identification ({result.method})", inertias=tuple(inertias))
 
 
 def _rows_of(values: Array, result: Identification) -> Array:

@@ -7,17 +7,16 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.people.ground_reaction import GroundReaction, ReactionTable, ground_reactions
+from benchmarks.people.segment_table import SegmentTable, segment_table
+from benchmarks.people.worn_weight import BELT_RADIUS, AddedMass, WornWeight, locate_added_mass
 from excite.atomic import write_text
 from excite.display import Shown
 from excite.errors import InputError
 from excite.human.body import Body, BodyInertia
-from excite.human.measure import MeasuredPerson
-from excite.human.models import PLACES, ROBOT_FILE, robot_yaml, urdf_text, write_osim
-from excite.human.plates import GroundReaction, ReactionTable, ground_reactions
-from excite.human.segment_table import SegmentTable, identified_body, segment_table
+from excite.human.measure import PLACES, ROBOT_FILE, MeasuredPerson, robot_yaml, urdf_text
 from excite.human.segments import NAMES
 from excite.human.skeleton import frame_turn
-from excite.human.weights import BELT_RADIUS, AddedMass, WornWeight, locate_added_mass
 from excite.identification.estimators.method_settings import own_settings
 from excite.identification.estimators.registry import find_estimator
 from excite.identification.estimators.settings import EstimatorSettings, PairSettings
@@ -28,8 +27,6 @@ from excite.logs.log import Log
 from excite.results import write_json
 from excite.robot.loading import load_robot
 from excite.robot.shapes.collision import com_boxes
-
-IDENTIFIED = "human_identified"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -67,8 +64,7 @@ def identify_person(
 ) -> IdentifiedPerson:
     """Identify a person's segments from the log folder that was written, and write what was found beside it.
 
-    ``identification.json``, ``segments.csv`` (both tables beside what was identified), ``human_identified.urdf``
-    and ``human_identified.osim``.
+    ``identification.json`` and ``segments.csv`` (both tables beside what was identified).
 
     Args:
         person: the person as measured.
@@ -93,11 +89,8 @@ def identify_person(
     found = IdentifiedPerson(
         result, segment_table(person.body, result), ground_reactions(robot, log, result.parameters)
     )
-    body = identified_body(person.body, result)
     write_json({**result.to_json(), **PLACES}, folder / "identification.json")
     write_text(folder / "segments.csv", found.table.csv())
-    write_text(folder / f"{IDENTIFIED}.urdf", urdf_text(body))
-    write_osim(body, folder / f"{IDENTIFIED}.osim", person.calibration.model, IDENTIFIED)
     return found
 
 
@@ -207,4 +200,12 @@ def wearing_body(body: Body, located: AddedMass) -> Body:
     best = located.best
     turn = frame_turn(NAMES.index(best.segment))
     inertia = best.mass * BELT_RADIUS**2 * np.eye(3)
-    return body.wearing(best.segment, BodyInertia(best.mass, turn.T @ np.array(best.place), inertia))
+    return wearing(body, best.segment, BodyInertia(best.mass, turn.T @ np.array(best.place), inertia))
+
+
+def wearing(body: Body, segment: str, weight: BodyInertia) -> Body:
+    """The body with a weight on a segment, in the segment's frame."""
+    inertias = list(body.inertias)
+    inertias[NAMES.index(segment)] = inertias[NAMES.index(segment)] + weight
+    subject = replace(body.subject, mass=body.subject.mass + weight.mass)
+    return replace(body, subject=subject, inertias=tuple(inertias))
