@@ -74,7 +74,10 @@ def _to_find(name: str) -> str:
 def _places(family: str, name: str, read: Callable[[Path], list[str]]) -> Iterator[Case]:
     kinds: dict[str, tuple[Callable[[Path], object], str]] = {
         "missing": (lambda path: None, rf"no such file; {_to_find(name)}"),
-        "folder": (lambda path: path.mkdir(), r"is a folder, not a file; give a file"),
+        "folder": (
+            lambda path: path.mkdir(),
+            r"is a folder(, not a file; give a file| without a robot.yaml or a model; name the URDF)",
+        ),
         "pipe": (os.mkfifo, r"is a pipe, not a file; give a file"),
         "device": (lambda path: path.symlink_to("/dev/zero"), r"is a device, not a file"),
         "loop of links": (lambda path: path.symlink_to(path.name), r"cannot be read .*; check"),

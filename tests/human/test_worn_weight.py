@@ -64,7 +64,7 @@ def test_a_belt_is_found_from_files(tmp_path):
     assert located.best.mass == pytest.approx(2.0, abs=0.5)
     without = identify_person(person, out, "qp", loaded=1)
     # The trial with the weight says nothing of the body without it.
-    assert without.identification.mass.identified == pytest.approx(70.0, abs=1.2)
+    assert without.identification.total_mass.identified == pytest.approx(70.0, abs=1.2)
     worn = identify_wearing(person, out, located, without, 1, "qp")
     assert worn.mass_by_segments_kg == pytest.approx(2.0, abs=1.0)
     header = (out / "with_weight" / "segments.csv").read_text().splitlines()[0]

@@ -156,7 +156,7 @@ def test_a_shared_value_is_read_once_and_checked(tmp_path: Path) -> None:
     (tmp_path / "other").write_bytes(pickle.dumps(2))
     with pytest.raises(InputError, match="another content"):
         load_shared(SharedFile(tmp_path / "other", "0" * 64))
-    with pytest.raises(InputError, match=r"cannot be read .*temporary folder"):
+    with pytest.raises(InputError, match=r"cannot be read .*all machines share"):
         load_shared(SharedFile(tmp_path / "missing", "1" * 64))
 
 

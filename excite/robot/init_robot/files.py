@@ -91,7 +91,7 @@ def write_scaffold(
         RobotError: the model is missing or absurd in a way that no description can mend.
     """
     source, target = source or Source(), folder / "robot.yaml"
-    if file.is_dir():
+    if os.path.isdir(file):
         file, source = model_of_package(file, source)
     _check_absent(target, overwrite)
     ignored = () if source.srdf is None else read_srdf(source.srdf)
