@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -78,7 +79,7 @@ def write_description(
     source = replace(stated_source(package_path, xacro_arg, limits), srdf=srdf)
     written = excite.write_scaffold(
         file,
-        call.out or (file if file.is_dir() else file.parent),
+        call.out or (file if os.path.isdir(file) else file.parent),
         seed=call.seed,
         overwrite=force,
         source=source,
