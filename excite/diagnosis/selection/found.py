@@ -443,14 +443,9 @@ def _of_some_share(
 def _forms_that_can_be(
     term: Term, others: Sequence[Term], selected: Selected, rows: Rows, context: Context
 ) -> Iterator[Term]:
-    """A term, then the likeliest of each form with a part of its numbers, if sizes beside others are as names say."""
-    own = term.effect
-    parts = (
-        like
-        for like in _forms(selected, term)
-        if set(like.effect.linear) < set(own.linear) and like.effect.searched == own.searched
-    )
-    for like in (term, *parts):
+    """A term, then the likeliest of each form of no more numbers, if sizes beside others are as names say."""
+    no_richer = (like for like in _forms(selected, term) if like.n_parameters <= term.n_parameters)
+    for like in (term, *no_richer):
         model = fit(Design(rows, (*others, like)), range(len(others) + 1), left_out=False)
         if like.can_be(context, model.parameters(len(others))):
             yield like
