@@ -166,7 +166,7 @@ def _diagnosed(robot: Robot, log: Log, noisy: tuple[Trial, ...], clean: tuple[Tr
         return None
     columns = [log.header.joints.index(name) for name in samples.joints]
     sigma = position_noise(samples, columns, chart.log.trials)
-    repeated = repeat_floor(samples, baseline.plain(found.after.residual))
+    repeated = repeat_floor(samples, baseline.plain(found.final.fit.residual))
     floor = found.floor if repeated is None else np.maximum(repeated, 0.5 * found.floor)
     everywhere = arm_samples(robot, log, noisy)
     quiet = arm_samples(robot, log, clean)

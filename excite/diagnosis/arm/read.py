@@ -56,7 +56,7 @@ class Reading:
 
     def verdict(self) -> tuple[Attribution, Judgement]:
         """The effects that are named, in the equations, and the verdict."""
-        sure = [item for item in self.budget.named if item.clear]
+        sure = [item for item in self.budget.named if item.clear and is_there(item)]
         whole = explained(self.budget, sure)
         if not whole:
             # What is clear at its own place is there, whatever hides the rest of the machine.
@@ -100,7 +100,7 @@ class Reading:
         gone = [
             k
             for k, term in enumerate(terms)
-            if (term.effect.is_body and not term.can_be(term.context, model.parameters(k)))
+            if not term.can_be(term.context, model.parameters(k))
             or not _has_size(model, k)
             or not _closes(model, k, left)
         ]
@@ -381,6 +381,11 @@ def takes_its_place(budget: Budget, item: Named) -> bool:
         for s in channel.effects
         if (s.effect, s.location) == (item.effect, item.location)
     )
+
+
+def is_there(item: Named) -> bool:
+    """Whether an effect is there with the probability of one that is accepted, by its own name or a rival's."""
+    return item.probability + sum(item.chances) >= THRESHOLDS.probable
 
 
 def alone(item: Named) -> bool:

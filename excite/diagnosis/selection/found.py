@@ -19,6 +19,7 @@ from excite.diagnosis.budget.record import Found, Rival, rows_of
 from excite.diagnosis.budget.shares import shares_of
 from excite.diagnosis.effects.effect import Effect
 from excite.diagnosis.effects.form import Context
+from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.standing_joints import stands_throughout
 from excite.diagnosis.selection.gram import Gram, Noise, discrepancy_columns
@@ -443,11 +444,22 @@ def _of_some_share(
 def _forms_that_can_be(
     term: Term, others: Sequence[Term], selected: Selected, rows: Rows, context: Context
 ) -> Iterator[Term]:
-    """A term, then the likeliest of each form of no more numbers, if sizes beside others are as names say."""
-    no_richer = (like for like in _forms(selected, term) if like.n_parameters <= term.n_parameters)
-    for like in (term, *no_richer):
+    """A term, its law's plain form and forms with a part of its numbers, if sizes beside others are as names say.
+
+    Of a term that cannot be itself, each form of no more numbers.
+    """
+
+    def can_be(like: Term) -> bool:
         model = fit(Design(rows, (*others, like)), range(len(others) + 1), left_out=False)
-        if like.can_be(context, model.parameters(len(others))):
+        return like.can_be(context, model.parameters(len(others)))
+
+    own, itself = term.effect, can_be(term)
+    if itself:
+        yield term
+    for like in _forms(selected, term):
+        part = set(like.effect.linear) < set(own.linear) and like.effect.searched == own.searched
+        plain = type(like.effect) is type(EFFECTS.get(term.name))
+        if (part or plain or (not itself and like.n_parameters <= term.n_parameters)) and can_be(like):
             yield like
 
 

@@ -69,7 +69,8 @@ def curves(robot: Robot, log: Log, joints: Sequence[str]) -> list[Curves]:
     time = samples.trials[trial].time[samples.trials[trial].rows]
     tau = samples.rows([t.tau for t in samples.trials])[rows]
     before, after = (
-        samples.unweighed(baseline.plain(fit.residual))[:, rows] for fit in (found.before, found.after)
+        samples.unweighed(baseline.plain(fit.residual))[:, rows]
+        for fit in (found.baseline.fit, found.final.fit)
     )
     shown = time - time[0] <= _LONGEST_S
     made = []
