@@ -384,8 +384,8 @@ def takes_its_place(budget: Budget, item: Named) -> bool:
 
 
 def is_there(item: Named) -> bool:
-    """Whether an effect is there with the probability of one that is accepted, by its own name or a rival's."""
-    return item.probability + sum(item.chances) >= THRESHOLDS.probable
+    """Whether an effect has the probability of one that is accepted, or shares it with rivals."""
+    return bool(item.rivals) or item.probability >= THRESHOLDS.probable
 
 
 def alone(item: Named) -> bool:
