@@ -47,14 +47,20 @@ def that_predict(
     check = _Check(full, noisy_motion(full.samples, sigma, rng))
     terms = model.design.terms
     judged = [k for k in model.chosen if not (terms[k].started or terms[k].effect.timing)]
+    noise = check.noise(model)
     for k in sorted(judged, key=model.taken_by):
         without = fit(model.design, [i for i in model.chosen if i != k], model.weight)
-        if check.nats(model, without) > 0.0:
+        more = check.noise(without)
+        if _nats(model, without, more - noise) > 0.0:
             continue
-        others = [check.of_form(model, k, form) for form in forms(model.design.terms[k])]
-        gains = [check.nats(other, without) for other in others]
-        best = int(np.argmax(gains)) if gains else -1
-        model = others[best] if gains and gains[best] > 0.0 else without
+        found, best, left = without, 0.0, more
+        for form in forms(model.design.terms[k]):
+            other = check.of_form(model, k, form)
+            drawn = check.noise(other)
+            gain = _nats(other, without, more - drawn)
+            if gain > best:
+                found, best, left = other, gain, drawn
+        model, noise = found, left
     return list(model.terms)
 
 
@@ -76,14 +82,7 @@ class _Check:
         terms[k] = form
         return fit(Design(model.design.rows, tuple(terms)), model.chosen, model.weight)
 
-    def nats(self, model: Model, without: Model) -> float:
-        """By how many nats a model predicts blocks better than one without a term, what noise makes of it taken off."""
-        quieter = _quieter(without, model, _likely(self._noise(without) - self._noise(model)))
-        effective = model.share * model.design.fitted.count.sum()
-        ratio = quieter.predicted.sum(axis=0) / model.predicted.sum(axis=0)
-        return float(0.5 * (effective * np.log(ratio)).sum())
-
-    def _noise(self, model: Model) -> Array:
+    def noise(self, model: Model) -> Array:
         """Sums of squares of what noise changes in a model's predictions, ``(n_blocks, n_joints)``."""
         base = predicted(self.full, model).baseline
         own = _driven(base, self.moved)
@@ -96,6 +95,20 @@ class _Check:
         rows = self.full.samples.rows(change, range(change.shape[1])).T
         power, block = (rows * self.full.strict) ** 2, model.design.rows.block
         return np.array([power[:, block == b].sum(axis=1) for b in range(int(block.max()) + 1)])
+
+
+def _nats(model: Model, without: Model, noise: Array) -> float:
+    """By how many nats a model predicts blocks better than one without a term, what noise makes of it taken off.
+
+    Args:
+        model: the model.
+        without: the same without the term.
+        noise: ``(n_blocks, n_joints)`` by how much less of drawn noise the model leaves.
+    """
+    quieter = _quieter(without, model, _likely(noise))
+    effective = model.share * model.design.fitted.count.sum()
+    ratio = quieter.predicted.sum(axis=0) / model.predicted.sum(axis=0)
+    return float(0.5 * (effective * np.log(ratio)).sum())
 
 
 def _likely(drawn: Array) -> Array:
