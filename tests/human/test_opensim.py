@@ -11,6 +11,7 @@ from excite.errors import InputError
 from excite.human.body import body_of
 from excite.human.measure import read_osim
 from excite.human.segments import NAMES, Subject
+from tests.conftest import lacking
 
 BODY = body_of(Subject(72.84, 1.80, "male"))
 RAJAGOPAL = Path("../shared/data/human_running_rajagopal/subject_scaled_run.osim")
@@ -86,8 +87,9 @@ def test_a_model_that_is_none_is_one_line(bodies: str, said: str, tmp_path: Path
         read_osim(written(tmp_path, bodies))
 
 
-@pytest.mark.skipif(not RAJAGOPAL.is_file(), reason="the recording is not there")
 def test_a_person_that_the_scale_tool_wrote() -> None:
+    if not RAJAGOPAL.is_file():
+        lacking(f"recordings not found in {RAJAGOPAL}")
     model = read_osim(RAJAGOPAL)
     found = model.segment_masses(BODY)
     assert found["right_thigh"] == pytest.approx(8.993 * 72.84 / 72.73, abs=0.2)
