@@ -13,12 +13,10 @@ import pytest
 
 import excite
 from excite.errors import InputError
-from tests.conftest import lacking
 
 HALF, STEP, GRAVITY = 0.05, 1.0 / 150.0, 9.81
 CORNERS = HALF * np.array(list(product((-1.0, 1.0), repeat=3)))
 MASS, INERTIA = 0.4, 0.4 * 2.0 / 3.0 * HALF**2
-DATA = Path("../shared/data/contact_cube_tosses")
 Toss = excite.recordings.Toss
 
 
@@ -109,14 +107,13 @@ def test_wrong_units_are_one_line() -> None:
         excite.recordings.diagnose_tosses(tosses[1:], CORNERS)
 
 
-def test_a_real_cube() -> None:
+def test_a_real_cube(data_dir: Path) -> None:
     """Its authors state a friction of 0.18 and a restitution of 0.125, fitted or nominal ones of their simulator.
 
     Sliding it is slowed by more, and struck at a corner by less; single corners leave with more than that.
     """
-    if not DATA.is_dir():
-        lacking(f"recordings not found in {DATA}")
-    held, stated = np.load(DATA / "tosses.npz"), json.loads((DATA / "experiment.json").read_text())
+    folder = data_dir / "contact_cube_tosses"
+    held, stated = np.load(folder / "tosses.npz"), json.loads((folder / "experiment.json").read_text())
     half = 0.0524
     tosses = []
     for number in range(0, 450, 2):

@@ -11,10 +11,8 @@ from excite.errors import InputError
 from excite.human.body import body_of
 from excite.human.measure import read_osim
 from excite.human.segments import NAMES, Subject
-from tests.conftest import lacking
 
 BODY = body_of(Subject(72.84, 1.80, "male"))
-RAJAGOPAL = Path("../shared/data/human_running_rajagopal/subject_scaled_run.osim")
 
 
 def written(folder: Path, bodies: str, markers: str = "") -> Path:
@@ -87,10 +85,8 @@ def test_a_model_that_is_none_is_one_line(bodies: str, said: str, tmp_path: Path
         read_osim(written(tmp_path, bodies))
 
 
-def test_a_person_that_the_scale_tool_wrote() -> None:
-    if not RAJAGOPAL.is_file():
-        lacking(f"recordings not found in {RAJAGOPAL}")
-    model = read_osim(RAJAGOPAL)
+def test_a_person_that_the_scale_tool_wrote(data_dir: Path) -> None:
+    model = read_osim(data_dir / "human_running_rajagopal" / "subject_scaled_run.osim")
     found = model.segment_masses(BODY)
     assert found["right_thigh"] == pytest.approx(8.993 * 72.84 / 72.73, abs=0.2)
     assert found["left_forearm"] == pytest.approx(2 * 0.587, abs=0.05)
