@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from benchmarks.planted import machines
-from benchmarks.planted.planting import Bench, Effect
+from benchmarks.planted.planting import TERM, Bench, Effect
 from benchmarks.planted.score import diagnosis_of, is_met, modelled_beside, save_log, score
 from tests.conftest import lacking
 
@@ -70,16 +70,20 @@ def test_friction_planted_in_a_real_record_is_scored(bench: Bench, tmp_path: Pat
         ("panda", Effect("time_delay", 0, 0.012), "torque"),
         # The tilt beside it fits in a form that no base has.
         ("ar5", Effect("joint_spring", 0, 2.988), "AR5-5_07R-W4C4A2_joint_1"),
+        # Friction is fitted anew beside what is left of the others, at the sign's own width.
+        ("tiago", Effect("coulomb_friction", 2, 0.7988), "arm_3_joint"),
+        # Its torque is that of the joint before.
+        ("panda", Effect("encoder_offset", 2, -0.03), "panda_joint3"),
+        # Whitened rows tell a delay by when friction changes sign.
+        ("xmate", Effect("time_delay", 0, 0.012), "torque"),
     ],
 )
-def test_a_law_stands_though_its_likeliest_form_cannot_be(
-    name: str, effect: Effect, place: str, tmp_path: Path
-) -> None:
+def test_what_is_planted_in_a_record_is_named(name: str, effect: Effect, place: str, tmp_path: Path) -> None:
     machine = next(machine for machine in machines.MACHINES if machine.name == name)
     if not machine.source.is_dir():
         lacking(f"recordings not found in {machine.source}; set EXCITE_DATA to the folder that holds them")
     whole = Bench(machine)
-    planted = whole.plant(whole.without(None), effect)
+    planted = whole.plant(whole.without(TERM[effect.name]), effect)
     document = diagnosis_of(save_log(tmp_path / name, machine, planted, modelled_beside(effect.name)))
     assert (effect.name, place) in {(item["effect"], item["location"]) for item in document["effects"]}
 

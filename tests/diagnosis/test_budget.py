@@ -356,7 +356,7 @@ def shares(value: list[float], lost: list[float]) -> Shares:
     """What one effect takes of two joints, known to a tenth."""
     row, tenth = np.array([value]), np.full((1, 2), 0.1)
     one = np.ones(2)
-    return Shares(one, one, one, one, row, tenth, np.array([lost]), tenth)
+    return Shares(one, one, one, one, row, row - tenth, row + tenth, np.array([lost]), tenth)
 
 
 def test_an_effect_that_shares_what_another_takes_is_not_clear() -> None:

@@ -180,7 +180,7 @@ def budget_of(found: Found, floor: Array, scale: Array) -> Budget:
             found,
             i,
             float(shares.value[i] @ weight),
-            float(np.maximum(shares.value[i] - shares.half[i], 0.0) @ weight),
+            float(np.maximum(shares.low[i], 0.0) @ weight),
             stands_clear(shares, i),
         )
         for i, term in enumerate(model.terms)
@@ -200,11 +200,11 @@ def _channel(
         return ChannelBudget(min(level, gap), gap, (), (), 1.0, 0.0, unit)
     effects, strange = [], []
     for i, term in enumerate(model.terms):
-        share, half = float(shares.value[i, j]), float(shares.half[i, j])
+        share = float(shares.value[i, j])
         if term.effect.nameless:
             strange += [UnnamedShare(term.effect.nameless, share)] if term.own == j else []
         elif term.own == j or abs(share) >= _LISTED:
-            between = (share - half, share + half)
+            between = (float(shares.low[i, j]), float(shares.high[i, j]))
             effects.append(EffectShare(term.name, term.location, share, between))
     effects.sort(key=lambda item: -item.share)
     generic = [
@@ -231,7 +231,7 @@ def stands_clear(shares: Shares, i: int) -> bool:
         shares: of all effects.
         i: which effect.
     """
-    sure = (shares.value[i] > shares.half[i]) | (shares.lost[i] > shares.unsure[i])
+    sure = (shares.low[i] > 0.0) | (shares.lost[i] > shares.unsure[i])
     return bool((sure & (shares.lost[i] >= THRESHOLDS.trifle)).any())
 
 

@@ -142,6 +142,11 @@ class Effect(ABC):
         return not (self.moves or self.timing)
 
     @property
+    def reaches_others(self) -> bool:
+        """Whether it acts on the torques of other joints as on that of its own: bodies and geometry."""
+        return self.moves and self.by_motion
+
+    @property
     def richer(self) -> tuple[Effect, ...]:
         """Other forms of the same physics with more parameters, tried once the effect is named, or where none is."""
         return ()

@@ -23,7 +23,7 @@ from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.standing_joints import stands_throughout
 from excite.diagnosis.selection.gram import Gram, Noise, discrepancy_columns
-from excite.diagnosis.selection.predictive import that_predict
+from excite.diagnosis.selection.predictive import nats_of, that_predict
 from excite.diagnosis.selection.prior import (
     Atom,
     Key,
@@ -186,7 +186,6 @@ class _Turns:
             again = _whole_delay(maker, term, x) or maker.again(term)
             if again is None:
                 continue
-            again = replace(again, started=term.started)
             if term.known and not term.effect.timing:
                 # What is made anew may have lost what the old column had.
                 old = TermMaker(term.context, self.full.strict)
@@ -330,11 +329,18 @@ def model_of_gap(
                 settled.basis.rows,
                 settled.terms,
             )
+    late = _late(terms, selected, rows, effects)
+    if late is not None:
+        settled = _settled_anew(basis, [*terms, late[0]])
+        selected, rows, terms = replace(selected, full=settled.basis.full), settled.basis.rows, settled.terms
     kept = {group_of(term) for term in terms}
     others: list[Term] = []
     rivals: dict[int, tuple[Rival, ...]] = {}
     nats: dict[int, float] = {}
     for k, term in enumerate(terms):
+        if late is not None and term.effect.timing:
+            nats[k] = late[1]
+            continue
         g = number[group_of(term)]
         chance = float(np.clip(draws.inclusion[g], 1e-12, 1.0 - 1e-12))
         nats[k] = float(np.log(chance / (1.0 - chance)))
@@ -367,6 +373,34 @@ def _settled_anew(basis: Basis, terms: Sequence[Term]) -> Settled:
     again = [term if term.effect.is_body else maker.again(term) or term for term in terms]
     settled = settle(basis, again, once=False)
     return replace(settled, terms=in_plainest_forms(settled.basis.gram, settled.terms, settled.basis.slab))
+
+
+def _late(
+    terms: Sequence[Term], selected: Selected, rows: Rows, effects: Sequence[Effect]
+) -> tuple[Term, float] | None:
+    """A delay of the whole torque by which blocks left out are predicted, with its log odds; None where none is.
+
+    Whitened rows tell a delay by the instants at which friction changes sign, which are late or early for reasons of
+    their own: beside a model without one it is asked of rows that count alike.
+    """
+    if any(term.effect.timing for term in terms):
+        return None
+    now = predicted(selected.full, fit(Design(rows, tuple(terms)), range(len(terms))))
+    maker = TermMaker(now.context, selected.full.strict)
+    best: tuple[Term, float] | None = None
+    for effect in effects:
+        whole = effect.closer if effect.timing and effect.stands_in else None
+        grid = [] if whole is None else effect.grid(now.context, "torque")
+        made = [maker.make(whole, "torque", theta) for theta in grid if whole is not None]
+        for term in (term for term in made if term is not None and term.can_be(now.context, np.ones(1))):
+            chance = effect.belief.chance
+            price = float(np.log((1.0 - chance) / chance * len(grid)))
+            both = fit(Design(rows, (*terms, term)), range(len(terms) + 1))
+            without = fit(both.design, range(len(terms)))
+            odds = nats_of(both, without, np.zeros_like(both.predicted)) - price
+            if odds > max(0.0, 0.0 if best is None else best[1]):
+                best = term, odds
+    return best
 
 
 def _scale(full: Baseline) -> Array:
@@ -425,7 +459,7 @@ def _of_some_share(
                 changed.add(like.key)
             continue
         worth = _worth(model, floor, scale)
-        small = [k for k, term in enumerate(kept) if worth[k] < 1.0 and not term.started]
+        small = [k for k, term in enumerate(kept) if worth[k] < 1.0]
         if not small:
             break
         gone.append(kept.pop(min(small, key=lambda k: worth[k])))
@@ -435,7 +469,7 @@ def _of_some_share(
             model = fit(Design(rows, tuple(more)), range(len(more)))
             fits = (one.can_be(context, model.parameters(k)) for k, one in enumerate(more))
             worth = _worth(model, floor, scale)
-            if all(fits) and all(w >= 1.0 or one.started for w, one in zip(worth, more, strict=True)):
+            if all(fits) and (worth >= 1.0).all():
                 kept = more
                 break
     return kept

@@ -51,13 +51,13 @@ def that_predict(
     for k in sorted(judged, key=model.taken_by):
         without = fit(model.design, [i for i in model.chosen if i != k], model.weight)
         more = check.noise(without)
-        if _nats(model, without, more - noise) > 0.0:
+        if nats_of(model, without, more - noise) > 0.0:
             continue
         found, best, left = without, 0.0, more
         for form in forms(model.design.terms[k]):
             other = check.of_form(model, k, form)
             drawn = check.noise(other)
-            gain = _nats(other, without, more - drawn)
+            gain = nats_of(other, without, more - drawn)
             if gain > best:
                 found, best, left = other, gain, drawn
         model, noise = found, left
@@ -97,7 +97,7 @@ class _Check:
         return np.array([power[:, block == b].sum(axis=1) for b in range(int(block.max()) + 1)])
 
 
-def _nats(model: Model, without: Model, noise: Array) -> float:
+def nats_of(model: Model, without: Model, noise: Array) -> float:
     """By how many nats a model predicts blocks better than one without a term, what noise makes of it taken off.
 
     Args:

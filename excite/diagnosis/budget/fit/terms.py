@@ -171,7 +171,8 @@ class TermMaker:
     def again(self, term: Term) -> Term | None:
         """A term made anew at these predictions."""
         whole = len(term.kept) == len(term.effect.linear)
-        return self.make(term.effect, term.location, term.theta, None if whole else term.kept)
+        made = self.make(term.effect, term.location, term.theta, None if whole else term.kept)
+        return None if made is None else replace(made, started=term.started)
 
     def _context_for(self, effect: Effect) -> Context:
         """Effects of the load are told from the rigid bodies' torque: friction would explain itself."""
@@ -215,7 +216,8 @@ class TermMaker:
     def _term(self, signals: _Signals, rows: Array, kept: tuple[int, ...] | None = None) -> Term | None:
         effect, location, theta, context = signals.effect, signals.location, signals.theta, signals.context
         joints, known = self.context.joints, signals.known
-        own = joints.index(location) if location in joints and not effect.timing else None
+        anywhere = location not in joints or effect.timing or effect.reaches_others
+        own = None if anywhere else joints.index(location)
         blocks = np.split(rows, len(signals.felt), axis=1) if signals.felt else []
         columns = {j: block * self.weight[j][:, None] for j, block in zip(signals.felt, blocks, strict=True)}
         if kept is not None and not known:
