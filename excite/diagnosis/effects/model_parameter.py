@@ -69,7 +69,7 @@ class ModelParameter(Effect):
         except (AttributeError, KeyError, TypeError, ValueError) as error:
             said = f"cannot edit the model ({' '.join(str(error).split())})"
             raise InputError(said, source=self.name, field=location, remedy="correct edit") from error
-        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
         data = mujoco.MjData(model)
         place = [int(joint.qposadr[0]) for joint in joints]
         degree = [int(joint.dofadr[0]) for joint in joints]
@@ -79,4 +79,4 @@ class ModelParameter(Effect):
             data.qpos[place], data.qvel[degree], data.qacc[degree] = q, v, a
             mujoco.mj_inverse(model, data)
             torques[k] = data.qfrc_inverse[degree]
-        return torques[:, list(samples.index)]
+        return samples.on_motors(torques)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,9 +14,8 @@ from excite.diagnosis.equations.standstill import rows_of_motion, standstill_spe
 from excite.errors import LogError
 from excite.logs.log import Log, Trial
 from excite.logs.signals.butterworth import central_differences, lowpass
-from excite.logs.signals.coupling import coupling_matrix, joint_torques
+from excite.logs.signals.coupling import coupling_matrix
 from excite.logs.signals.resample import near_samples
-from excite.regressor.kernels import inverse_dynamics
 from excite.robot.robot import Robot
 from excite.rows.kinematics import (
     forces_on_grid,
@@ -49,11 +48,7 @@ def arm_samples(robot: Robot, log: Log, trials: Sequence[Trial], bands: Bands | 
     bands = bands or Bands()
     header = log.header
     joints = tuple(name for name in robot.joint_names if name in header.torque_joints)
-    places = _Places(
-        header.joints,
-        tuple(header.joints.index(name) for name in joints),
-        coupling_matrix(joints, header.coupling),
-    )
+    places = _Places(header.joints, tuple(header.joints.index(name) for name in joints))
     rate = float(np.median([trial_rate(log.header, trial) for trial in trials]))
     starts = [trial.start_s for trial in trials]
     known = all(start is not None for start in starts)
@@ -66,7 +61,21 @@ def arm_samples(robot: Robot, log: Log, trials: Sequence[Trial], bands: Bands | 
     still = np.array(
         [standstill_speed([t.q[:, k] for t in trials], bands.kinematics_hz) for k in places.torques]
     )
-    return ArmSamples(robot, joints, index, tuple(made), rate, bands, places.coupling, still)
+    coupling = coupling_matrix(joints, header.coupling)
+    samples = ArmSamples(robot, joints, index, tuple(made), rate, bands, coupling, still)
+    if all(trial.beyond is None for trial in made):
+        return samples
+    nominal = samples.split(samples.nominal)
+    return replace(samples, trials=tuple(_bridged(t, part) for t, part in zip(made, nominal, strict=True)))
+
+
+def _bridged(trial: ArmTrial, nominal: Array) -> ArmTrial:
+    """A trial whose lost torques are guessed by nominal ones."""
+    return (
+        trial
+        if trial.beyond is None
+        else replace(trial, tau=bridge_torques(trial.tau, nominal, trial.beyond))
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,12 +84,11 @@ class _Places:
 
     Attributes:
         logged: joints of the columns of ``q``.
-        torques: columns of ``tau`` of those with torque, in the robot's order; ``coupling``, of their motors.
+        torques: columns of ``tau`` of those with torque, in the robot's order.
     """
 
     logged: tuple[str, ...]
     torques: tuple[int, ...]
-    coupling: Array
 
 
 def _arm_trial(
@@ -94,24 +102,22 @@ def _arm_trial(
     if trial.tau is None:
         raise LogError("has no torques", source=trial.name, field="tau", remedy="log tau.* for a diagnosis")
     grid = trial_grid(trial, rate)
-    motor = trial.tau[:, list(places.torques)]
-    tau = joint_torques(forces_on_grid(trial.time, motor, grid), places.coupling)
+    tau = forces_on_grid(trial.time, trial.tau[:, list(places.torques)], grid)
     positions = positions_on_grid(trial.time, trial.q, grid)
     d = central_differences(lowpass(positions, rate, bands.kinematics_hz), rate)
     q = in_configurations(robot, places.logged, d.value)
     v, a = (in_velocities(robot, places.logged, values) for values in (d.first, d.second))
+    if robot.mechanism is not None:
+        q, v, a = robot.mechanism.completed(q, v, a)
     commanded = None
     if trial.q_cmd is not None:
         q_cmd = positions_on_grid(trial.time, trial.q_cmd, grid)
         commanded = in_configurations(robot, places.logged, q_cmd)
     rows = rows_of_motion(v, rate, bands, trial.name)
-    beyond = beyond_on_grid(trial, places.torques, grid, places.coupling)
+    beyond = beyond_on_grid(trial, places.torques, grid, None)
     # What was interpolated over a long gap is no more known than what was beyond its range. Of gaps of 30, 50 and 80 ms
     # in logs of three arms without a fault, those of 80 ms left a gap of the model; the rows' filter takes 50 ms.
     beyond = beyond | ~near_samples(trial.time, grid, max(0.5 / bands.rows_hz, 2.0 / rate))[:, None]
-    if beyond.any():
-        columns = [robot.joint_index(places.logged[k]) for k in places.torques]
-        tau = bridge_torques(tau, inverse_dynamics(robot.model, q, v, a)[:, columns], beyond)
     return ArmTrial(
         name=trial.name,
         identification=trial.role == "identification",

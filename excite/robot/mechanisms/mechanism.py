@@ -55,6 +55,13 @@ class Mechanism:
         loops = [closure for closure in self.closures if isinstance(closure, Loop)]
         return {frozenset(loop.joints) for loop in loops if not isinstance(loop, Rod)}
 
+    @property
+    def looped(self) -> set[int]:
+        """Model joints within loops: those that carry one of the links that meet and not the other."""
+        ends = [loop.joints for loop in self.closures if isinstance(loop, Loop)]
+        carry = [[set(self.model.supports[joint]) for joint in pair] for pair in ends]
+        return {joint for one, other in carry for joint in one ^ other}
+
     def closed(self, q: Array) -> Array:
         """Configurations whose closures hold, the passive joints moved alone.
 
