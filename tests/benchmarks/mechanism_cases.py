@@ -17,11 +17,12 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 from excite.logs.log import Log, LogHeader, Trial
+from excite.robot.init_robot.files import write_scaffold
 from excite.robot.load import load_robot
 from excite.robot.robot import Robot
 from tests.robot.mechanisms.test_transmissions import RODS, leg
 
-RATE_HZ, FINE = 200, 5
+RATE_HZ, FINE = 100, 10
 STEP = 1e-6
 
 
@@ -98,7 +99,7 @@ def ankle(folder: Path) -> Machine:
     def crank(side: float, pitch: np.ndarray, roll: np.ndarray) -> np.ndarray:
         axis, turns = (
             np.array([-0.01, side, -0.05]),
-            Rotation.from_euler("y", pitch) * Rotation.from_euler("x", roll),
+            Rotation.from_euler("y", pitch[:, None]) * Rotation.from_euler("x", roll[:, None]),
         )
         ball = np.array([0.0, 0.0, -0.3]) + turns.apply([-0.06, side, 0.01]) - axis
         rest = np.array([0.0, 0.0, -0.3]) + np.array([-0.06, side, 0.01]) - axis
@@ -149,12 +150,10 @@ def four_bar(folder: Path) -> Machine:
         "passive": ["coupler", "elbow"],
         "source": "drawn",
     }
-    (folder / "four_bar.yaml").write_text(
-        yaml.safe_dump(
-            {"schema": "excite.robot/1", "name": "four_bar", "model": "four_bar.urdf", "loops": [loop]}
-        )
-    )
-    robot = load_robot(folder / "four_bar.yaml")
+    file = write_scaffold(folder / "four_bar.urdf", folder).description
+    content = yaml.safe_load(file.read_text()) | {"loops": [loop], "base": "fixed"}
+    file.write_text(yaml.safe_dump(content))
+    robot = load_robot(file)
     columns = [robot.joint_index(name) for name in ("yaw", "shoulder", "elbow", "drive", "coupler")]
     # In the plane a vector (x, z) is the number x - i z, which a turn about y multiplies by exp(i angle).
     upper, pull, crank, rod = -0.4j, -0.11 + 0.01j, -0.14 + 0.0j, 0.03 - 0.39j
@@ -179,7 +178,7 @@ def four_bar(folder: Path) -> Machine:
         robot,
         closed,
         ("yaw", "shoulder", "drive"),
-        np.array([1.2, 0.45, 0.4]),
+        np.array([1.2, 0.32, 0.28]),
         (("elbow", columns[2]),),
         robot.model.getJointId("elbow"),
     )
@@ -217,7 +216,9 @@ def drawn(machine: Machine, word: str, rng: np.random.Generator) -> Case:
     effect, _, behind = word.partition(" ")
     model = machine.robot.model.copy()
     n = len(machine.motors)
-    where = int(rng.integers(n))
+    # About an upright axis no zero shows, and a rotor is a part of the link.
+    first = 1 if effect in {"armature", "encoder_offset"} and machine.motors[0] != "knee" else 0
+    where = int(rng.integers(first, n))
     place, column = machine.motors[where], -1
     if behind:
         place, column = machine.followers[int(rng.integers(len(machine.followers)))]
@@ -242,7 +243,7 @@ def drawn(machine: Machine, word: str, rng: np.random.Generator) -> Case:
     names = {"viscous_friction": viscous.any(), "coulomb_friction": dry.any()}
     modelled = ["rigid_body_fixed", *(name for name, here in names.items() if here)]
     if effect == "time_delay":
-        place, size = "torque", float(rng.uniform(0.004, 0.02))
+        place, size = "torque", float(rng.uniform(0.008, 0.025))
     if effect == "encoder_offset":
         size = float(sign * rng.uniform(0.015, 0.05))
     if effect == "torque_gain":

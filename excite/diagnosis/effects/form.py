@@ -325,7 +325,7 @@ class Context:
     def turned(self, j: int, turn: float = 0.0, speed: float = 0.0, more: float = 0.0) -> Array:
         """Torques of the fitted bodies where a joint moves otherwise by so much, ``(n_samples, n_joints)`` [N·m]."""
         samples = self.baseline.samples
-        return samples.torques(self.baseline.phi, motion=samples.moved(j, turn, speed, more))
+        return samples.torques(self.baseline.phi, *samples.moved(j, turn, speed, more))
 
     def gradient(self, j: int, what: str) -> Array:
         """Change of the torques per unit of a joint's ``q``, ``v`` or ``a``: ``(n_samples, n_joints)``."""

@@ -134,32 +134,45 @@ class ArmSamples:
         return (maps.transpose(0, 2, 1) @ flat).reshape(len(forces), -1, *forces.shape[2:])
 
     def torques(
-        self, phi: Array | None = None, *, motion: Moved | None = None, model: pin.Model | None = None
+        self,
+        phi: Array | None = None,
+        motion: Moved | None = None,
+        maps: Array | None = None,
+        model: pin.Model | None = None,
     ) -> Array:
         """Torques of the rigid bodies, ``(n_samples, n_joints)`` [N·m].
 
         Args:
             phi: ``(10·n_segments,)`` inertial parameters; the model's own if None.
             motion: of the tree, closed; the samples' own if None.
+            maps: in its configurations, as :attr:`maps`; None where these are the samples'.
             model: with another gravity; the robot's own if None.
         """
         there = Moved(*(self.stacked(name) for name in ("q", "v", "a"))) if motion is None else motion
-        forces = inverse_dynamics(self.robot.model if model is None else model, *there, phi)
-        return self.on_motors(forces, None if there.q is self.stacked("q") else self._maps(there.q))
+        return self.on_motors(inverse_dynamics(model or self.robot.model, *there, phi), maps)
 
     def regressor(self) -> Array:
         """Torques per unit of the inertial parameters, ``(n_samples, n_joints, 10·n_segments)``."""
         motion = (self.stacked(name) for name in ("q", "v", "a"))
         return self.on_motors(joint_torque_regressor(self.robot.model, *motion))
 
-    def moved(self, motor: int, turn: float = 0.0, speed: float = 0.0, more: float = 0.0) -> Moved:
-        """Motion of the tree where a motor is further by ``turn``, faster by ``speed`` and accelerates ``more``."""
+    def moved(
+        self, motor: int, turn: float = 0.0, speed: float = 0.0, more: float = 0.0
+    ) -> tuple[Moved, Array]:
+        """Motion of the tree where a motor is further by ``turn``, faster by ``speed`` and accelerates ``more``.
+
+        And the maps there.
+        """
         q, v, a = (self.stacked(name) for name in ("q", "v", "a"))
         mechanism, along = self.robot.mechanism, self.maps[:, :, motor]
-        if mechanism is None or mechanism.ratios is not None:
-            return Moved(q + turn * along, v + speed * along, a + more * along)
-        unit = np.eye(q.shape[1])[self.index[motor]]
-        return mechanism.completed(q + turn * unit, v + speed * unit, a + more * unit)
+        q, v, a = q + turn * along, v + speed * along, a + more * along
+        if mechanism is None or not (turn or speed) or not np.ptp(along, axis=0).any():
+            return Moved(q, v, a), self.maps
+        key = "moved", motor, turn, speed, more
+        if key not in self.kept:
+            moved = mechanism.following(mechanism.closed(q, near=True) if turn else q, v, a)
+            self.kept[key] = moved, self._maps(moved.q) if turn else self.maps
+        return self.kept[key]
 
     def rows(self, signals: Array | Sequence[Array], joints: Sequence[int] | None = None) -> Array:
         """Signals at full rate, all trials below each other or one a trial, through the filter, ``(n_rows, …)``.
