@@ -139,14 +139,14 @@ def four_bar(folder: Path) -> Machine:
         + _hinge("shoulder", "column", "upper", "0 0 .2", "0 1 0")
         + _hinge("elbow", "upper", "forearm", "0 0 .4", "0 1 0")
         + _hinge("drive", "column", "crank", "0 0 .2", "0 1 0")
-        + _hinge("coupler", "crank", "rod", "-.14 0 0", "0 1 0")
+        + _hinge("coupler", "crank", "rod", "-.11 0 0", "0 1 0")
         + "</robot>"
     )
     (folder / "four_bar.urdf").write_text(text)
     loop = {
         "name": "linkage",
         "kind": "point",
-        "ends": [{"link": "rod", "xyz": [0.03, 0, 0.39]}, {"link": "forearm", "xyz": [-0.11, 0, -0.01]}],
+        "ends": [{"link": "rod", "xyz": [-0.05, 0, 0.39]}, {"link": "forearm", "xyz": [-0.16, 0, -0.01]}],
         "passive": ["coupler", "elbow"],
         "source": "drawn",
     }
@@ -156,7 +156,7 @@ def four_bar(folder: Path) -> Machine:
     robot = load_robot(file)
     columns = [robot.joint_index(name) for name in ("yaw", "shoulder", "elbow", "drive", "coupler")]
     # In the plane a vector (x, z) is the number x - i z, which a turn about y multiplies by exp(i angle).
-    upper, pull, crank, rod = -0.4j, -0.11 + 0.01j, -0.14 + 0.0j, 0.03 - 0.39j
+    upper, pull, crank, rod = -0.4j, -0.16 + 0.01j, -0.11 + 0.0j, -0.05 - 0.39j
 
     def closed(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         yaw, shoulder, drive = x.T
