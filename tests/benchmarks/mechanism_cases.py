@@ -7,7 +7,7 @@ from the balance of power of finite differences.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +24,8 @@ from tests.robot.mechanisms.test_transmissions import RODS, leg
 
 RATE_HZ, FINE = 100, 10
 STEP = 1e-6
+# Over which speed dry friction changes sign [rad/s].
+SIGN = 0.005
 
 
 @dataclass(frozen=True)
@@ -211,93 +213,6 @@ class Case:
     size: float
 
 
-def drawn(machine: Machine, word: str, rng: np.random.Generator) -> Case:
-    """A record of a machine with an effect of a size and at a place that are drawn."""
-    effect, _, behind = word.partition(" ")
-    model = machine.robot.model.copy()
-    n = len(machine.motors)
-    # About an upright axis no zero shows, and a rotor is a part of the link.
-    first = 1 if effect in {"armature", "encoder_offset"} and machine.motors[0] != "knee" else 0
-    where = int(rng.integers(first, n))
-    place, column = machine.motors[where], -1
-    if behind:
-        place, column = machine.followers[int(rng.integers(len(machine.followers)))]
-    share, sign = rng.uniform(0.08, 0.3), rng.choice([-1.0, 1.0])
-    size = 0.0
-    if effect == "payload":
-        size = float(rng.uniform(0.1, 0.3) * model.inertias[machine.load].mass)
-        ball = pin.Inertia(size, rng.uniform(-0.08, 0.08, 3), 4e-4 * size * np.eye(3))
-        model.inertias[machine.load] = model.inertias[machine.load] + ball
-        place = model.frames[
-            [f.parentJoint == machine.load and f.type == pin.BODY for f in model.frames].index(True)
-        ].name
-    parts = [_motion(machine, model, s, rng) for s in (14.0, 14.0, 12.0)]
-    torque = np.concatenate([p.motor_torque for p in parts])
-    scale = torque.std(axis=0)
-    viscous = 0.08 * scale / np.concatenate([p.motor_v for p in parts]).std(axis=0)
-    dry = 0.08 * scale
-    if effect == "viscous_friction":
-        viscous = 0.0 * viscous
-    if effect == "coulomb_friction" and not behind:
-        dry = 0.0 * dry
-    names = {"viscous_friction": viscous.any(), "coulomb_friction": dry.any()}
-    modelled = ["rigid_body_fixed", *(name for name, here in names.items() if here)]
-    if effect == "time_delay":
-        place, size = "torque", float(rng.uniform(0.008, 0.025))
-    if effect == "encoder_offset":
-        size = float(sign * rng.uniform(0.015, 0.05))
-    if effect == "torque_gain":
-        size = float(sign * share)
-    trials = []
-    for k, part in enumerate(parts):
-        v, a = part.motor_v, part.motor_a
-        tau = part.motor_torque + viscous * v + dry * np.tanh(v / 0.005)
-        if behind:
-            own = part.q[:, column] - parts[0].q[:, column].mean()
-            law = np.tanh(part.v[:, column] / 0.005) if effect == "coulomb_friction" else own
-            if not size:
-                felt = part.maps[:, column] * law[:, None]
-                size = float(share * (scale / np.maximum(felt.std(axis=0), 1e-9)).min())
-            tau = tau + size * part.maps[:, column] * law[:, None]
-        elif effect == "armature":
-            size = size or float(share * scale[where] / a[:, where].std())
-            tau[:, where] += size * a[:, where]
-        elif effect in {"coulomb_friction", "viscous_friction"}:
-            law = np.tanh(v[:, where] / 0.005) if effect == "coulomb_friction" else v[:, where]
-            size = size or float(share * scale[where] / law.std())
-            tau[:, where] += size * law
-        elif effect == "torque_gain":
-            tau[:, where] *= 1.0 + size
-        elif effect == "torque_bias":
-            size = size or float(sign * share * scale[where])
-            tau[:, where] += size
-        elif effect == "time_delay":
-            tau = CubicSpline(part.time, tau)(np.maximum(part.time - size, 0.0))
-        logged = part.logged.copy()
-        if effect == "encoder_offset":
-            logged += size * part.offset[where]
-        chosen = slice(None, None, FINE)
-        noise = 0.01 * scale * rng.standard_normal(tau[chosen].shape)
-        reading = logged[chosen] + 2e-5 * rng.standard_normal(logged[chosen].shape)
-        role = "validation" if k == 2 else "identification"
-        trials.append(
-            Trial(name=f"t{k}", role=role, time=part.time[chosen], q=reading, tau=tau[chosen] + noise)
-        )
-    header = {
-        "schema": "excite.log/1",
-        "robot": "robot.yaml",
-        "base": "fixed",
-        "rate_hz": RATE_HZ,
-        "joints": list(machine.motors),
-        "torque": "motor_side",
-        "modelled": modelled,
-        "coupling": machine.coupling,
-        "trials": [{"file": f"{t.name}.parquet", "role": t.role} for t in trials],
-    }
-    log = Log(LogHeader.model_validate(header), tuple(trials), robot_text=machine.robot.urdf)
-    return Case(machine.robot, log, effect, place, size)
-
-
 @dataclass(frozen=True)
 class _Part:
     """A motion at the fine rate: of the tree, of the motors, and what the motors exert for the rigid bodies."""
@@ -338,3 +253,94 @@ def _motion(machine: Machine, model: pin.Model, seconds: float, rng: np.random.G
     logged = x if machine.coupling else motor
     offset = maps[0].T if machine.coupling else np.eye(len(machine.motors))
     return _Part(time, q, v, maps, of_motor(time, 1), of_motor(time, 2), torque, logged, offset)
+
+
+# Effects that are torques: by their name, per unit of their size at the motor where they are.
+_LAWS: dict[str, Callable[[_Part, int], np.ndarray]] = {
+    "armature": lambda part, k: part.motor_a[:, k],
+    "coulomb_friction": lambda part, k: np.tanh(part.motor_v[:, k] / SIGN),
+    "viscous_friction": lambda part, k: part.motor_v[:, k],
+    "torque_bias": lambda part, k: np.ones(len(part.time)),
+}
+# The same at a joint of the tree that no motor turns alone.
+_BEHIND: dict[str, Callable[[_Part, int], np.ndarray]] = {
+    "coulomb_friction": lambda part, column: np.tanh(part.v[:, column] / SIGN),
+    "joint_spring": lambda part, column: part.q[:, column],
+}
+
+
+def drawn(machine: Machine, word: str, rng: np.random.Generator) -> Case:
+    """A record of a machine with an effect of a size and at a place that are drawn."""
+    effect, _, behind = word.partition(" ")
+    model, n = machine.robot.model.copy(), len(machine.motors)
+    # About an upright axis no zero shows, and a rotor is a part of the link.
+    first = 1 if effect in {"armature", "encoder_offset"} and machine.motors[0] != "knee" else 0
+    where = int(rng.integers(first, n))
+    place, column = machine.motors[where], -1
+    if behind:
+        place, column = machine.followers[int(rng.integers(len(machine.followers)))]
+    share, sign = rng.uniform(0.08, 0.3), rng.choice([-1.0, 1.0])
+    sizes = {"torque_gain": float(sign * share)}
+    if effect == "payload":
+        sizes[effect] = float(rng.uniform(0.1, 0.3) * model.inertias[machine.load].mass)
+        ball = pin.Inertia(sizes[effect], rng.uniform(-0.08, 0.08, 3), 4e-4 * sizes[effect] * np.eye(3))
+        model.inertias[machine.load] = model.inertias[machine.load] + ball
+        carried = (f.name for f in model.frames if f.parentJoint == machine.load and f.type == pin.BODY)
+        place = next(carried)
+    parts = [_motion(machine, model, seconds, rng) for seconds in (14.0, 14.0, 12.0)]
+    scale = np.concatenate([p.motor_torque for p in parts]).std(axis=0)
+    viscous = 0.08 * scale / np.concatenate([p.motor_v for p in parts]).std(axis=0)
+    viscous, dry = viscous * (effect != "viscous_friction"), 0.08 * scale * (word != "coulomb_friction")
+    fitted = {"viscous_friction": viscous.any(), "coulomb_friction": dry.any()}
+    if effect == "time_delay":
+        place, sizes[effect] = "torque", float(rng.uniform(0.008, 0.025))
+    if effect == "encoder_offset":
+        sizes[effect] = float(sign * rng.uniform(0.015, 0.05))
+    middle, trials = parts[0].q.mean(axis=0), []
+    for number, moved in enumerate(parts):
+        part = replace(moved, q=moved.q - middle)
+        tau = part.motor_torque + viscous * part.motor_v + dry * np.tanh(part.motor_v / SIGN)
+        if behind or effect in _LAWS:
+            felt = part.maps[:, column] if behind else np.eye(n)[[where]]
+            law = _BEHIND[effect](part, column) if behind else _LAWS[effect](part, where)
+            felt = felt * law[:, None]
+            spread = np.maximum(
+                np.where(np.ptp(felt, axis=0) > 0.0, felt.std(axis=0), abs(felt).max(axis=0)), 1e-9
+            )
+            own = float(share * (scale / spread).min()) * (sign if effect == "torque_bias" else 1.0)
+            tau = tau + sizes.setdefault(effect, own) * felt
+        elif effect == "torque_gain":
+            tau[:, where] *= 1.0 + sizes[effect]
+        elif effect == "time_delay":
+            tau = CubicSpline(part.time, tau)(np.maximum(part.time - sizes[effect], 0.0))
+        logged = part.logged + (sizes[effect] * part.offset[where] if effect == "encoder_offset" else 0.0)
+        role = "validation" if number == 2 else "identification"
+        trials.append(_trial(f"t{number}", role, part.time, logged, tau, 0.01 * scale, rng))
+    header = {
+        "schema": "excite.log/1",
+        "robot": "robot.yaml",
+        "base": "fixed",
+        "rate_hz": RATE_HZ,
+        "joints": list(machine.motors),
+        "torque": "motor_side",
+        "modelled": ["rigid_body_fixed", *(name for name, here in fitted.items() if here)],
+        "coupling": machine.coupling,
+        "trials": [{"file": f"{t.name}.parquet", "role": t.role} for t in trials],
+    }
+    log = Log(LogHeader.model_validate(header), tuple(trials), robot_text=machine.robot.urdf)
+    return Case(machine.robot, log, effect, place, sizes.get(effect, 0.0))
+
+
+def _trial(
+    name: str,
+    role: str,
+    time: np.ndarray,
+    q: np.ndarray,
+    tau: np.ndarray,
+    noise: np.ndarray,
+    rng: np.random.Generator,
+) -> Trial:
+    """A trial at the log's rate, with the noise of its torques and 20 µrad of its encoders."""
+    time, q, tau = time[::FINE], q[::FINE], tau[::FINE]
+    tau = tau + noise * rng.standard_normal(tau.shape)
+    return Trial(name=name, role=role, time=time, q=q + 2e-5 * rng.standard_normal(q.shape), tau=tau)

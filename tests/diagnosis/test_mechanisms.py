@@ -40,5 +40,5 @@ def expected(case: Case) -> list[tuple[str, str]]:
 def test_a_mechanism_without_torques_is_refused_with_what_would_tell(tmp_path: Path) -> None:
     case = drawn(four_bar(tmp_path), "none", np.random.default_rng(1))
     header = case.log.header.model_copy(update={"torque": "none"})
-    with pytest.raises(InputError, match="loops.*record its torques"):
+    with pytest.raises(InputError, match=r"loops.*record its torques"):
         diagnose(type(case.log)(header, case.log.trials, robot_text=case.log.robot_text), case.robot)
