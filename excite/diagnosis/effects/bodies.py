@@ -297,10 +297,8 @@ class LinkLengthError(Effect):
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
         samples = context.baseline.samples
-        motion = (samples.stacked(name) for name in ("q", "v", "a"))
-        stacked = samples.on_motors(
-            placement_gradient(samples.robot.model, location, *motion, context.baseline.phi)
-        )
+        change = placement_gradient(samples.robot.model, location, *samples.tree, context.baseline.phi)
+        stacked = samples.on_motors(change)
         return Shape(
             {j: stacked[:, j] for j in range(stacked.shape[1]) if np.abs(stacked[:, j]).max() > 1e-9}
         )

@@ -74,8 +74,7 @@ class ModelParameter(Effect):
         place = [int(joint.qposadr[0]) for joint in joints]
         degree = [int(joint.dofadr[0]) for joint in joints]
         torques = np.empty((sum(len(trial.q) for trial in samples.trials), len(joints)))
-        motion = (samples.stacked(name) for name in ("q", "v", "a"))
-        for k, (q, v, a) in enumerate(zip(*motion, strict=True)):
+        for k, (q, v, a) in enumerate(zip(*samples.tree, strict=True)):
             data.qpos[place], data.qvel[degree], data.qacc[degree] = q, v, a
             mujoco.mj_inverse(model, data)
             torques[k] = data.qfrc_inverse[degree]

@@ -133,14 +133,12 @@ def model_phi(samples: ArmSamples) -> Array:
 
 def _shared(samples: ArmSamples, phi: Array) -> tuple[Array, Array]:
     """Columns of the inertial parameters in units of their prior spread, in a basis without blind directions."""
-    regressor, joints = samples.regressor(), range(len(samples.joints))
-    rows = samples.rows(regressor.reshape(len(regressor), -1), np.repeat(joints, regressor.shape[2]).tolist())
-    rows = rows.reshape(len(rows), len(joints), -1) * prior_spread(phi)
-    flat = np.concatenate([rows[:, j] / max(rows[:, j].std(), 1e-9) for j in joints])
+    rows = samples.body_rows() * prior_spread(phi)
+    flat = np.concatenate([block / max(block.std(), 1e-9) for block in rows])
     values, vectors = np.linalg.eigh(flat.T @ flat)
     keep = values > 1e-9 * values[-1]
     basis = vectors[:, keep]
-    return np.ascontiguousarray((rows @ basis).transpose(1, 0, 2)), prior_spread(phi)[:, None] * basis
+    return np.ascontiguousarray(rows @ basis), prior_spread(phi)[:, None] * basis
 
 
 def prior_spread(phi: Array) -> Array:

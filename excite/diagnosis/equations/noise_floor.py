@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.arrays import Array, Moved
+from excite.arrays import Array
 from excite.diagnosis.equations.arm_trial import ArmTrial, Bands
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.dry_friction.friction_sign import of_velocity
@@ -190,8 +190,8 @@ def kinematic_noise(baseline: Baseline, sigma: Array, rng: np.random.Generator) 
     samples, terms = baseline.samples, own_terms(baseline.modelled)
     drawn = _drawn(samples, sigma, rng)
     more = np.concatenate([d.second for d in drawn])
-    q, v, a = (samples.stacked(name) for name in ("q", "v", "a"))
-    change = samples.torques(baseline.phi, motion=Moved(q, v, a + more)) - samples.torques(baseline.phi)
+    faster = samples.tree._replace(a=samples.tree.a + more)
+    change = samples.torques(baseline.phi, faster) - samples.torques(baseline.phi)
     first, second = samples.motors(np.concatenate([d.first for d in drawn])), samples.motors(more)
     for j, v in enumerate(samples.motion("v").T):
         own = dict(zip(terms, baseline.fit.own[j], strict=False))

@@ -73,6 +73,11 @@ class ArmSamples:
         """Whether a motor turns with more than its own joint."""
         return self.robot.mechanism is not None or not np.array_equal(self.coupling, np.eye(len(self.joints)))
 
+    @property
+    def tree(self) -> Moved:
+        """Motion of all joints of the tree at full rate, ``(n_samples, nv)`` each; not to be written to."""
+        return Moved(*(self.stacked(name) for name in ("q", "v", "a")))
+
     @cached_property
     def maps(self) -> Array:
         """``G``: velocities of the tree per velocity of each motor, ``(n_samples or 1, nv, n_joints)``."""
@@ -94,22 +99,16 @@ class ArmSamples:
 
         Of a gear that two motors drive what it drives, as ``NAME.link``; else the motor has the name.
         """
-        robot, moves = self.robot, self.maps.any(axis=(0, 2))
-        if robot.mechanism is None:
-            shared = np.count_nonzero(self.coupling, axis=1) > 1
-            names = [f"{name}.link" for name in self.joints]
-            found = [
-                pair for pair, here in zip(zip(names, self.index, strict=True), shared, strict=True) if here
-            ]
+        mechanism = self.robot.mechanism
+        if mechanism is None:
+            shared = np.flatnonzero(np.count_nonzero(self.coupling, axis=1) > 1)
+            found = {f"{self.joints[k]}.link": self.index[k] for k in shared}
         else:
-            found = [
-                (robot.joint_names[column - robot.n_base_v], int(column))
-                for column in robot.mechanism.passive
-            ]
-        return {name: column for name, column in found if moves[column]}
+            found = {self.robot.joint_names[column]: int(column) for column in mechanism.passive}
+        return {name: column for name, column in found.items() if self.maps[:, column].any()}
 
     def motors(self, values: Array) -> Array:
-        """The motors' positions, velocities or accelerations, ``(n, n_joints)``, of the tree's ``(n, nv)``."""
+        """The motors' positions, velocities or accelerations, ``(n, n_joints, …)``, of the tree's ``(n, nv, …)``."""
         own = values if self.index == tuple(range(values.shape[1])) else values[:, list(self.index)]
         return own if self.robot.mechanism is not None or not self.coupled else own @ self.coupling.T
 
@@ -128,7 +127,7 @@ class ArmSamples:
             maps: of other configurations, as :attr:`maps`.
         """
         if not self.coupled:
-            return forces if self.index == tuple(range(forces.shape[1])) else forces[:, list(self.index)]
+            return self.motors(forces)
         maps = self.maps if maps is None else maps
         flat = forces.reshape(*forces.shape[:2], -1)
         return (maps.transpose(0, 2, 1) @ flat).reshape(len(forces), -1, *forces.shape[2:])
@@ -148,13 +147,18 @@ class ArmSamples:
             maps: in its configurations, as :attr:`maps`; None where these are the samples'.
             model: with another gravity; the robot's own if None.
         """
-        there = Moved(*(self.stacked(name) for name in ("q", "v", "a"))) if motion is None else motion
-        return self.on_motors(inverse_dynamics(model or self.robot.model, *there, phi), maps)
+        return self.on_motors(inverse_dynamics(model or self.robot.model, *(motion or self.tree), phi), maps)
 
     def regressor(self) -> Array:
         """Torques per unit of the inertial parameters, ``(n_samples, n_joints, 10·n_segments)``."""
-        motion = (self.stacked(name) for name in ("q", "v", "a"))
-        return self.on_motors(joint_torque_regressor(self.robot.model, *motion))
+        return self.on_motors(joint_torque_regressor(self.robot.model, *self.tree))
+
+    def body_rows(self) -> Array:
+        """The same at the rows, ``(n_joints, n_rows, 10·n_segments)``."""
+        regressor, n = self.regressor(), len(self.joints)
+        joints = np.repeat(range(n), regressor.shape[2]).tolist()
+        rows = self.rows(regressor.reshape(len(regressor), -1), joints)
+        return rows.reshape(len(rows), n, -1).transpose(1, 0, 2)
 
     def moved(
         self, motor: int, turn: float = 0.0, speed: float = 0.0, more: float = 0.0
@@ -163,7 +167,7 @@ class ArmSamples:
 
         And the maps there.
         """
-        q, v, a = (self.stacked(name) for name in ("q", "v", "a"))
+        q, v, a = self.tree
         mechanism, along = self.robot.mechanism, self.maps[:, :, motor]
         q, v, a = q + turn * along, v + speed * along, a + more * along
         if mechanism is None or not (turn or speed) or not np.ptp(along, axis=0).any():

@@ -145,7 +145,10 @@ def advice(attribution: Attribution, judgement: Judgement, out: Path | None) -> 
     twin = [f"{second}@{best.location}"] if second else []
     separates = (f"{best.name}@{best.location}", *twin, *(f"{o.name}@{o.location}" for o in others))
     said, file = [], None
-    if others:
+    # Motions are planned joint by joint, and loops would not be closed in them.
+    looped = baseline.samples.robot.mechanism is not None
+    out = None if looped else out
+    if others and not looped:
         floor = np.maximum(attribution.floor, baseline.solver.equations.floor)
         ratios = Expectation(baseline, [best, *others], floor).with_motion(
             through_everything(baseline.samples)
@@ -303,11 +306,7 @@ class Expectation:
         samples, root = baseline.samples, baseline.root_weight
         bodies = np.zeros((len(samples.joints), len(trial.rows), 0))
         if baseline.free:
-            regressor = samples.regressor()
-            per = np.repeat(range(len(samples.index)), regressor.shape[2]).tolist()
-            flat = samples.rows(regressor.reshape(len(trial.time), -1), per)
-            bodies = flat.reshape(len(trial.rows), len(samples.joints), -1).transpose(1, 0, 2)
-            bodies = bodies * self._spread * root[:, :, None]
+            bodies = samples.body_rows() * self._spread * root[:, :, None]
         context, parts = Context(baseline), [bodies]
         for item in self.rivals:
             h = item.hypothesis
