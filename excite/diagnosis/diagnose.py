@@ -71,12 +71,15 @@ def diagnose(
     """
     rng = np.random.default_rng(check_seed(seed))
     robot, loaded = robot_and_log(robot, log)
-    if robot.mechanism is not None:
+    if robot.mechanism is not None and (
+        loaded.header.free_base or loaded.header.torque in {"none", "current"}
+    ):
         raise InputError(
-            "has joints that no motor drives, and effects are not told apart through loops and couplings",
+            "has joints that no motor drives, and effects are told through loops and couplings by joint torques on a "
+            "fixed base alone",
             source=robot.source,
             field="loops" if robot.description.loops else "couplings",
-            remedy="identify it, or hold these joints still under locked_joints and record the others",
+            remedy="identify it, or record its torques on a stand",
         )
     if not loaded.header.free_base and not loaded.role("identification"):
         raise LogError(

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from excite.arrays import Moved
 from excite.diagnosis.effects.form import Context
 from excite.diagnosis.effects.gears.backlash import Backlash, SoftBacklash
 from excite.diagnosis.effects.gears.gear_effect import JointElasticity
@@ -51,7 +52,8 @@ def test_second_derivatives_of_the_torques(baseline: Baseline) -> None:
     first = context.gradient(j, "q") * x + context.gradient(j, "v") * s + context.gradient(j, "a") * acc
     second = 0.5 * context.curvature(j, "qq") * x**2 + context.curvature(j, "qv") * x * s
     second += 0.5 * context.curvature(j, "vv") * s**2 + context.curvature(j, "qa") * x * acc
-    there = context.torques(q + x * FIRST, v + s * FIRST, a + acc * FIRST) - context.torques(q, v, a)
+    there = samples.torques(baseline.phi, Moved(q + x * FIRST, v + s * FIRST, a + acc * FIRST))
+    there -= samples.torques(baseline.phi)
     assert np.abs(there - first - second).max() < 0.05 * np.abs(there - first).max()
     # The inertia behind a joint does not change with its own angle.
     np.testing.assert_allclose(context.curvature(j, "qa")[:, j], 0.0, atol=1e-6)
@@ -62,8 +64,7 @@ def test_a_lighter_link_has_a_softer_gear_for_the_same_swing(baseline: Baseline)
     less = np.linalg.lstsq(baseline.basis, -0.5 * baseline.phi, rcond=None)[0]
     light = baseline.updated(replace(baseline.fit, shared=baseline.fit.shared + less))
     old, new = Context(baseline), Context(light)
-    q, v, a = (baseline.samples.stacked(name) for name in ("q", "v", "a"))
-    before, after = ((c.torques(q, v, a + FIRST) - c.torques(q, v, a))[:, 0].mean() for c in (old, new))
+    before, after = ((c.turned(0, more=1.0) - c.turned(0))[:, 0].mean() for c in (old, new))
     assert after < 0.7 * before
     over = JointElasticity().carried_over(old, new, "first", (80.0, 0.1))
     assert over == pytest.approx((80.0 * after / before, 0.1), rel=1e-6)

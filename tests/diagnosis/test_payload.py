@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from excite.diagnosis.effects.bodies import Payload
+from excite.regressor.kernels import joint_torque_regressor
 from excite.robot.loading import load_robot
 
 
@@ -33,7 +34,9 @@ def test_a_body_without_weight_is_a_rotor_that_the_model_lacks(modelled: tuple[s
     robot = load_robot("panda")
     rng = np.random.default_rng(0)
     motion = {name: rng.normal(size=(50, robot.n_joints)) for name in ("q", "v", "a")}
-    samples = SimpleNamespace(robot=robot, stacked=motion.get, of_joints=lambda values: values, kept={})
+    samples = SimpleNamespace(
+        robot=robot, regressor=lambda: joint_torque_regressor(robot.model, *motion.values()), kept={}
+    )
     context = SimpleNamespace(baseline=SimpleNamespace(modelled=modelled, samples=samples))
     link = Payload().locations(context)[1]
     flywheel = 0.5 * np.eye(10)[9]
@@ -43,7 +46,9 @@ def test_a_body_without_weight_is_a_rotor_that_the_model_lacks(modelled: tuple[s
 
 def context_of(motion: dict[str, np.ndarray]) -> SimpleNamespace:
     robot = load_robot("panda")
-    samples = SimpleNamespace(robot=robot, stacked=motion.get, of_joints=lambda values: values, kept={})
+    samples = SimpleNamespace(
+        robot=robot, regressor=lambda: joint_torque_regressor(robot.model, *motion.values()), kept={}
+    )
     phi = np.concatenate([inertia.toDynamicParameters() for inertia in list(robot.model.inertias)[1:]])
     return SimpleNamespace(baseline=SimpleNamespace(modelled=(), phi=phi, samples=samples))
 

@@ -401,14 +401,9 @@ def absorbed(baseline: Baseline) -> tuple[Absorbed, ...]:
 
 
 def _names(baseline: Baseline, joint: int) -> Iterator[str]:
-    """Of a joint's own columns, in their order: of its motor, of other motors that turn with it, of its bristles."""
-    samples, terms = baseline.samples, own_terms(baseline.modelled)
-    for motor in samples.motors(joint):
-        for term in terms:
-            if motor == joint:
-                yield term.words[0]
-            elif not term.once:
-                yield f"{term.words[0]} of the motor of {samples.joints[motor]}"
+    """Of a joint's own columns, in their order: of its motor, of its bristles."""
+    terms = own_terms(baseline.modelled)
+    yield from (term.words[0] for term in terms)
     if baseline.signs[joint].damped and COULOMB in terms:
         yield "viscous_friction of the bristles at standstill"
 
@@ -613,7 +608,7 @@ def unison(baseline: Baseline) -> Finding | None:
         baseline: what is modelled, fitted.
     """
     samples = baseline.samples
-    q = samples.stacked("q")[:, list(samples.index)]
+    q = samples.motion("q")
     count = independent_joints(q)
     if len(samples.joints) < 3 or count >= THRESHOLDS.unison:
         return None
@@ -650,8 +645,8 @@ def torque_scales(baseline: Baseline) -> dict[str, float]:
 
 def _speeds(baseline: Baseline) -> list[Array]:
     """Velocity of each joint over the width of its friction's change of sign."""
-    v = baseline.samples.stacked("v")
-    return [v[:, i] / sign.width for i, sign in zip(baseline.samples.index, baseline.signs, strict=True)]
+    v = baseline.samples.motion("v")
+    return [speed / sign.width for speed, sign in zip(v.T, baseline.signs, strict=True)]
 
 
 # Physics that no name of a diagnosis stands for, in words: what an unknown gap is like all the same.

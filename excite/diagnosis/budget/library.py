@@ -97,9 +97,12 @@ class Library:
         # What a drive does in motion cannot be told of one that stands, and friction holds it with any constant.
         stands = {context.joints[j] for j in np.flatnonzero(stands_throughout(context.baseline.samples))}
         for effect in self.effects:
-            if effect.is_body or not effect.offered(full):
+            offered = effect.offered(full)
+            if effect.is_body or not (offered or effect.term):
                 continue
-            for place in effect.locations(context):
+            # What a model begins with it begins with at motors alone.
+            behind = context.followers if effect.behind else ()
+            for place in (*(effect.locations(context) if offered else ()), *behind):
                 if effect.own_joint and place in stands:
                     continue
                 if effect.by_load and not loaded(begun, place):

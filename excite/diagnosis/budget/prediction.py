@@ -14,7 +14,6 @@ from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.dry_friction.fitted_signs import signs_again
 from excite.diagnosis.equations.joint_torque import Solver
 from excite.diagnosis.equations.own_columns import own_signals, own_terms
-from excite.regressor.kernels import inverse_dynamics
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,13 +56,12 @@ def predicted(full: Baseline, model: Model) -> Prediction:
         full: what every model begins with, fitted.
         model: the model.
     """
-    s, index = full.samples, list(full.samples.index)
+    s = full.samples
     x = model.x[: full.basis.shape[1]]
     phi, rigid = full.phi, full.rigid
     if full.free:
         phi = full.phi + full.basis @ (x - full.fit.shared)
-        q, v, a = (s.stacked(name) for name in ("q", "v", "a"))
-        rigid = inverse_dynamics(s.robot.model, q, v, a, phi)[:, index]
+        rigid = s.torques(phi)
     moved, driven = np.zeros_like(rigid), full.added_drive.copy()
     y, known = full.solver.equations.y.copy(), full.strict > 0.0
     back = np.where(known, full.root_weight, 0.0) / np.where(known, full.strict, 1.0)

@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Moved
 from excite.diagnosis.answer.candidate import Estimate
 from excite.diagnosis.effects.effect import Belief, Effect, Parameter, Shape, Theta
 from excite.diagnosis.effects.forces import Wave
@@ -21,7 +21,7 @@ from excite.diagnosis.equations.units import slides
 from excite.doctor.doubt import Doubt
 from excite.identification.inertia import pseudo_inertia_matrices
 from excite.identification.physical.cone_program import TRIANGLE, ConeProgram, solve_cone_program
-from excite.regressor.kernels import joint_torque_regressor, placement_gradient
+from excite.regressor.kernels import placement_gradient
 from excite.robot.links import carried_link
 
 # The directions in which a tilt of the base turns gravity.
@@ -112,7 +112,9 @@ class BaseTilt(Effect):
         for k, axis in zip((0, 1, 4), level_axes(model.gravity.linear), strict=True):
             if k < len(self.linear):
                 model.gravity.linear = axis
-                columns[:, :, k] = context.torques(q, still, still, model)
+                columns[:, :, k] = samples.torques(
+                    context.baseline.phi, motion=Moved(q, still, still), model=model
+                )
         # A slide has no first moments; those of links further out are the identifier's.
         lever = len(self.linear) > 2
         if lever and samples.index[0] == 0 and not slides(samples.robot, context.joints[0]):
@@ -288,13 +290,15 @@ class LinkLengthError(Effect):
         return "rigid_body" not in modelled and self.name not in modelled
 
     def locations(self, context: Context) -> tuple[str, ...]:
-        return context.joints[1:]
+        robot = context.baseline.samples.robot
+        # Of a loop all joints would stand elsewhere.
+        looped = set[int]() if robot.mechanism is None else robot.mechanism.looped
+        return tuple(name for name in context.joints[1:] if robot.model.getJointId(name) not in looped)
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
         samples = context.baseline.samples
-        q, v, a = (samples.stacked(name) for name in ("q", "v", "a"))
-        change = placement_gradient(samples.robot.model, location, q, v, a, context.baseline.phi)
-        stacked = change[:, list(samples.index)]
+        change = placement_gradient(samples.robot.model, location, *samples.tree, context.baseline.phi)
+        stacked = samples.on_motors(change)
         return Shape(
             {j: stacked[:, j] for j in range(stacked.shape[1]) if np.abs(stacked[:, j]).max() > 1e-9}
         )
@@ -326,8 +330,7 @@ def link_columns(context: Context, joint: int) -> Array:
     s = context.baseline.samples
     key, kept = "regressor", s.kept
     if key not in kept:
-        motion = (s.stacked(name) for name in ("q", "v", "a"))
-        kept[key] = s.of_joints(joint_torque_regressor(s.robot.model, *motion))
+        kept[key] = s.regressor()
     return np.asarray(kept[key][:, :, 10 * (joint - 1) : 10 * joint])
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import ABC
 from dataclasses import dataclass, field
 from typing import ClassVar, NamedTuple
 
@@ -96,6 +96,7 @@ class Effect(ABC):
         stands_in: whether its size and what it searches are one number, as only its closer form has it.
         by_load: whether it is a share of what the rigid bodies ask of its joint.
         is_body: whether its linear parameters are the ten of a body.
+        behind: whether it may act at joints that no motor turns alone, behind couplings and loops.
         by_motion: whether its columns follow the motion and the inertial parameters alone, whatever else is found.
         of_channel: whether it is of the torque channel alone: a log without one has none of it.
         twins_without_torque: other names that mean the same where only commands and positions are known.
@@ -124,6 +125,7 @@ class Effect(ABC):
     stands_in: ClassVar[bool] = False
     by_load: ClassVar[bool] = False
     is_body: ClassVar[bool] = False
+    behind: ClassVar[bool] = False
     by_motion: ClassVar[bool] = False
     of_channel: ClassVar[bool] = False
     twins_without_torque: ClassVar[tuple[str, ...]] = ()
@@ -202,9 +204,13 @@ class Effect(ABC):
         """Non-linear parameters to start the search from."""
         return [()]
 
-    @abstractmethod
+    def signals(self, context: Context, location: str, theta: Theta) -> Array:
+        """Torques at its joint per unit of each linear parameter, ``(n_samples, n_linear)``, of what acts at one."""
+        raise NotImplementedError
+
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
         """What it adds to the torques."""
+        return Shape(context.felt(location, self.signals(context, location, theta)))
 
     def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
         """Whether the parameters are physical, and far enough from what another effect's name says better."""

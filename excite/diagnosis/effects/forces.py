@@ -10,7 +10,7 @@ import numpy as np
 from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Estimate
 from excite.diagnosis.effects.bristle import Bristle
-from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.effect import Effect, Parameter, Theta
 from excite.diagnosis.effects.form import Beyond, Context, Draft, Form, JointStep, Note, Sizes
 from excite.diagnosis.effects.friction import hysteretic_sign
 from excite.diagnosis.equations.joint_torque import Fit
@@ -38,17 +38,15 @@ class OneSided(Effect):
     within: ClassVar[tuple[float, float]] = (0.0, 1.0)
 
     def grid(self, context: Context, location: str) -> list[Theta]:
-        travel = float(np.ptp(context.q[:, context.row(location)]))
+        travel = float(np.ptp(context.at(location, "q")))
         return [(share * travel,) for share in self.first]
 
-    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
-        j = context.row(location)
-        way = self.side * context.q[:, j]
-        beyond = np.maximum(way - (way.max() - theta[0]), 0.0)
-        return Shape({j: self.side * beyond[:, None]})
+    def signals(self, context: Context, location: str, theta: Theta) -> Array:
+        way = self.side * context.at(location, "q")
+        return self.side * np.maximum(way - (way.max() - theta[0]), 0.0)[:, None]
 
     def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
-        travel = float(np.ptp(context.q[:, context.row(location)]))
+        travel = float(np.ptp(context.at(location, "q")))
         least, most = self.within
         return (
             self.searched[0].low <= theta[0]
@@ -58,10 +56,10 @@ class OneSided(Effect):
 
     def beyond_edge(self, context: Context, location: str, theta: Theta) -> Theta:
         """Non-linear parameters of what acts on the other side of the same edge."""
-        return (float(np.ptp(context.q[:, context.row(location)])) - theta[0],)
+        return (float(np.ptp(context.at(location, "q"))) - theta[0],)
 
     def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
-        way = self.side * context.q[:, context.row(location)]
+        way = self.side * context.at(location, "q")
         stiffness = super().estimates(context, location, theta, fit)["stiffness"]
         return {
             "edge": Estimate(self.side * (float(way.max()) - theta[0]), None, "rad"),
@@ -126,6 +124,7 @@ class JointSpring(Effect):
     by_motion = True
     note = Spring
     spans: ClassVar[tuple[str, ...]] = ("q", "1")
+    behind = True
 
     @property
     def richer(self) -> tuple[Effect, ...]:
@@ -138,13 +137,12 @@ class JointSpring(Effect):
     def locations(self, context: Context) -> tuple[str, ...]:
         return tuple(j for j, q in zip(context.joints, context.q.T, strict=True) if np.ptp(q) <= _TRAVEL)
 
-    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
-        j = context.row(location)
-        q = context.q[:, j]
-        return Shape({j: np.column_stack([q, np.ones_like(q)])})
+    def signals(self, context: Context, location: str, theta: Theta) -> Array:
+        q = context.at(location, "q")
+        return np.column_stack([q, np.ones_like(q)])
 
     def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
-        q = context.q[:, context.row(location)]
+        q = context.at(location, "q")
         constant = abs(beta[0] * q.mean() + beta[1])
         changes = abs(beta[0]) * q.std() >= _CHANGES * constant
         return changes and pulls_back(q, beta[0]) and super().admissible(context, location, theta, beta)
@@ -207,14 +205,13 @@ class HardeningSpring(JointSpring):
     def starts(self, theta: Theta) -> list[Theta]:
         return [()]
 
-    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
-        j = context.row(location)
-        q = context.q[:, j]
-        return Shape({j: np.column_stack([q, np.ones_like(q), q**2, q**3])})
+    def signals(self, context: Context, location: str, theta: Theta) -> Array:
+        q = context.at(location, "q")
+        return np.column_stack([q, np.ones_like(q), q**2, q**3])
 
     def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
         stiffness, _, quadratic, cubic = beta[:4]
-        return pulls_back(context.q[:, context.row(location)], stiffness, quadratic, cubic)
+        return pulls_back(context.at(location, "q"), stiffness, quadratic, cubic)
 
     def in_mujoco(self, item: Sizes) -> Form:
         return replace(super().in_mujoco(item), notes=(self.noted(item),))
@@ -230,10 +227,9 @@ class RubbingSpring(HardeningSpring):
     def starts(self, theta: Theta) -> list[Theta]:
         return [(0.02,), (0.08,)]
 
-    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
-        j = context.row(location)
-        columns = super().shape(context, location, theta).columns[j]
-        return Shape({j: np.column_stack([columns, hysteretic_sign(context, j, theta[0])])})
+    def signals(self, context: Context, location: str, theta: Theta) -> Array:
+        columns = super().signals(context, location, theta)
+        return np.column_stack([columns, hysteretic_sign(context, location, theta[0])])
 
     def in_mujoco(self, item: Sizes) -> Form:
         rubbing = item.value("rubbing")
@@ -369,13 +365,12 @@ class TorqueRipple(Effect):
                 break
         return best
 
-    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
-        j = context.row(location)
-        phase = theta[0] * context.q[:, j]
-        return Shape({j: np.column_stack([np.cos(phase), np.sin(phase)])})
+    def signals(self, context: Context, location: str, theta: Theta) -> Array:
+        phase = theta[0] * context.at(location, "q")
+        return np.column_stack([np.cos(phase), np.sin(phase)])
 
     def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
-        seen = theta[0] * float(np.ptp(context.q[:, context.row(location)])) / (2.0 * np.pi)
+        seen = theta[0] * float(np.ptp(context.at(location, "q"))) / (2.0 * np.pi)
         return seen >= _SEEN and super().admissible(context, location, theta, beta)
 
     def in_mujoco(self, item: Sizes) -> Form:
@@ -408,9 +403,7 @@ class RippleHarmonics(TorqueRipple):
     def richer(self) -> tuple[Effect, ...]:
         return ()
 
-    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
-        j = context.row(location)
-        phase, load = theta[0] * context.q[:, j], np.abs(context.baseline.rigid[:, j])
-        waves = [np.cos(phase), np.sin(phase)]
-        second = [np.cos(2.0 * phase), np.sin(2.0 * phase)]
-        return Shape({j: np.column_stack([*waves, *second, *(load * wave for wave in waves)])})
+    def signals(self, context: Context, location: str, theta: Theta) -> Array:
+        load = np.abs(context.baseline.rigid[:, [context.row(location)]])
+        waves = super().signals(context, location, theta)
+        return np.hstack([waves, super().signals(context, location, (2.0 * theta[0],)), load * waves])

@@ -6,7 +6,7 @@ from abc import ABC
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from enum import StrEnum
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
@@ -15,7 +15,6 @@ from excite.arrays import Array
 from excite.diagnosis.effects.bristle import Bristle, Static
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.dry_friction.friction_sign import sign_of_motion
-from excite.regressor.kernels import inverse_dynamics
 
 if TYPE_CHECKING:
     import mujoco
@@ -33,6 +32,7 @@ class Beyond(StrEnum):
     READING = "the servo and the log read a joint's position alike"
     START = "where a gear stands when a roll-out begins is part of the state"
     SOME_TRIALS = "it is there in some trials alone"
+    BEHIND = "it acts behind a coupling or a loop"
     NO_FORM = "no form is given"
 
 
@@ -276,20 +276,39 @@ class Context:
         """Index of a joint's row."""
         return self.joints.index(joint)
 
+    @property
+    def followers(self) -> dict[str, int]:
+        """Joints that no motor of the log turns alone."""
+        return self.baseline.samples.followers
+
+    def at(self, place: str, name: str) -> Array:
+        """``q``, ``v`` or ``a`` of a joint, whether or not it has rows, ``(n_samples,)``."""
+        samples = self.baseline.samples
+        if place in self.joints:
+            return samples.motion(name)[:, self.row(place)]
+        return samples.stacked(name)[:, self.followers[place]]
+
+    def felt(self, place: str, columns: Array) -> dict[int, Array]:
+        """What torques at a joint, ``(n_samples, n)``, are in the rows of the motors that move it."""
+        if place in self.joints:
+            return {self.row(place): columns}
+        along = self.baseline.samples.maps[:, self.followers[place]]
+        return {j: columns * along[:, [j]] for j in np.flatnonzero(along.any(axis=0)).tolist()}
+
     @cached_property
     def q(self) -> Array:
         """``(n_samples, n_joints)`` [rad]."""
-        return self.baseline.samples.stacked("q")[:, list(self.baseline.samples.index)]
+        return self.baseline.samples.motion("q")
 
     @cached_property
     def v(self) -> Array:
         """``(n_samples, n_joints)`` [rad/s]."""
-        return self.baseline.samples.stacked("v")[:, list(self.baseline.samples.index)]
+        return self.baseline.samples.motion("v")
 
     @cached_property
     def a(self) -> Array:
         """``(n_samples, n_joints)`` [rad/s²]."""
-        return self.baseline.samples.stacked("a")[:, list(self.baseline.samples.index)]
+        return self.baseline.samples.motion("a")
 
     @cached_property
     def session(self) -> Array:
@@ -303,23 +322,18 @@ class Context:
             self._signs[j] = sign_of_motion(base.samples, j, base.signs[j])
         return self._signs[j]
 
-    def torques(self, q: Array, v: Array, a: Array, model: object = None) -> Array:
-        """Torques of the rigid bodies at the fitted parameters, ``(n_samples, n_joints)`` [N·m]."""
-        model = self.baseline.samples.robot.model if model is None else model
-        return inverse_dynamics(model, q, v, a, self.baseline.phi)[:, list(self.baseline.samples.index)]
+    def turned(self, j: int, turn: float = 0.0, speed: float = 0.0, more: float = 0.0) -> Array:
+        """Torques of the fitted bodies where a joint moves otherwise by so much, ``(n_samples, n_joints)`` [N·m]."""
+        samples = self.baseline.samples
+        return samples.torques(self.baseline.phi, *samples.moved(j, turn, speed, more))
 
     def gradient(self, j: int, what: str) -> Array:
         """Change of the torques per unit of a joint's ``q``, ``v`` or ``a``: ``(n_samples, n_joints)``."""
         kept = self.baseline.derived.values
         if (j, what) not in kept:
-            samples = self.baseline.samples
-            motion = {name: samples.stacked(name) for name in ("q", "v", "a")}
             step = 1.0 if what == "a" else _STEP
-            moved = dict(motion)
-            moved[what] = motion[what].copy()
-            moved[what][:, samples.index[j]] += step
             still = self.baseline.rigid - self.baseline.added
-            change = self.torques(moved["q"], moved["v"], moved["a"]) - still
+            change = self.turned(j, *(step * (what == name) for name in ("q", "v", "a"))) - still
             # A torque in one piece: most take one of them, or all one after the other.
             kept[j, what] = np.asfortranarray(change / step)
         return kept[j, what]
@@ -328,14 +342,7 @@ class Context:
         """Second derivative of the torques with a joint's motion: ``qq``, ``qv``, ``vv`` or ``qa``, as the gradient."""
         kept = self.baseline.derived.values
         if (j, what) not in kept:
-            samples = self.baseline.samples
-            q, v, a = (samples.stacked(name) for name in ("q", "v", "a"))
-            unit = np.zeros(q.shape[1])
-            unit[samples.index[j]] = 1.0
-
-            def at(turn: float, speed: float = 0.0, more: float = 0.0) -> Array:
-                return self.torques(q + turn * unit, v + speed * unit, a + more * unit)
-
+            at = partial(self.turned, j)
             # Torques are of second degree in the speeds and of first in the accelerations: steps there may be large.
             h = _FAR
             ahead, behind = at(h), at(-h)

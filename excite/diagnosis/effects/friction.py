@@ -11,7 +11,7 @@ import numpy as np
 from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Estimate
 from excite.diagnosis.effects.bristle import Bristle, Static
-from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.effect import Effect, Parameter, Theta
 from excite.diagnosis.effects.form import Beyond, Context, Form, JointStep, Note, Noted, Sizes, Told
 from excite.diagnosis.effects.gears.backlash import Backlash
 from excite.diagnosis.equations.dry_friction.friction_sign import (
@@ -45,11 +45,11 @@ class ViscousFriction(Effect):
     mujoco = "joint damping"
     by_motion = True
     term = VISCOUS
+    behind = True
     twins_of_a_gain = ("torque_gain",)
 
-    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
-        j = context.row(location)
-        return Shape({j: context.v[:, [j]]})
+    def signals(self, context: Context, location: str, theta: Theta) -> Array:
+        return context.at(location, "v")[:, None]
 
     def in_mujoco(self, item: Sizes) -> Form:
         return Form(viscous=item.value("coefficient"))
@@ -177,14 +177,14 @@ class FrictionDrift(Effect):
         end = float(context.session.max())
         return np.expm1(-context.session / theta[0]) / np.expm1(-end / theta[0])
 
-    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
+    def signals(self, context: Context, location: str, theta: Theta) -> Array:
         j = context.row(location)
         growth = self.growth(context, j, theta)
         # What the baseline has not cannot have drifted: a viscous column would stand in for viscous friction.
         modelled = context.baseline.modelled
         coulomb = growth * context.sign(j) if COULOMB.asked(modelled) else np.zeros_like(growth)
         viscous = growth * context.v[:, j] if VISCOUS.asked(modelled) else np.zeros_like(growth)
-        return Shape({j: np.column_stack([coulomb, viscous])})
+        return np.column_stack([coulomb, viscous])
 
     def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
         found = super().estimates(context, location, theta, fit)
@@ -208,7 +208,7 @@ class FrictionDrift(Effect):
         from scipy.ndimage import uniform_filter1d
 
         j, samples = context.row(location), context.baseline.samples
-        columns = self.shape(context, location, theta).columns[j]
+        columns = self.signals(context, location, theta)
         made: list[Array] = []
         for column, unit in zip(columns.T, (context.sign(j), context.v[:, j]), strict=True):
             parts = zip(*(samples.split(x) for x in (column * unit, unit**2)), strict=True)
@@ -332,9 +332,9 @@ class LoadDependentFriction(Effect):
     def richer(self) -> tuple[Effect, ...]:
         return (CurvedLoadFriction(), MotorLoadFriction())
 
-    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
+    def signals(self, context: Context, location: str, theta: Theta) -> Array:
         j = context.row(location)
-        return Shape({j: (np.abs(context.baseline.rigid[:, j]) * context.sign(j))[:, None]})
+        return (np.abs(context.baseline.rigid[:, j]) * context.sign(j))[:, None]
 
     def in_mujoco(self, item: Sizes) -> Form:
         return Form(notes=(self.noted(item),))
@@ -359,10 +359,9 @@ class CurvedLoadFriction(LoadDependentFriction):
         """The load that counts, ``(n_samples,)`` [N·m]."""
         return context.baseline.rigid[:, context.row(location)]
 
-    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
-        j = context.row(location)
+    def signals(self, context: Context, location: str, theta: Theta) -> Array:
         load = self._scale(context, location, theta) * self._power(context, location, theta)
-        return Shape({j: (load * context.sign(j))[:, None]})
+        return (load * context.sign(context.row(location)))[:, None]
 
     def sizes(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, float]:
         scale = {"power_scale": self._scale(context, location, theta)}
@@ -412,15 +411,15 @@ def motor_torque(load: Array, sign: Array, level: Array | float, share: float) -
 _LONGEST = 0.1
 
 
-def hysteretic_sign(context: Context, j: int, breakaway: float) -> Array:
+def hysteretic_sign(context: Context, joint: str, breakaway: float) -> Array:
     """The sign of a joint's motion with presliding, ``(n_samples,)`` (Dahl 1968; Canudas de Wit et al. 1995).
 
     Args:
         context: the context.
-        j: row of the joint.
+        joint: the joint.
         breakaway: deflection over which friction builds up [rad].
     """
-    return sign_of_motion(context.baseline.samples, j, SignChange(0.0, breakaway))
+    return bent(context.baseline.samples, context.at(joint, "v"), SignChange(0.0, breakaway))
 
 
 def bent_excess(context: Context, j: int, sign: SignChange, velocity: float, exponent: float) -> Array:
@@ -438,7 +437,7 @@ def bent_excess(context: Context, j: int, sign: SignChange, velocity: float, exp
     """
     base = context.baseline
     samples = base.samples
-    v = samples.of_motor("v", j)
+    v = samples.motion("v")[:, j]
     steady, dt = np.ascontiguousarray(v), 1.0 / samples.rate_hz
     further = bend_further(steady, samples.starts, dt, sign.breakaway, velocity, exponent, RATIO)
     excess = (further - bent(samples, v, sign)) / RATIO
@@ -468,6 +467,7 @@ class CoulombFriction(Effect):
     separating_motion = "slow reversals at constant speed"
     mujoco = "joint frictionloss"
     term = COULOMB
+    behind = True
 
     @property
     def richer(self) -> tuple[Effect, ...]:
@@ -480,13 +480,13 @@ class CoulombFriction(Effect):
     def grid(self, context: Context, location: str) -> list[Theta]:
         return [(w,) for w in WIDTHS]
 
-    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
-        j = context.row(location)
-        sign = SignChange(theta[0], straight=context.baseline.signs[j].straight)
-        return Shape({j: of_velocity(context.v[:, [j]], sign)})
+    def signals(self, context: Context, location: str, theta: Theta) -> Array:
+        own = location in context.joints
+        straight = own and context.baseline.signs[context.row(location)].straight
+        return of_velocity(context.at(location, "v")[:, None], SignChange(theta[0], straight=straight))
 
     def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
-        speed = float(np.sqrt(np.mean(context.v[:, context.row(location)] ** 2)))
+        speed = float(np.sqrt(np.mean(context.at(location, "v") ** 2)))
         narrow = theta[0] <= max(_SIGN * speed, WIDTHS[0])
         return narrow and super().admissible(context, location, theta, beta)
 
@@ -516,9 +516,8 @@ class CoulombBristles(CoulombFriction):
     def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
         return Effect.admissible(self, context, location, theta, beta)
 
-    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
-        j = context.row(location)
-        return Shape({j: hysteretic_sign(context, j, theta[0])[:, None]})
+    def signals(self, context: Context, location: str, theta: Theta) -> Array:
+        return hysteretic_sign(context, location, theta[0])[:, None]
 
     def in_mujoco(self, item: Sizes) -> Form:
         bends = BuildUp(item.value("breakaway"))
@@ -544,20 +543,19 @@ class CoulombBehindPlay(CoulombBristles):
     def starts(self, theta: Theta) -> list[Theta]:
         return [(d, w) for d in (5e-4, 1.5e-3) for w in (1.5e-3, 3e-3, 6e-3)]
 
-    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
-        j, samples = context.row(location), context.baseline.samples
-        way = np.diff(context.q[:, j], prepend=0.0)
-        return Shape({j: behind_play(way, samples.starts, theta[1], theta[0])[:, None]})
+    def signals(self, context: Context, location: str, theta: Theta) -> Array:
+        way = np.diff(context.at(location, "q"), prepend=0.0)
+        return behind_play(way, context.baseline.samples.starts, theta[1], theta[0])[:, None]
 
     def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
-        return _massless(context, context.row(location)) and super().admissible(
-            context, location, theta, beta
-        )
+        return _massless(context, location) and super().admissible(context, location, theta, beta)
 
 
-def _massless(context: Context, j: int) -> bool:
+def _massless(context: Context, joint: str) -> bool:
     """Whether a joint's rigid bodies ask for next to nothing of its torque."""
-    base = context.baseline
+    if joint not in context.joints:
+        return False
+    base, j = context.baseline, context.row(joint)
     torque = base.samples.stacked("tau")[:, j]
     return bool(np.mean(base.rigid[:, j] ** 2) <= _MASSLESS**2 * np.mean(torque**2))
 
@@ -652,7 +650,7 @@ class Stribeck(Effect):
         limit = _greatest(context, location)
         return [(v,) for v in (0.015, 0.03, 0.06, 0.12, 0.25, 0.5, 1.0, 2.0) if v <= max(0.5 * limit, 0.25)]
 
-    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
+    def signals(self, context: Context, location: str, theta: Theta) -> Array:
         return _excess(context, location, theta[0])
 
     def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
@@ -687,7 +685,7 @@ class StribeckExponential(Stribeck):
     def starts(self, theta: Theta) -> list[Theta]:
         return [theta, (0.6 * theta[0],)]
 
-    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
+    def signals(self, context: Context, location: str, theta: Theta) -> Array:
         return _excess(context, location, theta[0], exponent=1.0)
 
     def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
@@ -706,7 +704,7 @@ class StribeckExponent(Stribeck):
     def starts(self, theta: Theta) -> list[Theta]:
         return [(theta[0], 1.2), (0.7 * theta[0], 0.7)]
 
-    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
+    def signals(self, context: Context, location: str, theta: Theta) -> Array:
         return _excess(context, location, theta[0], exponent=theta[1])
 
 
@@ -738,24 +736,24 @@ class StribeckBristles(Stribeck):
         too_much = COULOMB.asked(base.modelled) and beta[1] > _SHARE * max(level, 0.0)
         return not too_much and super().admissible(context, location, theta, beta)
 
-    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
+    def signals(self, context: Context, location: str, theta: Theta) -> Array:
         j = context.row(location)
         velocity, breakaway = theta
         samples, bristles = context.baseline.samples, SignChange(0.0, breakaway, np.inf)
         sign = sign_of_motion(samples, j, bristles)
         excess = bent_excess(context, j, bristles, velocity, 2.0)
         damped = damping_of_bristles(samples, j, bristles)
-        return Shape({j: np.column_stack([excess, sign - context.sign(j), damped])})
+        return np.column_stack([excess, sign - context.sign(j), damped])
 
 
-def _excess(context: Context, location: str, velocity: float, exponent: float = 2.0) -> Shape:
+def _excess(context: Context, location: str, velocity: float, exponent: float = 2.0) -> Array:
     """More friction at low speed; while bristles bend, where the joint's friction has some."""
     j = context.row(location)
     sign = context.baseline.signs[j]
     if sign.bent:
-        return Shape({j: bent_excess(context, j, sign, velocity, exponent)[:, None]})
+        return bent_excess(context, j, sign, velocity, exponent)[:, None]
     decay = np.exp(-((np.abs(context.v[:, j]) / velocity) ** exponent))
-    return Shape({j: (context.sign(j) * decay)[:, None]})
+    return (context.sign(j) * decay)[:, None]
 
 
 def _slowest(sign: SignChange) -> float:

@@ -69,14 +69,13 @@ class ModelParameter(Effect):
         except (AttributeError, KeyError, TypeError, ValueError) as error:
             said = f"cannot edit the model ({' '.join(str(error).split())})"
             raise InputError(said, source=self.name, field=location, remedy="correct edit") from error
-        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
         data = mujoco.MjData(model)
         place = [int(joint.qposadr[0]) for joint in joints]
         degree = [int(joint.dofadr[0]) for joint in joints]
         torques = np.empty((sum(len(trial.q) for trial in samples.trials), len(joints)))
-        motion = (samples.stacked(name) for name in ("q", "v", "a"))
-        for k, (q, v, a) in enumerate(zip(*motion, strict=True)):
+        for k, (q, v, a) in enumerate(zip(*samples.tree, strict=True)):
             data.qpos[place], data.qvel[degree], data.qacc[degree] = q, v, a
             mujoco.mj_inverse(model, data)
             torques[k] = data.qfrc_inverse[degree]
-        return torques[:, list(samples.index)]
+        return samples.on_motors(torques)

@@ -34,9 +34,8 @@ class TorqueGain(Effect):
     by_load = True
     twins_of_a_gain = ("payload",)
 
-    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
-        j = context.row(location)
-        return Shape({j: context.baseline.total[:, [j]]})
+    def signals(self, context: Context, location: str, theta: Theta) -> Array:
+        return context.baseline.total[:, [context.row(location)]]
 
     def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
         error = super().estimates(context, location, theta, fit)
@@ -205,11 +204,8 @@ class EncoderOffset(Effect):
         if abs(secant) < _SMALL:
             columns = -context.gradient(j, "q")
         else:
-            samples = context.baseline.samples
-            q = samples.stacked("q").copy()
-            q[:, samples.index[j]] -= secant
-            moved = context.torques(q, samples.stacked("v"), samples.stacked("a"))
-            columns = (moved - (context.baseline.rigid - context.baseline.added)) / secant
+            still = context.baseline.rigid - context.baseline.added
+            columns = (context.turned(j, -secant) - still) / secant
         return Shape({k: columns[:, [k]] for k in range(columns.shape[1])})
 
     def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
@@ -387,9 +383,8 @@ class TorqueBias(Effect):
     term = CONSTANT
     spans = ("1",)
 
-    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
-        j = context.row(location)
-        return Shape({j: np.ones((len(context.v), 1))})
+    def signals(self, context: Context, location: str, theta: Theta) -> Array:
+        return np.ones((len(context.v), 1))
 
     def in_mujoco(self, item: Sizes) -> Form:
         return Form(bias=item.value("bias"))

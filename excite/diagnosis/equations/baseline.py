@@ -15,7 +15,6 @@ from excite.diagnosis.equations.dry_friction.friction_sign import SignChange
 from excite.diagnosis.equations.joint_torque import Fit, Solver
 from excite.diagnosis.equations.own_columns import OwnTerm, own_rows, own_signals, own_terms
 from excite.diagnosis.equations.samples import ArmSamples
-from excite.regressor.kernels import inverse_dynamics
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,13 +82,12 @@ class Baseline:
 
     def updated(self, fit: Fit) -> Baseline:
         """The same equations with another fit and predictions at its parameters."""
-        s, index = self.samples, list(self.samples.index)
+        s = self.samples
         rigid, phi = self.rigid, self.phi
         if self.free:
             n = self.basis.shape[1]
             phi = phi + self.basis @ (fit.shared[:n] - self.fit.shared[:n])
-            q, v, a = (s.stacked(name) for name in ("q", "v", "a"))
-            rigid = inverse_dynamics(s.robot.model, q, v, a, phi)[:, index] + self.added
+            rigid = s.torques(phi) + self.added
         terms = own_terms(self.modelled)
         own = [
             own_signals(s, terms, j, sign) @ o

@@ -14,7 +14,6 @@ from excite.diagnosis.equations.own_columns import COULOMB, own_rows, own_signal
 from excite.diagnosis.equations.samples import ArmSamples
 from excite.diagnosis.equations.standing_joints import standing_share
 from excite.identification.inertia import central_inertia_matrices
-from excite.regressor.kernels import inverse_dynamics, joint_torque_regressor
 
 _RELATIVE = 0.5
 # Root of the weight of a row that says nothing: rows are divided by it again.
@@ -43,32 +42,29 @@ def fit_baseline(
     Returns:
         The baseline.
     """
-    model = samples.robot.model
-    q, v, a = (samples.stacked(name) for name in ("q", "v", "a"))
-    index = list(samples.index)
+    joints = range(len(samples.joints))
     free = "rigid_body" in modelled
-    tau = samples.rows([t.tau for t in samples.trials], range(len(index)))
-    nominal = inverse_dynamics(model, q, v, a)[:, index]
+    tau, nominal = samples.rows([t.tau for t in samples.trials], joints), samples.nominal
     root, strict = standstill_weights(samples, 2.0, 0.35), standstill_weights(samples, 3.0, 0.02)
     if (told := samples.told) is not None:
         root, strict = within_range(root, told, _NOTHING), within_range(strict, told, 0.0)
-    y = (tau - samples.rows(nominal, range(len(index)))).T * root
+    y = (tau - samples.rows(nominal, joints)).T * root
     phi = model_phi(samples)
     if free and like is not None and like.free:
         shared, basis = like.solver.equations.shared, like.basis
     elif free:
-        shared, basis = _shared(samples, phi, q, v, a)
+        shared, basis = _shared(samples, phi)
         shared = shared * root[:, :, None]
     else:
-        shared, basis = np.zeros((len(index), y.shape[1], 0)), np.zeros((len(phi), 0))
+        shared, basis = np.zeros((len(joints), y.shape[1], 0)), np.zeros((len(phi), 0))
     terms = own_terms(modelled)
     sign = SignChange(WIDTHS[2])
-    own = tuple(own_rows(samples, terms, j, [sign])[0] * root[j][:, None] for j in range(len(index)))
+    own = tuple(own_rows(samples, terms, j, [sign])[0] * root[j][:, None] for j in joints)
     solver = Solver(Equations(shared, own, y, samples.identification, samples.trial_of_row, floor))
     fit = solver.fit()
     phi_hat = phi + basis @ fit.shared
-    torque = inverse_dynamics(model, q, v, a, phi_hat)[:, index] if free else nominal
-    friction = np.column_stack([own_signals(samples, terms, j, sign) @ fit.own[j] for j in range(len(index))])
+    torque = samples.torques(phi_hat) if free else nominal
+    friction = np.column_stack([own_signals(samples, terms, j, sign) @ fit.own[j] for j in joints])
     nothing = np.zeros_like(torque)
     known = _known(samples, nothing)
     total = torque + friction + known
@@ -76,7 +72,7 @@ def fit_baseline(
         samples,
         modelled,
         free,
-        (sign,) * len(index),
+        (sign,) * len(joints),
         solver,
         fit,
         phi_hat,
@@ -135,18 +131,14 @@ def model_phi(samples: ArmSamples) -> Array:
     return np.concatenate([model.inertias[k].toDynamicParameters() for k in range(1, model.njoints)])
 
 
-def _shared(samples: ArmSamples, phi: Array, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
+def _shared(samples: ArmSamples, phi: Array) -> tuple[Array, Array]:
     """Columns of the inertial parameters in units of their prior spread, in a basis without blind directions."""
-    index = list(samples.index)
-    regressor = samples.of_joints(joint_torque_regressor(samples.robot.model, q, v, a))
-    per = regressor.shape[2]
-    rows = samples.rows(regressor.reshape(len(q), -1), np.repeat(range(len(index)), per).tolist())
-    rows = rows.reshape(len(rows), len(index), -1) * prior_spread(phi)
-    flat = np.concatenate([rows[:, j] / max(rows[:, j].std(), 1e-9) for j in range(len(index))])
+    rows = samples.body_rows() * prior_spread(phi)
+    flat = np.concatenate([block / max(block.std(), 1e-9) for block in rows])
     values, vectors = np.linalg.eigh(flat.T @ flat)
     keep = values > 1e-9 * values[-1]
     basis = vectors[:, keep]
-    return np.ascontiguousarray((rows @ basis).transpose(1, 0, 2)), prior_spread(phi)[:, None] * basis
+    return np.ascontiguousarray(rows @ basis), prior_spread(phi)[:, None] * basis
 
 
 def prior_spread(phi: Array) -> Array:

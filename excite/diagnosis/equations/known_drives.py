@@ -53,14 +53,12 @@ def less_known(samples: ArmSamples, modelled: tuple[str, ...], floor: Array) -> 
         return samples
     free = fit_where_slipping(samples, (*modelled, *(item.term.words[0] for item in known)), floor)
     led = free.samples
-    motors = np.column_stack(
+    torque = np.column_stack(
         [
             np.sum([item.values[j] * item.term.column(led, j, sign) for item in known], axis=0)
             for j, sign in enumerate(free.signs)
         ]
     )
-    # A motor that turns with several joints rubs on all of them.
-    torque = motors @ samples.coupling
     trials = tuple(
         replace(trial, tau=trial.tau - part, known=part)
         for trial, part in zip(samples.trials, samples.split(torque), strict=True)

@@ -18,7 +18,6 @@ from excite.diagnosis.equations.samples import ArmSamples
 from excite.logs.log import Log, Trial
 from excite.logs.signals.butterworth import Derivatives, central_differences, lowpass, noise_bandwidth
 from excite.logs.signals.spectrum import welch_spectrum
-from excite.regressor.kernels import inverse_dynamics
 from excite.rows.kinematics import positions_on_grid, trial_grid, trial_rate
 
 _ABOVE = (1.5, 3.0)
@@ -54,10 +53,10 @@ def _floor(samples: ArmSamples, bands: Sequence[tuple[float, float]]) -> Array:
     # Each band holds two frequencies of the spectrum of half a stretch.
     needed = 4.0 * rate / min(top - bottom for bottom, top in zip(low, high, strict=True))
     floors = []
-    for j, column in enumerate(samples.index):
+    for j in range(len(samples.joints)):
         densities = []
-        for trial in samples.trials:
-            still = np.abs(trial.v[:, column]) < samples.standstill[j]
+        for trial, v in zip(samples.trials, samples.split(samples.motion("v")), strict=True):
+            still = np.abs(v[:, j]) < samples.standstill[j]
             for tau in _stretches(trial, j, still, max(_SHORTEST, int(needed) + 1)):
                 f, p = welch_spectrum(np.diff(tau), rate, min(256, len(tau) // 2), median=True)
                 found = []
@@ -188,23 +187,21 @@ def kinematic_noise(baseline: Baseline, sigma: Array, rng: np.random.Generator) 
         sigma: ``(n_joints,)`` standard deviation of the positions' noise [rad].
         rng: source of the draw.
     """
-    samples, index = baseline.samples, list(baseline.samples.index)
-    terms = own_terms(baseline.modelled)
-    parts = []
-    for trial in samples.trials:
-        d = _drawn(samples, trial, sigma, rng)
-        model = samples.robot.model
-        moved = inverse_dynamics(model, trial.q, trial.v, trial.a + d.second, baseline.phi)
-        change = (moved - inverse_dynamics(model, trial.q, trial.v, trial.a, baseline.phi))[:, index]
-        for j, i in enumerate(index):
-            own = dict(zip(terms, baseline.fit.own[j], strict=False))
-            v, rate = trial.v[:, i], d.first[:, i]
-            change[:, j] += own.get(ARMATURE, 0.0) * d.second[:, i]
-            change[:, j] += own.get(VISCOUS, 0.0) * rate
-            if not (sign := baseline.signs[j]).bent:
-                change[:, j] += own.get(COULOMB, 0.0) * (of_velocity(v + rate, sign) - of_velocity(v, sign))
-        parts.append(change)
-    return samples.rows(parts, range(len(index))).T
+    samples, terms = baseline.samples, own_terms(baseline.modelled)
+    drawn = _drawn(samples, sigma, rng)
+    more = np.concatenate([d.second for d in drawn])
+    faster = samples.tree._replace(a=samples.tree.a + more)
+    change = samples.torques(baseline.phi, faster) - samples.torques(baseline.phi)
+    first, second = samples.motors(np.concatenate([d.first for d in drawn])), samples.motors(more)
+    for j, v in enumerate(samples.motion("v").T):
+        own = dict(zip(terms, baseline.fit.own[j], strict=False))
+        change[:, j] += own.get(ARMATURE, 0.0) * second[:, j]
+        change[:, j] += own.get(VISCOUS, 0.0) * first[:, j]
+        if not (sign := baseline.signs[j]).bent:
+            change[:, j] += own.get(COULOMB, 0.0) * (
+                of_velocity(v + first[:, j], sign) - of_velocity(v, sign)
+            )
+    return samples.rows(change, range(len(samples.joints))).T
 
 
 def noisy_motion(samples: ArmSamples, sigma: Array, rng: np.random.Generator) -> ArmSamples:
@@ -215,18 +212,26 @@ def noisy_motion(samples: ArmSamples, sigma: Array, rng: np.random.Generator) ->
         sigma: ``(n_joints,)`` standard deviation of the positions' noise [rad].
         rng: source of the noise.
     """
-    trials = []
-    for trial in samples.trials:
-        d = _drawn(samples, trial, sigma, rng)
-        trials.append(replace(trial, q=trial.q + d.value, v=trial.v + d.first, a=trial.a + d.second))
+    trials = [
+        replace(trial, q=trial.q + d.value, v=trial.v + d.first, a=trial.a + d.second)
+        for trial, d in zip(samples.trials, _drawn(samples, sigma, rng), strict=True)
+    ]
     return replace(samples, trials=tuple(trials))
 
 
-def _drawn(samples: ArmSamples, trial: ArmTrial, sigma: Array, rng: np.random.Generator) -> Derivatives:
-    """White noise of a trial's positions on its way through the filter and the differences."""
-    e, index = np.zeros_like(trial.v), list(samples.index)
-    e[:, index] = sigma * rng.standard_normal((len(e), len(index)))
-    return central_differences(lowpass(e, samples.rate_hz, samples.bands.kinematics_hz), samples.rate_hz)
+def _drawn(samples: ArmSamples, sigma: Array, rng: np.random.Generator) -> list[Derivatives]:
+    """White noise of each trial's positions on its way through the filter and the differences, and through the tree."""
+    made, rate, index = [], samples.rate_hz, list(samples.index)
+    for k, trial in enumerate(samples.trials):
+        e = np.zeros_like(trial.v)
+        e[:, index] = sigma * rng.standard_normal((len(e), len(index)))
+        d = central_differences(lowpass(e, rate, samples.bands.kinematics_hz), rate)
+        if samples.robot.mechanism is not None:
+            maps = samples.maps if len(samples.maps) == 1 else samples.split(samples.maps)[k]
+            parts = (d.value, d.first, d.second)
+            d = Derivatives(*((maps @ x[:, index, None])[:, :, 0] for x in parts))
+        made.append(d)
+    return made
 
 
 # Up to which frequency positions tell a motion well enough: noise in accelerations bends what is fitted to

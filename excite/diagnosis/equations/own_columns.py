@@ -39,13 +39,11 @@ class OwnTerm:
         words: of ``modelled`` that ask for it.
         column: torque of a motor per unit of the coefficient ``(n_samples,)``, from the samples, the motor's row and
             how its dry friction changes sign.
-        once: whether two motors on one joint have it but once.
         by_sign: whether it follows how dry friction changes sign.
     """
 
     words: tuple[str, ...]
     column: Callable[[ArmSamples, int, SignChange], Array]
-    once: bool = False
     by_sign: bool = False
 
     def asked(self, modelled: Sequence[str]) -> bool:
@@ -53,18 +51,15 @@ class OwnTerm:
         return any(word in modelled for word in self.words)
 
 
-VISCOUS = OwnTerm(DRIVE_TERMS["viscous"].effects, lambda samples, motor, sign: samples.of_motor("v", motor))
+VISCOUS = OwnTerm(DRIVE_TERMS["viscous"].effects, lambda samples, motor, sign: samples.motion("v")[:, motor])
 COULOMB = OwnTerm(DRIVE_TERMS["coulomb"].effects, sign_of_motion, by_sign=True)
-ARMATURE = OwnTerm(DRIVE_TERMS["armature"].effects, lambda samples, motor, sign: samples.of_motor("a", motor))
-# Constants of two motors on one joint are one constant.
-CONSTANT = OwnTerm(
-    DRIVE_TERMS["offset"].effects,
-    lambda samples, motor, sign: np.ones(len(samples.of_motor("v", motor))),
-    once=True,
+ARMATURE = OwnTerm(
+    DRIVE_TERMS["armature"].effects, lambda samples, motor, sign: samples.motion("a")[:, motor]
 )
+CONSTANT = OwnTerm(DRIVE_TERMS["offset"].effects, lambda samples, motor, sign: np.ones(len(samples.starts)))
 # A word that no log says: what its currents are in torques was estimated from the bodies, roughly.
 SCALED = "torque_scale"
-SCALE = OwnTerm((SCALED,), lambda samples, motor, sign: samples.nominal[:, motor], once=True)
+SCALE = OwnTerm((SCALED,), lambda samples, motor, sign: samples.nominal[:, motor])
 
 
 def own_terms(modelled: Sequence[str]) -> tuple[OwnTerm, ...]:
@@ -81,8 +76,7 @@ def coulomb_level(modelled: Sequence[str], own: Array) -> float:
 def own_signals(samples: ArmSamples, terms: Sequence[OwnTerm], joint: int, sign: SignChange) -> Array:
     """Full-rate columns of a joint's own terms, ``(n_samples, n_own)``.
 
-    Of its motor first; then the friction and rotor inertia of other motors that turn with it; last the damping of
-    its bristles, where dry friction has some.
+    Last the damping of its bristles, where dry friction has some.
     """
     columns = [make() for make in _columns(samples, terms, joint, sign).values()]
     return np.column_stack(columns) if columns else np.zeros((len(samples.stacked("v")), 0))
@@ -116,13 +110,11 @@ class _Key(NamedTuple):
 
     Attributes:
         term: words of its term; none for the damping of bristles.
-        motor: the motor's row.
         joint: in whose equation it stands.
         sign: how dry friction changes sign, where the column follows that.
     """
 
     term: tuple[str, ...]
-    motor: int
     joint: int
     sign: SignChange | None
 
@@ -132,14 +124,12 @@ def _columns(
 ) -> dict[_Key, Callable[[], Array]]:
     """What makes the columns of :func:`own_signals`, in their order."""
     bend = sign._replace(damped_below=0.0)
-    made: dict[_Key, Callable[[], Array]] = {}
-    for motor in samples.motors(joint):
-        for term in terms:
-            if motor == joint or not term.once:
-                key = _Key(term.words, motor, joint, bend if term.by_sign else None)
-                made[key] = partial(term.column, samples, motor, bend)
+    made: dict[_Key, Callable[[], Array]] = {
+        _Key(term.words, joint, bend if term.by_sign else None): partial(term.column, samples, joint, bend)
+        for term in terms
+    }
     if sign.damped and COULOMB in terms:
-        made[_Key((), joint, joint, sign)] = partial(damping_of_bristles, samples, joint, sign)
+        made[_Key((), joint, sign)] = partial(damping_of_bristles, samples, joint, sign)
     return made
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,9 +14,8 @@ from excite.diagnosis.equations.standstill import rows_of_motion, standstill_spe
 from excite.errors import LogError
 from excite.logs.log import Log, Trial
 from excite.logs.signals.butterworth import central_differences, lowpass
-from excite.logs.signals.coupling import coupling_matrix, joint_torques
+from excite.logs.signals.coupling import coupling_matrix
 from excite.logs.signals.resample import near_samples
-from excite.regressor.kernels import inverse_dynamics
 from excite.robot.robot import Robot
 from excite.rows.kinematics import (
     forces_on_grid,
@@ -49,44 +48,39 @@ def arm_samples(robot: Robot, log: Log, trials: Sequence[Trial], bands: Bands | 
     bands = bands or Bands()
     header = log.header
     joints = tuple(name for name in robot.joint_names if name in header.torque_joints)
-    places = _Places(
-        header.joints,
-        tuple(header.joints.index(name) for name in joints),
-        coupling_matrix(joints, header.coupling),
-    )
+    columns = [header.joints.index(name) for name in joints]
     rate = float(np.median([trial_rate(log.header, trial) for trial in trials]))
     starts = [trial.start_s for trial in trials]
     known = all(start is not None for start in starts)
     made, clock = [], 0.0
     for trial in trials:
         start = float(trial.start_s) if known and trial.start_s is not None else clock
-        made.append(_arm_trial(robot, trial, places, rate, bands, start))
+        made.append(_arm_trial(robot, trial, header.joints, columns, rate, bands, start))
         clock += float(made[-1].time[-1])
     index = tuple(robot.joint_index(name) for name in joints)
-    still = np.array(
-        [standstill_speed([t.q[:, k] for t in trials], bands.kinematics_hz) for k in places.torques]
+    still = np.array([standstill_speed([t.q[:, k] for t in trials], bands.kinematics_hz) for k in columns])
+    coupling = coupling_matrix(joints, header.coupling)
+    samples = ArmSamples(robot, joints, index, tuple(made), rate, bands, coupling, still)
+    if all(trial.beyond is None for trial in made):
+        return samples
+    nominal = samples.split(samples.nominal)
+    return replace(samples, trials=tuple(_bridged(t, part) for t, part in zip(made, nominal, strict=True)))
+
+
+def _bridged(trial: ArmTrial, nominal: Array) -> ArmTrial:
+    """A trial whose lost torques are guessed by nominal ones."""
+    return (
+        trial
+        if trial.beyond is None
+        else replace(trial, tau=bridge_torques(trial.tau, nominal, trial.beyond))
     )
-    return ArmSamples(robot, joints, index, tuple(made), rate, bands, places.coupling, still)
-
-
-@dataclass(frozen=True, eq=False)
-class _Places:
-    """Where a log's columns belong.
-
-    Attributes:
-        logged: joints of the columns of ``q``.
-        torques: columns of ``tau`` of those with torque, in the robot's order; ``coupling``, of their motors.
-    """
-
-    logged: tuple[str, ...]
-    torques: tuple[int, ...]
-    coupling: Array
 
 
 def _arm_trial(
     robot: Robot,
     trial: Trial,
-    places: _Places,
+    logged: tuple[str, ...],
+    columns: list[int],
     rate: float,
     bands: Bands,
     start: float,
@@ -94,24 +88,22 @@ def _arm_trial(
     if trial.tau is None:
         raise LogError("has no torques", source=trial.name, field="tau", remedy="log tau.* for a diagnosis")
     grid = trial_grid(trial, rate)
-    motor = trial.tau[:, list(places.torques)]
-    tau = joint_torques(forces_on_grid(trial.time, motor, grid), places.coupling)
+    tau = forces_on_grid(trial.time, trial.tau[:, columns], grid)
     positions = positions_on_grid(trial.time, trial.q, grid)
     d = central_differences(lowpass(positions, rate, bands.kinematics_hz), rate)
-    q = in_configurations(robot, places.logged, d.value)
-    v, a = (in_velocities(robot, places.logged, values) for values in (d.first, d.second))
+    q = in_configurations(robot, logged, d.value)
+    v, a = (in_velocities(robot, logged, values) for values in (d.first, d.second))
+    if robot.mechanism is not None:
+        q, v, a = robot.mechanism.completed(q, v, a)
     commanded = None
     if trial.q_cmd is not None:
         q_cmd = positions_on_grid(trial.time, trial.q_cmd, grid)
-        commanded = in_configurations(robot, places.logged, q_cmd)
+        commanded = in_configurations(robot, logged, q_cmd)
     rows = rows_of_motion(v, rate, bands, trial.name)
-    beyond = beyond_on_grid(trial, places.torques, grid, places.coupling)
+    beyond = beyond_on_grid(trial, columns, grid, None)
     # What was interpolated over a long gap is no more known than what was beyond its range. Of gaps of 30, 50 and 80 ms
     # in logs of three arms without a fault, those of 80 ms left a gap of the model; the rows' filter takes 50 ms.
     beyond = beyond | ~near_samples(trial.time, grid, max(0.5 / bands.rows_hz, 2.0 / rate))[:, None]
-    if beyond.any():
-        columns = [robot.joint_index(places.logged[k]) for k in places.torques]
-        tau = bridge_torques(tau, inverse_dynamics(robot.model, q, v, a)[:, columns], beyond)
     return ArmTrial(
         name=trial.name,
         identification=trial.role == "identification",

@@ -1,4 +1,9 @@
-"""Trials of a fixed-base arm on a uniform grid, and the filter that both sides of every equation go through."""
+"""Trials of a fixed-base arm on a uniform grid, and the filter that both sides of every equation go through.
+
+Equations stand in the coordinates of the motors that were logged. The tree of joints that couplings and loops tie to
+them moves by ``v = G v_m`` and asks of them ``Gᵀ τ`` (:mod:`excite.robot.mechanisms.mechanism`): what a drive does
+stands in one row, what a link does in the rows of all motors that move it.
+"""
 
 from __future__ import annotations
 
@@ -8,13 +13,14 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import NDArray
 
-from excite.arrays import Array, widen_flags
+from excite.arrays import Array, Moved, widen_flags
 from excite.diagnosis.equations.arm_trial import ArmTrial, Bands
 from excite.diagnosis.equations.repeats import Repeat, repeats_of
 from excite.logs.signals.butterworth import both_ways, butterworth_sections
-from excite.regressor.kernels import inverse_dynamics
+from excite.regressor.kernels import inverse_dynamics, joint_torque_regressor
 from excite.robot.robot import Robot
 from excite.rows.saturation import reached_samples
 
@@ -41,8 +47,8 @@ class ArmSamples:
 
     Attributes:
         robot: the robot in the log.
-        joints: names of the joints with torque, in the order of the columns of ``tau``.
-        index: indices of these joints into ``v``.
+        joints: names of the motors with torque, each its joint's, in the order of the columns of ``tau``.
+        index: indices of their joints into ``v``.
         coupling: ``(n_joints, n_joints)`` from velocities of these joints to those of their motors, each seen
             through its own gear; the identity where every motor turns its own joint alone.
         standstill: ``(n_joints,)`` speed up to which a joint may as well stand [rad/s].
@@ -65,20 +71,112 @@ class ArmSamples:
     @property
     def coupled(self) -> bool:
         """Whether a motor turns with more than its own joint."""
-        return not np.array_equal(self.coupling, np.eye(len(self.joints)))
+        return self.robot.mechanism is not None or not np.array_equal(self.coupling, np.eye(len(self.joints)))
 
-    def motors(self, joint: int) -> tuple[int, ...]:
-        """Motors whose torques act on a joint, its own first."""
-        others = np.flatnonzero(self.coupling[:, joint])
-        return (joint, *(int(m) for m in others if m != joint))
+    @property
+    def tree(self) -> Moved:
+        """Motion of all joints of the tree at full rate, ``(n_samples, nv)`` each; not to be written to."""
+        return Moved(*(self.stacked(name) for name in ("q", "v", "a")))
 
-    def of_motor(self, name: str, motor: int) -> Array:
-        """Velocity or acceleration of a motor through its own gear, ``(n_samples,)``: ``name`` is ``v`` or ``a``."""
-        values, row = self.stacked(name), self.coupling[motor]
-        turning = np.flatnonzero(row)
-        if len(turning) == 1 and row[turning[0]] == 1.0:
-            return values[:, self.index[turning[0]]]
-        return values[:, [self.index[k] for k in turning]] @ row[turning]
+    @cached_property
+    def maps(self) -> Array:
+        """``G``: velocities of the tree per velocity of each motor, ``(n_samples or 1, nv, n_joints)``."""
+        return self._maps(self.stacked("q"))
+
+    def _maps(self, q: Array) -> Array:
+        mechanism = self.robot.mechanism
+        if mechanism is None:
+            maps = np.zeros((1, self.robot.model.nv, len(self.joints)))
+            maps[0, list(self.index)] = np.linalg.inv(self.coupling)
+            return maps
+        if mechanism.ratios is not None:
+            q = q[:1]
+        return mechanism.motion_maps(q)[:, :, np.searchsorted(mechanism.driven, self.index)]
+
+    @cached_property
+    def followers(self) -> dict[str, int]:
+        """Joints that no motor of the log turns alone, by name their index into ``v``.
+
+        Of a gear that two motors drive what it drives, as ``NAME.link``; else the motor has the name.
+        """
+        mechanism = self.robot.mechanism
+        if mechanism is None:
+            shared = np.flatnonzero(np.count_nonzero(self.coupling, axis=1) > 1)
+            found = {f"{self.joints[k]}.link": self.index[k] for k in shared}
+        else:
+            found = {self.robot.joint_names[column]: int(column) for column in mechanism.passive}
+        return {name: column for name, column in found.items() if self.maps[:, column].any()}
+
+    def motors(self, values: Array) -> Array:
+        """The motors' positions, velocities or accelerations, ``(n, n_joints, …)``, of the tree's ``(n, nv, …)``."""
+        own = values if self.index == tuple(range(values.shape[1])) else values[:, list(self.index)]
+        return own if self.robot.mechanism is not None or not self.coupled else own @ self.coupling.T
+
+    def motion(self, name: str) -> Array:
+        """:meth:`motors` of a channel of all trials, ``q``, ``v`` or ``a``; not to be written to."""
+        key = "motors", name
+        if key not in self.kept:
+            self.kept[key] = self.motors(self.stacked(name))
+        return np.asarray(self.kept[key])
+
+    def on_motors(self, forces: Array, maps: Array | None = None) -> Array:
+        """The tree's forces ``(n, nv, …)`` as its motors have to exert them, ``(n, n_joints, …)``.
+
+        Args:
+            forces: in the samples' configurations, or in those of ``maps``.
+            maps: of other configurations, as :attr:`maps`.
+        """
+        if not self.coupled:
+            return self.motors(forces)
+        maps = self.maps if maps is None else maps
+        flat = forces.reshape(*forces.shape[:2], -1)
+        return (maps.transpose(0, 2, 1) @ flat).reshape(len(forces), -1, *forces.shape[2:])
+
+    def torques(
+        self,
+        phi: Array | None = None,
+        motion: Moved | None = None,
+        maps: Array | None = None,
+        model: pin.Model | None = None,
+    ) -> Array:
+        """Torques of the rigid bodies, ``(n_samples, n_joints)`` [N·m].
+
+        Args:
+            phi: ``(10·n_segments,)`` inertial parameters; the model's own if None.
+            motion: of the tree, closed; the samples' own if None.
+            maps: in its configurations, as :attr:`maps`; None where these are the samples'.
+            model: with another gravity; the robot's own if None.
+        """
+        return self.on_motors(inverse_dynamics(model or self.robot.model, *(motion or self.tree), phi), maps)
+
+    def regressor(self) -> Array:
+        """Torques per unit of the inertial parameters, ``(n_samples, n_joints, 10·n_segments)``."""
+        return self.on_motors(joint_torque_regressor(self.robot.model, *self.tree))
+
+    def body_rows(self) -> Array:
+        """The same at the rows, ``(n_joints, n_rows, 10·n_segments)``."""
+        regressor, n = self.regressor(), len(self.joints)
+        joints = np.repeat(range(n), regressor.shape[2]).tolist()
+        rows = self.rows(regressor.reshape(len(regressor), -1), joints)
+        return rows.reshape(len(rows), n, -1).transpose(1, 0, 2)
+
+    def moved(
+        self, motor: int, turn: float = 0.0, speed: float = 0.0, more: float = 0.0
+    ) -> tuple[Moved, Array]:
+        """Motion of the tree where a motor is further by ``turn``, faster by ``speed`` and accelerates ``more``.
+
+        And the maps there.
+        """
+        q, v, a = self.tree
+        mechanism, along = self.robot.mechanism, self.maps[:, :, motor]
+        q, v, a = q + turn * along, v + speed * along, a + more * along
+        if mechanism is None or not (turn or speed) or not np.ptp(along, axis=0).any():
+            return Moved(q, v, a), self.maps
+        key = "moved", motor, turn, speed, more
+        if key not in self.kept:
+            moved = mechanism.following(mechanism.closed(q, near=True) if turn else q, v, a)
+            self.kept[key] = moved, self._maps(moved.q) if turn else self.maps
+        return self.kept[key]
 
     def rows(self, signals: Array | Sequence[Array], joints: Sequence[int] | None = None) -> Array:
         """Signals at full rate, all trials below each other or one a trial, through the filter, ``(n_rows, …)``.
@@ -162,16 +260,15 @@ class ArmSamples:
 
     @cached_property
     def slipping(self) -> Array:
-        """How far each joint's equation counts, ``(n_samples, n_joints)``: hardly where a motor on it may stick."""
+        """How far each joint's equation counts, ``(n_samples, n_joints)``: hardly where its motor may stick."""
         return counted(self.slips(self.sticking))
 
     def slips(self, joints: Iterable[int]) -> NDArray[np.bool_]:
-        """Where all motors on some joints surely turn, ``(n_samples, n_joints)``; True for the others."""
+        """Where some motors surely turn, ``(n_samples, n_joints)``; True for the others."""
         made, cutoff = np.ones((len(self.starts), len(self.joints)), dtype=np.bool_), self.bands.kinematics_hz
-        for joint in joints:
-            for k in self.motors(joint):
-                v = self.of_motor("v", k)
-                made[:, joint] &= surely_slips(v, self.starts, self.standstill[k], self.rate_hz, cutoff)
+        for k in joints:
+            v = self.motion("v")[:, k]
+            made[:, k] = surely_slips(v, self.starts, self.standstill[k], self.rate_hz, cutoff)
         return made
 
     @cached_property
@@ -197,12 +294,7 @@ class ArmSamples:
     @cached_property
     def nominal(self) -> Array:
         """Torques of the rigid bodies as the model has them, ``(n_samples, n_joints)`` [N·m]."""
-        motion = (self.stacked(name) for name in ("q", "v", "a"))
-        return self.of_joints(inverse_dynamics(self.robot.model, *motion))
-
-    def of_joints(self, values: Array) -> Array:
-        """Those of ``values (n, nv, …)`` that belong to the joints with torque, no copy where these are all."""
-        return values if self.index == tuple(range(values.shape[1])) else values[:, list(self.index)]
+        return self.torques()
 
     def split(self, values: Array) -> list[Array]:
         """Full-rate values of all trials, back into trials."""

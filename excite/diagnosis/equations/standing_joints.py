@@ -17,7 +17,7 @@ _LEAST_ROWS = 20
 
 def standing_share(samples: ArmSamples) -> Array:
     """Share of standstill that the filter mixes into each row, ``(n_joints, n_rows)``, 0…1."""
-    v = samples.stacked("v")[:, list(samples.index)]
+    v = samples.motion("v")
     return samples.rows(samples.standstill**2 / (v**2 + samples.standstill**2)).T
 
 

@@ -177,12 +177,10 @@ def _less(left: Array, column: Array, rows: NDArray[np.bool_]) -> Array:
 
 
 def _of_velocity(samples: ArmSamples, joint: int, left: Array, rows: NDArray[np.bool_]) -> Array:
-    """What functions of the velocities of a joint's motors explain of what is left in some rows of its equation."""
-    columns = []
-    for motor in samples.motors(joint):
-        v, still = samples.of_motor("v", motor), samples.standstill[motor]
-        columns += [np.sign(v) * np.exp(-np.abs(v) / (width * still)) for width in _WIDTHS]
-        columns += [np.exp(-np.abs(v) / (width * still)) for width in _EVEN]
+    """What functions of a joint's velocity explain of what is left in some rows of its equation."""
+    v, still = samples.motion("v")[:, joint], samples.standstill[joint]
+    columns = [np.sign(v) * np.exp(-np.abs(v) / (width * still)) for width in _WIDTHS]
+    columns += [np.exp(-np.abs(v) / (width * still)) for width in _EVEN]
     design = samples.rows(np.column_stack(columns))[rows]
     return np.asarray(design @ np.linalg.lstsq(design, left[rows])[0])
 

@@ -27,7 +27,6 @@ from excite.diagnosis.next_experiment.candidates import LONGEST_S, Offer, draw_m
 from excite.logs.signals.butterworth import settling_samples
 from excite.motion.files import save_motion
 from excite.motion.motion import Motion
-from excite.regressor.kernels import inverse_dynamics, joint_torque_regressor
 
 FILE = "next_experiment.parquet"
 # Expected log-likelihood ratio, in units of what ties a pair: safely told apart; worth an experiment; none, in any
@@ -146,7 +145,10 @@ def advice(attribution: Attribution, judgement: Judgement, out: Path | None) -> 
     twin = [f"{second}@{best.location}"] if second else []
     separates = (f"{best.name}@{best.location}", *twin, *(f"{o.name}@{o.location}" for o in others))
     said, file = [], None
-    if others:
+    # Motions are planned joint by joint, and loops would not be closed in them.
+    looped = baseline.samples.robot.mechanism is not None
+    out = None if looped else out
+    if others and not looped:
         floor = np.maximum(attribution.floor, baseline.solver.equations.floor)
         ratios = Expectation(baseline, [best, *others], floor).with_motion(
             through_everything(baseline.samples)
@@ -304,11 +306,7 @@ class Expectation:
         samples, root = baseline.samples, baseline.root_weight
         bodies = np.zeros((len(samples.joints), len(trial.rows), 0))
         if baseline.free:
-            regressor = joint_torque_regressor(samples.robot.model, trial.q, trial.v, trial.a)
-            per = np.repeat(range(len(samples.index)), regressor.shape[2]).tolist()
-            flat = samples.rows([regressor[:, list(samples.index)].reshape(len(trial.time), -1)], per)
-            bodies = flat.reshape(len(trial.rows), len(samples.joints), -1).transpose(1, 0, 2)
-            bodies = bodies * self._spread * root[:, :, None]
+            bodies = samples.body_rows() * self._spread * root[:, :, None]
         context, parts = Context(baseline), [bodies]
         for item in self.rivals:
             h = item.hypothesis
@@ -370,8 +368,7 @@ def on_trial(baseline: Baseline, trial: ArmTrial) -> Baseline:
     """The fitted baseline's predictions on another trial; its equations stay those of the record."""
     rate = 1.0 / float(trial.time[1] - trial.time[0])
     samples = replace(baseline.samples, trials=(trial,), rate_hz=rate)
-    terms, index = own_terms(baseline.modelled), list(samples.index)
-    rigid = inverse_dynamics(samples.robot.model, trial.q, trial.v, trial.a, baseline.phi)[:, index]
+    terms, rigid = own_terms(baseline.modelled), samples.torques(baseline.phi)
     own = [own_signals(samples, terms, j, baseline.signs[j]) @ o for j, o in enumerate(baseline.fit.own)]
     root = standstill_weights(samples, 3.0, 0.02)
     nothing = np.zeros_like(rigid)

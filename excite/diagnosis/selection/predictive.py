@@ -18,7 +18,6 @@ from excite.diagnosis.equations.noise_floor import noisy_motion
 from excite.diagnosis.equations.own_columns import own_signals, own_terms
 from excite.diagnosis.equations.samples import ArmSamples
 from excite.progress import step
-from excite.regressor.kernels import inverse_dynamics
 
 # Standard deviations that noise may stray by. Of six simulated records of a Jaco2 without any gap one kept a soft gear
 # without them, or not, as the draw had it; with them none does. Other numbers were not tried.
@@ -130,10 +129,7 @@ def _quieter(without: Model, with_it: Model, noise: Array) -> Model:
 
 def _carried(base: Baseline, moved: ArmSamples) -> Array:
     """What a moved motion changes in the torques of the rigid bodies, ``(n_samples, n_joints)``."""
-    here, there = (
-        s.of_joints(inverse_dynamics(s.robot.model, s.stacked("q"), s.stacked("v"), s.stacked("a"), base.phi))
-        for s in (base.samples, moved)
-    )
+    here, there = (s.torques(base.phi) for s in (base.samples, moved))
     return there - here
 
 

@@ -12,7 +12,7 @@ from excite.arrays import Array
 from excite.diagnosis.answer.candidate import RobotChanges, in_words
 from excite.diagnosis.attribution import Attribution, Scored
 from excite.diagnosis.effects.effect import Effect
-from excite.diagnosis.effects.form import Context, Draft, Form, Note, Noted, Sizes, Told
+from excite.diagnosis.effects.form import Beyond, Context, Draft, Form, Note, Noted, Sizes, Told
 from excite.diagnosis.effects.friction import PRESLIDING, BuildUp
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.baseline import Baseline
@@ -117,24 +117,26 @@ def physical_plant(baseline: Baseline, wanted: Plant, gravity: Array | None = No
 
 def _rows(baseline: Baseline, gravity: Array | None) -> Array:
     """Torque per unit of every parameter in units of each joint's residual, ``(n_rows, n_joints, n)``."""
-    s, index = baseline.samples, list(baseline.samples.index)
+    s = baseline.samples
     inside = [k for k, trial in enumerate(s.trials) if trial.identification]
 
     def at_rows(values: Sequence[Array]) -> Array:
         stacked = np.concatenate([values[k][s.trials[k].rows] for k in inside])
         return stacked[:: max(1, len(stacked) // _ROWS)]
 
-    q, v, a = (at_rows([getattr(t, name) for t in s.trials]) for name in ("q", "v", "a"))
-    model, n = s.robot.model, len(index)
+    motion = [at_rows([getattr(t, name) for t in s.trials]) for name in ("q", "v", "a")]
+    v, a = (s.motors(rate) for rate in motion[1:])
+    model, n = s.robot.model, len(s.joints)
+    drives = np.zeros((len(v), n, 3, n))
+    for j in range(n):
+        dry = at_rows(s.split(sign_of_motion(s, j, baseline.signs[j])))
+        drives[:, j, :, j] = np.column_stack([v[:, j], dry, a[:, j]])
     if gravity is not None:
         model = model.copy()
         model.gravity.linear = gravity
-    drives = np.zeros((len(q), n, 3, n))
-    for j, i in enumerate(index):
-        dry = at_rows(s.split(sign_of_motion(s, j, baseline.signs[j])))
-        drives[:, j, :, j] = np.column_stack([v[:, i], dry, a[:, i]])
-    bodies = joint_torque_regressor(model, q, v, a)[:, index]
-    return np.concatenate([bodies, drives.reshape(len(q), n, -1)], axis=2) / baseline.fit.sigma[None, :, None]
+    maps = s.maps if len(s.maps) == 1 else at_rows(s.split(s.maps))
+    bodies = s.on_motors(joint_torque_regressor(model, *motion), maps)
+    return np.concatenate([bodies, drives.reshape(len(v), n, -1)], axis=2) / baseline.fit.sigma[None, :, None]
 
 
 # The MuJoCo model, and notes on what XML cannot say.
@@ -502,6 +504,8 @@ class Found:
 
     def form(self, joints: tuple[str, ...]) -> Form:
         """Its form in a model of an arm with torque at these joints."""
+        if self.effect.behind and self.location not in joints:
+            return Form(absent=Beyond.BEHIND)
         return self.effect.in_mujoco(Sizes(self.location, self.values, joints))
 
     @property

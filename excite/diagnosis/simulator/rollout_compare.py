@@ -95,17 +95,17 @@ def compare_rollouts(attribution: Attribution, plan: Plan) -> Comparison:
     """
     baseline, effects = attribution.baseline, found_effects(attribution)
     samples = baseline.samples
-    if len(samples.joints) < samples.robot.n_joints:
-        raise InputError(
-            "some joints of the robot have no torque in the log",
-            field="joints",
-            remedy="log them all, or give a model without them",
-        )
     if samples.coupled:
         raise InputError(
             "motors turn with several joints, and the simulator's turn with one",
             field="coupling",
             remedy="judge by the torques",
+        )
+    if len(samples.joints) < samples.robot.n_joints:
+        raise InputError(
+            "some joints of the robot have no torque in the log",
+            field="joints",
+            remedy="log them all, or give a model without them",
         )
     told = told_states(attribution)
     plan = replace(

@@ -114,13 +114,15 @@ class Loop(Closure):
         ends = []
         for joint, place in zip(self.joints, self.placements, strict=True):
             velocity, acceleration = place.actInv(data.v[joint]), place.actInv(data.a[joint]).vector
-            acceleration[:3] += np.cross(velocity.angular, velocity.linear)
+            acceleration[:3] += pin.skew(velocity.angular) @ velocity.linear
             ends.append(self._turned(data, joint, place) @ acceleration)
         return np.asarray(ends[1] - ends[0])[: 6 if self.rigid else 3]
 
     def _turned(self, data: pin.Data, joint: int, place: pin.SE3) -> Array:
         """From a frame's own axes to the world's, for its linear and its angular part, ``(6, 6)``."""
-        return np.kron(np.eye(2), data.oMi[joint].rotation @ place.rotation)
+        turned = np.zeros((6, 6))
+        turned[:3, :3] = turned[3:, 3:] = data.oMi[joint].rotation @ place.rotation
+        return turned
 
 
 @dataclass(frozen=True, eq=False)

@@ -55,11 +55,19 @@ class Mechanism:
         loops = [closure for closure in self.closures if isinstance(closure, Loop)]
         return {frozenset(loop.joints) for loop in loops if not isinstance(loop, Rod)}
 
-    def closed(self, q: Array) -> Array:
+    @property
+    def looped(self) -> set[int]:
+        """Model joints within loops: those that carry one of the links that meet and not the other."""
+        ends = [loop.joints for loop in self.closures if isinstance(loop, Loop)]
+        carry = [[set(self.model.supports[joint]) for joint in pair] for pair in ends]
+        return {joint for one, other in carry for joint in one ^ other}
+
+    def closed(self, q: Array, *, near: bool = False) -> Array:
         """Configurations whose closures hold, the passive joints moved alone.
 
         Args:
             q: ``(n, nq)``; passive joints are found from the sample before, those of the first from rest.
+            near: whether they are found from where ``q`` has them, which is nearly closed.
 
         Returns:
             ``(n, nq)``.
@@ -71,7 +79,9 @@ class Mechanism:
             return self.ratios.closed(q)
         data, out, before = self.model.createData(), np.array(q, dtype=float), self.rest
         for i in range(len(out)):
-            before = out[i] = self._reached(data, before, out[i], i)
+            before = out[i] = (
+                self._closed(data, out[i], i) if near else self._reached(data, before, out[i], i)
+            )
         return out
 
     def gaps(self, q: Array) -> Array:

@@ -410,9 +410,8 @@ class Armature(Effect):
     term = ARMATURE
     twins_of_a_gain = ("torque_gain",)
 
-    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
-        j = context.row(location)
-        return Shape({j: context.a[:, [j]]})
+    def signals(self, context: Context, location: str, theta: Theta) -> Array:
+        return context.at(location, "a")[:, None]
 
     def in_mujoco(self, item: Sizes) -> Form:
         return Form(armature=item.value("inertia"))

@@ -66,7 +66,7 @@ SIGNS = (
 
 def sign_of_motion(samples: ArmSamples, motor: int, sign: SignChange) -> Array:
     """What a motor's dry friction follows, ``(n_samples,)``: smoothed sign of its velocity, or with presliding."""
-    v = samples.of_motor("v", motor)
+    v = samples.motion("v")[:, motor]
     return bent(samples, v, sign) if sign.bent else of_velocity(v, sign)
 
 
@@ -80,13 +80,13 @@ def width_bounds(samples: ArmSamples, joint: int, *, straight: bool) -> tuple[fl
     """What widths the search may reach [rad/s]; straight up to the joint's usual speed, beyond which it is viscous."""
     if not straight:
         return WIDTH_BOUNDS
-    v = samples.of_motor("v", joint)
+    v = samples.motion("v")[:, joint]
     return WIDTH_BOUNDS[0], max(WIDTH_BOUNDS[1], min(float(np.sqrt((v**2).mean())), WIDEST))
 
 
 def damping_of_bristles(samples: ArmSamples, motor: int, sign: SignChange) -> Array:
     """How fast the bristles of a motor bend, ``(n_samples,)`` [1/s], as far as they are damped at its speed."""
-    v = samples.of_motor("v", motor)
+    v = samples.motion("v")[:, motor]
     return damped_rate(samples, v, bent(samples, v, sign), sign)
 
 

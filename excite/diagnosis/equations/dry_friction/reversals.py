@@ -53,7 +53,7 @@ def between_reversals(samples: ArmSamples, carried: float = _CARRIED) -> NDArray
     reach = round(carried * samples.rate_hz / samples.bands.rows_hz)
     parts = []
     for trial in samples.trials:
-        v = trial.v[:, list(samples.index)]
+        v = samples.motors(trial.v)
         turns = np.diff(np.sign(v), axis=0, prepend=np.sign(v[:1])) != 0.0
         parts.append(~widen_flags(turns, reach)[trial.rows])
     return np.concatenate(parts).T
