@@ -168,15 +168,19 @@ class TorqueSamples(Samples):
         """The robot's kinematics under another gravity."""
         return replace(self._tree, gravity=np.asarray(gravity, dtype=float))
 
-    def felt(self, reading: Reading) -> Array:
-        """Measured torques per unit of each inertial parameter, ``(n, n_torques, 10·n_segments)``."""
-        tree = self.under(reading.gravity)
-        return joint_torque_regressor(tree, *self.motion(reading))[:, self.places[self.measured]]
+    def felt(self, reading: Reading, *, still: bool = False) -> Array:
+        """Measured torques, or their weight, per unit of each inertial parameter, ``(n, n_torques, 10·n_segments)``."""
+        q, v, a = self.motion(reading)
+        tree, rest = self.under(reading.gravity), np.zeros_like(v)
+        return joint_torque_regressor(tree, q, *((rest, rest) if still else (v, a)))[
+            :, self.places[self.measured]
+        ]
 
     def _nominal(self, reading: Reading, q: Array, v: Array, a: Array) -> Array:
         """What measured torques hold of the nominal bodies' along a motion, ``(n, n_torques)``."""
-        gravity = np.zeros(3) if reading.weightless else reading.gravity
-        return inverse_dynamics(self.under(gravity), q, v, a)[:, self.places[self.measured]]
+        columns = self.places[self.measured]
+        torque = inverse_dynamics(self.under(reading.gravity), q, v, a)[:, columns]
+        return torque - reading.taken_weight(self._tree, q, columns)
 
 
 def torque_samples(robot: Robot, log: Log) -> TorqueSamples | None:

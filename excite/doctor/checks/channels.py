@@ -16,16 +16,15 @@ from excite.doctor.channel_errors import DELAY, OF_TORQUES, OF_WRENCHES, Misread
 from excite.doctor.channel_mapping import Reading
 from excite.doctor.checks.values import of_unknown_unit
 from excite.doctor.inertial_prior import STRONG_ODDS, Judgement
-from excite.doctor.mistakes.torques import OtherMachine, carried_load, find_delay, other_machine
+from excite.doctor.mistakes.torques import ADDED, OtherMachine, carried_load, find_delay, other_machine
 from excite.doctor.samples import Samples
 from excite.doctor.thresholds import THRESHOLD
 from excite.doctor.torque_samples import TorqueSamples, torque_samples
 from excite.doctor.wrench_samples import wrench_samples
 from excite.finding import list_names
-from excite.logs.log import Log, Trial
+from excite.logs.log import Trial
 from excite.logs.robot import robot_in_log
-from excite.regressor.kernels import inverse_dynamics
-from excite.robot.robot import Robot
+from excite.regressor.tree import read_tree
 from excite.rows.kinematics import in_configurations
 
 Found = tuple[Misreading, ...]
@@ -59,56 +58,50 @@ def find_misreadings(case: Case) -> None:
     if other is not None:
         _report_other_model(case, found, samples.what, other)
         return
-    stands = case.log.header.gravity
     for item in found:
         _report_misreading(case, item, samples.what)
         # A person has to say first what is asked for.
         reading = item.correction.as_logged(reading) if item.correction.ask else reading
     if not all(item.correction.ask for item in found):
         case.log = reading.of(case.log)
-    if reading.weightless:
-        _add_weight_beside_payload(case, found, stands)
+    # Where the weight of a payload was left in the torques it is told beside that of the bodies.
+    beside = any(key.startswith("payload.") for item in found for key in item.correction.figures)
+    if reading.is_compensated and (beside or not reading.weightless):
+        put_weight_back(case, reading)
 
 
-def _add_weight_beside_payload(case: Case, found: Found, gravity: tuple[float, float, float]) -> None:
-    """Add the nominal weight where that of a payload was left in the torques: it is told beside that of the bodies."""
-    if any(key.startswith("payload.") for item in found for key in item.correction.figures):
-        case.log = add_weight(case.robot, case.log, gravity)
-        told = ADDED if any(case.log.header.gravity) else None
-        case.findings = [
-            replace(one, remedy=told) if told and one.kind == "compensated" else one for one in case.findings
-        ]
+def put_weight_back(case: Case, reading: Reading) -> None:
+    """Add the weight that a driver took off torques by the nominal model.
 
-
-ADDED = "the nominal weight was added to the torques; log the measured torques"
-"""What was done about torques without weight."""
-
-
-def add_weight(robot: Robot, log: Log, gravity: tuple[float, float, float]) -> Log:
-    """A log of torques without weight, with that of the nominal model added to them.
-
-    What is identified then are weights by the model that the driver has, as far as the nominal one is that.
-
-    Args:
-        robot: the nominal model.
-        log: with no gravity in its header.
-        gravity: that acts, in the world frame [m/s²].
-
-    Returns:
-        The log as it is for currents, or motors that are coupled, whose share of a weight is not known.
+    What is identified then are weights by the model that the driver has, as far as the nominal one is that. Of
+    currents, or motors that are coupled, the share of a weight is not known: these joints are left out.
     """
-    if log.header.torque == "current" or log.header.coupling or any(log.header.gravity):
-        return log
-    header = log.header.model_copy(update={"gravity": gravity})
-    mechanics = robot_in_log(robot, header, log.folder)
-    columns = [mechanics.n_base_v + mechanics.joint_index(joint) for joint in header.joints]
-    trials = []
-    for trial in log.trials:
-        q = in_configurations(mechanics, header.joints, trial.q)
-        still = np.zeros((len(q), mechanics.model.nv))
-        weight = inverse_dynamics(mechanics.model, q, still, still)[:, columns]
-        trials.append(trial if trial.tau is None else replace(trial, tau=trial.tau + weight))
-    return replace(log, header=header, trials=tuple(trials))
+    log, header, remedy = case.log, case.log.header, ADDED
+    if header.torque == "current" or header.coupling:
+        if not any(header.gravity):
+            return
+        some = reading.taken.any(axis=1) | reading.absent.any()
+        case.ignore_torques(np.array(header.torque_joints)[some].tolist())
+        remedy = "these joints are treated as no_torque; list them there, or log the measured torques"
+    else:
+        mechanics = robot_in_log(case.robot, header, log.folder)
+        tree, joints = read_tree(mechanics.model), header.torque_joints
+        columns = np.array([mechanics.n_base_v + mechanics.joint_index(joint) for joint in joints])
+        into = [header.joints.index(joint) for joint in joints]
+
+        def add(trial: Trial) -> Trial:
+            tau = None if trial.tau is None else trial.tau.copy()
+            if tau is not None:
+                tau[:, into] += reading.taken_weight(
+                    tree, in_configurations(mechanics, header.joints, trial.q), columns
+                )
+            return replace(trial, tau=tau)
+
+        case.change_header(gravity=tuple(reading.gravity.tolist()))
+        case.change_trials(add)
+    case.findings = [
+        replace(one, remedy=remedy) if one.kind == "compensated" else one for one in case.findings
+    ]
 
 
 def _beside_load(

@@ -190,8 +190,10 @@ def _rotors(samples: TorqueSamples, reading: Reading) -> tuple[float, int]:
     torque, own = samples.measured_torque(reading), _own_inertia(samples)
     rotors, rubbing = [], 0
     for j in np.flatnonzero(own > THRESHOLD.weightless_kgm2):
-        weights, friction = drive_fit(torque[:, j], model[:, j], drive.v[:, j], drive.a[:, j])
-        rotors.append(weights[-1] / own[j])
+        weights, friction, rest = drive_fit(torque[:, j], model[:, j], drive.v[:, j], drive.a[:, j])
+        # A joint tells of a rotor where all of its links' inertia would be larger than what nothing explains.
+        if own[j] * np.linalg.norm(drive.a[:, j]) > np.linalg.norm(rest):
+            rotors.append(weights[-1] / own[j])
         rubbing += int(friction @ friction > THRESHOLD.friction_share * len(torque) * torque[:, j].var())
     return float(np.median(rotors[-max(1, len(rotors) // 2) :])) if rotors else 0.0, rubbing
 

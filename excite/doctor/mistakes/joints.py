@@ -70,7 +70,7 @@ def find_clock(samples: TorqueSamples, reading: Reading) -> Iterable[Correction]
     same; where none does, or logged velocities agree with the stamps, it is asked for.
     """
     # Without weight nothing stays while the clock changes.
-    if reading.tick != 1.0 or reading.weightless:
+    if reading.tick != 1.0 or reading.is_compensated:
         return
     if parts_in(samples, reading).lack_weight(THRESHOLD.next_to_nothing):
         return
@@ -131,6 +131,8 @@ _G = 9.81
 
 def find_gravity(samples: Samples, reading: Reading) -> Iterable[Correction]:
     """The direction in which gravity explains the torques best."""
+    if reading.is_compensated:
+        return
     by_gravity = samples.by_gravity(reading)
     axes = np.repeat(np.eye(3), 2, axis=0) * np.tile([1.0, -1.0], 3)[:, None]
     stated = reading.gravity / max(float(np.linalg.norm(reading.gravity)), 1e-12)
