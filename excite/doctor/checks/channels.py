@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from excite.arrays import Array
 from excite.display import percent
 from excite.doctor.case import Case
-from excite.doctor.channel_errors import DELAY, OF_TORQUES, OF_WRENCHES, Misreading, misreadings
+from excite.doctor.channel_errors import DELAY, OF_TORQUES, OF_WRENCHES, Misreading, misreadings, refine_zeros
 from excite.doctor.channel_mapping import Reading
 from excite.doctor.checks.values import of_unknown_unit
 from excite.doctor.inertial_prior import STRONG_ODDS, Judgement
@@ -33,10 +33,7 @@ Found = tuple[Misreading, ...]
 def find_misreadings(case: Case) -> None:
     """Signs, order, units, zeros, clock, delay, poses by which the model explains torques or wrenches far better."""
     header, stated = case.log.header, Reading.as_stated(case.log)
-    samples: Samples | None = case.samples
-    other = None
-    if samples is None and header.free_base and header.sensors:
-        samples = wrench_samples(case.robot, case.log)
+    samples, other = _samples_of(case), None
     if samples is None:
         return
     mistakes = OF_TORQUES if isinstance(samples, TorqueSamples) else OF_WRENCHES
@@ -53,6 +50,8 @@ def find_misreadings(case: Case) -> None:
             return
         samples, (reading, found) = _beside_load(samples, stated, possible, (reading, found))
         other = _explain_by_other_machine(samples, stated, reading, found)
+    if isinstance(samples, TorqueSamples) and other is None:
+        reading, found = refine_zeros(samples, reading, found, possible)
     for item in found:
         case.doubts |= set() if item.correction.certain else item.mistake.leaves
     if other is not None:
@@ -68,6 +67,14 @@ def find_misreadings(case: Case) -> None:
     beside = any(key.startswith("payload.") for item in found for key in item.correction.figures)
     if reading.is_compensated and (beside or not reading.weightless):
         put_weight_back(case, reading)
+
+
+def _samples_of(case: Case) -> Samples | None:
+    """Torques of an arm, or wrenches on what stands; None where there are neither."""
+    header = case.log.header
+    if case.samples is None and header.free_base and header.sensors:
+        return wrench_samples(case.robot, case.log)
+    return case.samples
 
 
 def put_weight_back(case: Case, reading: Reading) -> None:

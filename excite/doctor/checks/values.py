@@ -195,7 +195,8 @@ def _rotors(samples: TorqueSamples, reading: Reading) -> tuple[float, int]:
         if own[j] * np.linalg.norm(drive.a[:, j]) > np.linalg.norm(rest):
             rotors.append(weights[-1] / own[j])
         rubbing += int(friction @ friction > THRESHOLD.friction_share * len(torque) * torque[:, j].var())
-    return float(np.median(rotors[-max(1, len(rotors) // 2) :])) if rotors else 0.0, rubbing
+    rotors = rotors or [np.nan if own.any() else 0.0]
+    return float(np.median(rotors[-max(1, len(rotors) // 2) :])), rubbing
 
 
 def _own_inertia(samples: TorqueSamples) -> Array:

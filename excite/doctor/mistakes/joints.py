@@ -313,6 +313,40 @@ def _best_zero(by_zero: Callable[[Array], Array], start: float) -> float | None:
     return best if abs(best) >= THRESHOLD.least_zero_rad else None
 
 
+def zeros_together(
+    samples: Samples, reading: Reading, off: NDArray[np.bool_], std: Array, unasked: Array
+) -> Correction:
+    """Zeros of some joints that were fitted together, with their standard deviations; asked for where these are wide.
+
+    Args:
+        samples: samples of the log.
+        reading: with the zeros.
+        off: ``(n_joints,)`` joints whose zeros are off, ``std`` how well these are known [rad].
+        unasked: ``(n_joints,)`` zeros that stay where they are asked for [rad].
+    """
+    names = [joint for joint, is_off in zip(samples.joints, off, strict=True) if is_off]
+    sizes = zip(names, np.degrees(reading.zero[off]), np.degrees(std[off]), strict=True)
+    moved = ", ".join(f"{size:+.0f}° ± {within:.1g}° to {joint}" for joint, size, within in sizes)
+    figures = {}
+    for joint, size, within in zip(names, reading.zero[off], std[off], strict=True):
+        figures |= {f"add_{joint}_rad": float(size), f"std_{joint}_rad": float(within)}
+    wide = bool(std[off].max() > THRESHOLD.least_zero_rad)
+    ask = (
+        "the torques do not determine how far which zero is off: put the robot in a posture that is known, compare "
+        "its logged positions with the model's, and state the differences (offset: {q.JOINT: …} in map.yaml)"
+    )
+    return Correction(
+        reading,
+        f"zeros of positions are off the model's: add {moved}",
+        tuple(names),
+        figures,
+        changes=len(names),
+        certain=False,
+        ask=ask if wide else "",
+        as_logged=lambda read: replace(read, zero=0.0 * unasked),
+    )
+
+
 def _move_zeros(samples: Samples, reading: Reading, added: Mapping[int, float]) -> Correction:
     names = {samples.joints[j]: angle for j, angle in added.items()}
     exact = all(abs(angle / _QUARTER - round(angle / _QUARTER)) < 1e-9 for angle in added.values())
