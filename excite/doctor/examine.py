@@ -11,7 +11,7 @@ import numpy as np
 from excite.doctor.case import KINDS, Case
 from excite.doctor.channel_errors import OF_TORQUES, OF_WRENCHES
 from excite.doctor.channel_mapping import Reading
-from excite.doctor.checks.channels import find_misreadings, find_other_machine, put_weight_back
+from excite.doctor.checks.channels import find_misreadings, put_weight_back
 from excite.doctor.checks.clock import (
     find_counted_rows,
     find_held_rows,
@@ -75,7 +75,6 @@ RULES: tuple[Callable[[Case], None], ...] = (
     find_command_errors,
     find_unison,
     find_too_few_rows,
-    find_other_machine,
 )
 FOUND = frozenset({*KINDS, *(mistake.name for mistake in (*OF_TORQUES, *OF_WRENCHES))})
 """All kinds of findings in a log."""

@@ -7,19 +7,16 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
-from excite.arrays import Array
 from excite.display import percent
 from excite.doctor.case import Case
 from excite.doctor.channel_errors import DELAY, OF_TORQUES, OF_WRENCHES, Misreading, misreadings, refine_zeros
 from excite.doctor.channel_mapping import Reading
 from excite.doctor.checks.values import of_unknown_unit
-from excite.doctor.inertial_prior import STRONG_ODDS, Judgement
+from excite.doctor.inertial_prior import STRONG_ODDS
 from excite.doctor.mistakes.torques import ADDED, OtherMachine, carried_load, find_delay, other_machine
 from excite.doctor.samples import Samples
-from excite.doctor.thresholds import THRESHOLD
-from excite.doctor.torque_samples import TorqueSamples, torque_samples
+from excite.doctor.torque_samples import TorqueSamples
 from excite.doctor.wrench_samples import wrench_samples
 from excite.finding import list_names
 from excite.logs.log import Trial
@@ -178,74 +175,3 @@ def _report_misreading(case: Case, item: Misreading, what: str) -> None:
         repaired=not one.ask,
         remedy=one.ask or one.mends or f"it was corrected{right}; correct the log as well",
     )
-
-
-# Trials to learn from and to judge by that are not of the same machine.
-
-
-def find_other_machine(case: Case) -> None:
-    """Likely bodies and drives that explain the trials to learn from explain those to judge by as well."""
-    learnt, judges = case.log.role("identification"), case.log.role("validation")
-    found = _compare_sets(case, learnt, judges)
-    if found is None or not _are_worse(*found).any():
-        return
-    # What no model has sets the trials of one machine apart as well, by their postures; where these are too short to
-    # see how far, nothing is known of another machine.
-    usual = [_compare_sets(case, first, second) for first, second in _halves(learnt)]
-    known = [np.maximum(one[0], 0.0) for one in usual if one is not None]
-    if not known:
-        return
-    worse, much = found
-    worse = worse - np.max(known, axis=0)
-    bad = _are_worse(worse, much)
-    if bad.any():
-        names = tuple(np.array(case.log.header.torque_joints)[bad])
-        text = (
-            f"what the identification trials say of {list_names(names)} does not hold in the validation trials: "
-            "another machine, another load, other channels, or something that acts in their postures only, "
-            "such as a stop"
-        )
-        trials = tuple(trial.name for trial in judges)
-        case.add("other_machine", text, {"worse_nat": float(worse.sum())}, names, trials=trials)
-
-
-def _are_worse(worse: Array, much: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Torques that one machine explains less well, and all together too; odds alone part records of one KUKA LWR."""
-    least = THRESHOLD.least_gain
-    return (worse > least) & much & (worse.sum() > least)
-
-
-def _halves(trials: tuple[Trial, ...]) -> tuple[tuple[tuple[Trial, ...], tuple[Trial, ...]], ...]:
-    """Trials parted by their order, and by turns; of a trial alone its quarters."""
-    if len(trials) == 1:
-        (whole,) = trials
-        parts = np.array_split(np.arange(whole.n_samples), 4)
-        trials = tuple(replace(whole.rows(rows), name=f"{whole.name}_{k}") for k, rows in enumerate(parts))
-    middle = len(trials) // 2
-    return ((trials[:middle], trials[middle:]), (trials[::2], trials[1::2]))
-
-
-def _compare_sets(
-    case: Case, first: tuple[Trial, ...], second: tuple[Trial, ...]
-) -> tuple[Array, NDArray[np.bool_]] | None:
-    """By how much one set of bodies and drives for all leaves more than one a part [nat], and where it leaves much.
-
-    Of the torques it leaves much of, only those count whose odds for two sets are strong for so many torques.
-    """
-    left = [_judge_trials(case, trials) for trials in (first, second, (*first, *second))]
-    one, other, both = left
-    if one is None or other is None or both is None:
-        return None
-    worse = both.left - 0.5 * (one.left + other.left)
-    strong = both.counts * worse > STRONG_ODDS + np.log(len(worse))
-    return worse, (both.left > 0.5 * np.log(THRESHOLD.much_left)) & strong
-
-
-def _judge_trials(case: Case, trials: tuple[Trial, ...]) -> Judgement | None:
-    """What likely bodies leave of some trials; None where there is nothing to look at."""
-    header = case.log.header
-    if not trials or header.free_base or header.torque in {None, "none"}:
-        return None
-    chosen = replace(case.log, trials=tuple(replace(trial, role="identification") for trial in trials))
-    samples = torque_samples(case.robot, chosen)
-    return None if samples is None else samples.judged(Reading.as_stated(case.log))

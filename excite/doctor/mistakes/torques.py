@@ -207,8 +207,8 @@ def parts_in(samples: TorqueSamples, reading: Reading, load: Load | None = None)
         shares[:2, j] = np.where(told, fitted, np.nan)
         if told.any():
             rest = torque[:, j] - parts[:, j] @ fitted
-            friction = drive_fit(rest, np.zeros_like(rest), drive.v[:, j], drive.a[:, j])[1]
-            shares[2, j] = friction.std() / full[:, j].std()
+            made = drive_fit(rest, np.zeros_like(rest), drive.v[:, j], drive.a[:, j])[1]
+            shares[2, j] = made[:, 2:4].sum(axis=1).std() / full[:, j].std()
     return ModelParts(samples.channels, *shares)
 
 
