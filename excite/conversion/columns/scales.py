@@ -255,7 +255,8 @@ class _Scaling:
         most = np.nanmax(np.abs(values), axis=0)
         if self.recording.said.get("maybe_shares") or all(item.source.endswith(".pos") for item in items):
             return bool(most.max() <= _MOST_SHARE)
-        return bool(most.max() == 100.0 and (most == 100.0).sum() > 1)
+        # To the digits that tables have.
+        return bool(most.max() < 100.005 and (most > 99.995).sum() > 1)
 
     def _by_numbers(self, items: list[Mapped], named: str) -> PositionUnit:
         """The unit by ranges, where velocities do not let it open."""
