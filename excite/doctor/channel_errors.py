@@ -136,7 +136,7 @@ def refine_zeros(
             break
     if not off.any():
         return reading, found
-    correction = zeros_together(samples, reading, off, std, start)
+    correction = zeros_together(samples, reading, off, std)
     after = samples.judged(reading, before.counts)
     left = float(np.exp(2.0 * after.left.mean()))
     if not mine:

@@ -188,16 +188,17 @@ def _rotors(samples: TorqueSamples, reading: Reading) -> tuple[float, int]:
     """Rotor inertia at the outer joints, as share of the links', and the number of joints that rub."""
     model, drive = samples.predicted(reading)
     torque, own = samples.measured_torque(reading), _own_inertia(samples)
-    rotors, rubbing = [], 0
+    rotors, told, rubbing = [], [], 0
     for j in np.flatnonzero(own > THRESHOLD.weightless_kgm2):
         weights, made = drive_fit(torque[:, j], model[:, j], drive.v[:, j], drive.a[:, j])
+        rotors.append(weights[-1] / own[j])
         # A joint tells of a rotor where all of its links' inertia would be larger than what nothing explains.
         if own[j] * np.linalg.norm(drive.a[:, j]) > np.linalg.norm(torque[:, j] - made.sum(axis=1)):
-            rotors.append(weights[-1] / own[j])
+            told.append(rotors[-1])
         friction = made[:, 2:4].sum(axis=1)
         rubbing += int(friction @ friction > THRESHOLD.friction_share * len(torque) * torque[:, j].var())
-    rotors = rotors or [np.nan if own.any() else 0.0]
-    return float(np.median(rotors[-max(1, len(rotors) // 2) :])), rubbing
+    outer = [float(np.median(some[-max(1, len(some) // 2) :])) for some in (rotors, told) if some]
+    return min(outer, default=0.0), rubbing
 
 
 def _own_inertia(samples: TorqueSamples) -> Array:

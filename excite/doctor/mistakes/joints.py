@@ -313,24 +313,19 @@ def _best_zero(by_zero: Callable[[Array], Array], start: float) -> float | None:
     return best if abs(best) >= THRESHOLD.least_zero_rad else None
 
 
-def zeros_together(
-    samples: Samples, reading: Reading, off: NDArray[np.bool_], std: Array, unasked: Array
-) -> Correction:
+def zeros_together(samples: Samples, reading: Reading, off: NDArray[np.bool_], std: Array) -> Correction:
     """Zeros of some joints that were fitted together, with their standard deviations; asked for where these are wide.
 
     Args:
         samples: samples of the log.
         reading: with the zeros.
         off: ``(n_joints,)`` joints whose zeros are off, ``std`` how well these are known [rad].
-        unasked: ``(n_joints,)`` zeros that stay where they are asked for [rad].
     """
-    names = [joint for joint, is_off in zip(samples.joints, off, strict=True) if is_off]
-    sizes = zip(names, np.degrees(reading.zero[off]), np.degrees(std[off]), strict=True)
-    moved = ", ".join(f"{size:+.0f}° ± {within:.1g}° to {joint}" for joint, size, within in sizes)
-    figures = {}
-    for joint, size, within in zip(names, reading.zero[off], std[off], strict=True):
-        figures |= {f"add_{joint}_rad": float(size), f"std_{joint}_rad": float(within)}
-    wide = bool(std[off].max() > THRESHOLD.least_zero_rad)
+    names, sizes, within = np.array(samples.joints)[off].tolist(), reading.zero[off], std[off]
+    degrees = zip(names, np.degrees(sizes), np.degrees(within), strict=True)
+    moved = ", ".join(f"{size:+.0f}° ± {wide:.1g}° to {joint}" for joint, size, wide in degrees)
+    figures = {f"add_{joint}_rad": float(size) for joint, size in zip(names, sizes, strict=True)}
+    figures |= {f"std_{joint}_rad": float(wide) for joint, wide in zip(names, within, strict=True)}
     ask = (
         "the torques do not determine how far which zero is off: put the robot in a posture that is known, compare "
         "its logged positions with the model's, and state the differences (offset: {q.JOINT: …} in map.yaml)"
@@ -342,8 +337,8 @@ def zeros_together(
         figures,
         changes=len(names),
         certain=False,
-        ask=ask if wide else "",
-        as_logged=lambda read: replace(read, zero=0.0 * unasked),
+        ask=ask if within.max() > THRESHOLD.least_zero_rad else "",
+        as_logged=lambda read: replace(read, zero=np.where(off, 0.0, read.zero)),
     )
 
 

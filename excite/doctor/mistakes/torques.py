@@ -348,13 +348,17 @@ def _without_weight_somewhere(
     lacks = (np.abs(parts.weight) < THRESHOLD.next_to_nothing) & (size > 0.5)
     less = np.array([not is_near_one(max(x, 1e-9), tells) for x in np.nan_to_num(parts.weight, nan=1.0)])
     part = less & (parts.weight < 1.0) & (np.abs(parts.inertia - 1.0) < 0.5) & ~lacks
-    sets = [(np.flatnonzero(lacks), np.ones(len(lacks)))] if lacks.sum() > 1 else []
-    shares = np.where(lacks, 1.0, 1.0 - parts.weight)
-    for chosen, share in (*sets, *(([j], shares) for j in np.flatnonzero(lacks | part))):
+    share = np.where(lacks, 1.0, 1.0 - parts.weight)
+    sets = [np.flatnonzero(lacks)] if lacks.sum() > 1 else []
+    for chosen in (*sets, *np.flatnonzero(lacks | part)[:, None]):
         names = [samples.channels[j] for j in chosen]
         taken = reading.taken.copy()
         taken[chosen] = share[chosen, None] * reading.gravity
-        what = "the weight" if lacks[chosen].all() else f"{percent(100.0 * share[chosen[0]])} of the weight"
+        what = (
+            "the weight"
+            if lacks[chosen].all()
+            else f"{percent(float(100.0 * share[chosen[0]]))} of the weight"
+        )
         yield Correction(
             replace(reading, taken=taken),
             f"{what} is missing in the torque{'s' * (len(names) > 1)} of {list_names(names)} alone: a driver has "
