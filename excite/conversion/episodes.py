@@ -143,7 +143,7 @@ def examine_episodes(path: Path, *, jobs: Jobs = 1, progress: Progress = silent)
     """Look a data set through: each episode for rows, and its joints beside those of the other episodes.
 
     No model is asked and no unit needed. What all episodes have in common is not seen, and neither is what only
-    commands or torques tell where none were recorded.
+    commands tell where none were recorded.
 
     Args:
         path: a LeRobot data set, or a folder of recordings (bags, tables, …), one or more episodes in each.
