@@ -6,6 +6,7 @@ import re
 from collections import Counter
 from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from string import ascii_lowercase
 
 import numpy as np
 
@@ -110,10 +111,11 @@ class Family:
 def clues_of(recording: Recording, joints: Sequence[str], ignored: Iterable[str] = ()) -> dict[str, Clue]:
     """What the name of every column says, or its format."""
     names = {column.name for stream in recording.streams for column in stream.columns} - set(ignored)
-    found = _clues(recording, joints, names, frozenset())
+    spelt = {name: name for name in names} | _number_letters(names)
+    found = _clues(recording, joints, spelt, frozenset())
     letters = frozenset(word for said in found.values() for word in said.label.split("_") if len(word) == 1)
     if letters:
-        found = _clues(recording, joints, names, letters)
+        found = _clues(recording, joints, spelt, letters)
     found = with_joints_numbers(with_words_of_joints(found, joints))
     # Of one quantity and joint in units of several quantities each is of its unit's: ang_deg_s beside ang_deg.
     groups: dict[tuple[object, ...], list[str]] = {}
@@ -129,16 +131,33 @@ def clues_of(recording: Recording, joints: Sequence[str], ignored: Iterable[str]
     return found
 
 
+def _number_letters(names: Iterable[str]) -> dict[str, str]:
+    """Names with numbers for letters that count columns: ``torque_1`` … for ``torque_a`` … ``torque_f``.
+
+    They are letters where names differ in nothing but one that stands alone, and go from the first one of the alphabet.
+    """
+    groups: dict[tuple[str, str], dict[str, str]] = {}
+    for name in names:
+        for match in re.finditer(r"(?<![A-Za-z])[A-Za-z](?![A-Za-z0-9])", name):
+            groups.setdefault((name[: match.start()], name[match.end() :]), {})[match[0].lower()] = name
+    return {
+        name: f"{before}{1 + ascii_lowercase.index(letter)}{after}"
+        for (before, after), by_letter in groups.items()
+        if len(by_letter) > 1 and sorted(by_letter) == list(ascii_lowercase[: len(by_letter)])
+        for letter, name in by_letter.items()
+    }
+
+
 def _clues(
-    recording: Recording, joints: Sequence[str], names: Container[str], letters: frozenset[str]
+    recording: Recording, joints: Sequence[str], spelt: Mapping[str, str], letters: frozenset[str]
 ) -> dict[str, Clue]:
-    """What every name or format says, where these letters stand for joints."""
+    """What every name or format says as it is spelt, where these letters stand for joints."""
     found: dict[str, Clue] = {}
     for stream in recording.streams:
         for column in stream.columns:
-            if column.name not in names:
+            if column.name not in spelt:
                 continue
-            name = column.name.removeprefix(f"{stream.name}/")
+            name = spelt[column.name].removeprefix(f"{stream.name}/")
             found[column.name] = _column_clue(replace(column, name=name), joints, letters)
             if len(recording.streams) > 1:
                 found[column.name] = _of_its_stream(found[column.name], stream, joints)
