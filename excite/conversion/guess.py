@@ -35,7 +35,7 @@ from excite.conversion.columns.families import (
     tell_by_derivatives,
     without_base_columns,
 )
-from excite.conversion.columns.joints import BY_NAME, Doubt
+from excite.conversion.columns.joints import BY_NAME, Doubt, Placed
 from excite.conversion.columns.scales import convert_units
 from excite.conversion.columns.vocabulary import FORCES, OF_WORD, SHARES
 from excite.conversion.columns.words import Clue, is_of_joints
@@ -386,7 +386,7 @@ def _choose(state: Guessing) -> None:
 
 
 def _tell_by_physics(state: Guessing) -> None:
-    """Positions among columns whose names say nothing, whose derivatives are there."""
+    """Positions among columns whose names say nothing: those that follow commands, or whose derivatives are there."""
     named = {column for family in state.chosen.values() for column in family.columns}
     # Second clocks and counters of rows are smoother than any joint.
     state.silent = [
@@ -395,8 +395,16 @@ def _tell_by_physics(state: Guessing) -> None:
         if name in state.live - named and not said.commanded and said.quantity not in ("volt", "time", "skip")
         if not goes_evenly(state.values[name])
     ]
-    told = _told_by_derivatives(state, set(state.silent))
-    state.nameless = [target for target in told if target not in state.chosen]
+    told: dict[str, Family] = {}
+    command = state.chosen.get("q_cmd")
+    if command and len(state.silent) == len(state.joints) and (state.clocks or state.found.rate_hz):
+        pairs = dict(zip(state.joints, state.silent, strict=True))
+        placed = Placed(pairs, "the columns' order (they follow commands)")
+        followed = Family("q", "q", placed, (*pairs.values(),))
+        told = {"q": followed} if is_followed(command, followed, state.values) else {}
+    else:
+        told = _told_by_derivatives(state, set(state.silent))
+        state.nameless = [target for target in told if target not in state.chosen]
     state.chosen = told | state.chosen
     state.silent = [] if told else state.silent
 
