@@ -22,6 +22,13 @@ CHANNELS = ("time", "q", "v", "a", "tau", "i", "q_cmd", "tau_cmd", "base", "wren
 Factor = Annotated[float, Field(ge=-1e12, le=1e12)]
 
 
+def _not_zero(factor: float) -> float:
+    """The factor, with which a channel still says something."""
+    if factor == 0.0:
+        raise ValueError("zero leaves nothing of a channel; `ignore` leaves its columns out")
+    return factor
+
+
 def _known_unit(text: str) -> str:
     """The unit in this package's spelling."""
     unit = text if text in TO_SI or text == "±100" else unit_named(text)
@@ -74,7 +81,7 @@ class Map(BaseModel):
         default={},
         description="By channel, the unit of its columns: rad, deg/s, rpm, N·mm, kgf·cm … in any spelling.",
     )
-    scale: dict[str, Factor] = Field(
+    scale: dict[str, Annotated[Factor, AfterValidator(_not_zero)]] = Field(
         default={}, description="By channel or joint, a factor on top of the unit's; -1 turns a sign."
     )
     offset: dict[str, Factor] = Field(

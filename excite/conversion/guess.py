@@ -16,7 +16,6 @@ from excite.conversion.columns.clock import (
     clock_column,
     clock_pace,
     goes_evenly,
-    rate_by_velocities,
     row_seconds,
 )
 from excite.conversion.columns.families import (
@@ -305,27 +304,6 @@ def _ask_for_rate(state: Guessing, stream: Stream, stated: float | None) -> None
     found.ask_of_all("rate", stream.name, but=f" ({named[0]} does not go forward evenly)" if named else "")
 
 
-def _propose_rate(state: Guessing) -> None:
-    """The rate that velocities tell, where a rate has to be asked for."""
-    found, values = state.found, state.values
-    speeds = {item.joint: values[item.source] for item in found.of("v")}
-    pairs = [
-        (values[item.source], speeds[item.joint])
-        for item in found.of("q")
-        if item.joint in speeds and len(values[item.source]) == len(speeds[item.joint])
-    ]
-    if pairs:
-        q, v = (np.column_stack(side) for side in zip(*pairs, strict=True))
-        whole = np.isfinite(q).all(axis=1) & np.isfinite(v).all(axis=1)
-        rate = rate_by_velocities(q[whole], v[whole])
-        found.questions = [
-            question.with_rate(float(f"{rate:.3g}"), ", as the velocities say")
-            if rate and question.key == "rate"
-            else question
-            for question in found.questions
-        ]
-
-
 # Families: what is left out, what a channel is made of.
 
 
@@ -409,8 +387,7 @@ def _choose(state: Guessing) -> None:
 
 def _tell_by_physics(state: Guessing) -> None:
     """Positions among columns whose names say nothing: those that follow commands, or whose derivatives are there."""
-    chosen, joints = state.chosen, state.joints
-    named = {column for family in chosen.values() for column in family.columns}
+    named = {column for family in state.chosen.values() for column in family.columns}
     # Second clocks and counters of rows are smoother than any joint.
     state.silent = [
         name
@@ -418,26 +395,22 @@ def _tell_by_physics(state: Guessing) -> None:
         if name in state.live - named and not said.commanded and said.quantity not in ("volt", "time", "skip")
         if not goes_evenly(state.values[name])
     ]
-    clocked = bool(state.clocks or state.found.rate_hz)
-    if "q_cmd" in chosen and len(state.silent) == len(joints) and clocked:
-        pairs = dict(zip(joints, state.silent, strict=True))
-        told = {
-            "q": Family(
-                "q", "q", Placed(pairs, "the columns' order (they follow commands)"), (*pairs.values(),)
-            )
-        }
-        told = told if is_followed(chosen["q_cmd"], told["q"], state.values) else {}
+    told: dict[str, Family] = {}
+    command = state.chosen.get("q_cmd")
+    if command and len(state.silent) == len(state.joints) and (state.clocks or state.found.rate_hz):
+        pairs = dict(zip(state.joints, state.silent, strict=True))
+        placed = Placed(pairs, "the columns' order (they follow commands)")
+        followed = Family("q", "q", placed, (*pairs.values(),))
+        told = {"q": followed} if is_followed(command, followed, state.values) else {}
     else:
-        told = _told_by_derivatives(state)
-        state.nameless = [target for target in told if target not in chosen]
-    if told:
-        state.chosen = told | chosen
-        state.silent = []
+        told = _told_by_derivatives(state, set(state.silent))
+        state.nameless = [target for target in told if target not in state.chosen]
+    state.chosen = told | state.chosen
+    state.silent = [] if told else state.silent
 
 
-def _told_by_derivatives(state: Guessing) -> dict[str, Family]:
+def _told_by_derivatives(state: Guessing, silent: set[str]) -> dict[str, Family]:
     """Channels of the stream with most columns whose names say nothing; empty where values do not tell them."""
-    silent = set(state.silent)
     stream = max(state.recording.streams, key=lambda s: sum(c.name in silent for c in s.columns))
     unknown = {
         c.name: c.values for c in stream.columns if c.name in silent and np.isfinite(c.values).mean() > 0.5
@@ -613,7 +586,7 @@ def _ask_for_motion(state: Guessing) -> None:
 
 
 def _ask_for_torques(state: Guessing) -> None:
-    """Which columns are torques, where nothing says it: of voltages, several of one joint, columns without names."""
+    """Which columns are torques, where nothing says it: of voltages, several of one joint."""
     found, clues = state.found, state.left
     for family in state.groups:
         supply = family.words & _SUPPLY and all(np.nanmin(state.values[c]) > 0.0 for c in family.columns)
@@ -723,12 +696,6 @@ RULES = (
     Rule("commands", "commands that state no quantity: positions or torques", _settle_commands),
     Rule("doubtful choice", "surplus columns and joints that are not told: questions", _note_choice),
     Rule("channels", "channels of the chosen families", _add_channels),
-    Rule(
-        "rate",
-        "the rate that velocities tell",
-        _propose_rate,
-        lambda s: any(question.key == "rate" for question in s.found.questions),
-    ),
     Rule(
         "base by format",
         "what a format says of the base and of contact wrenches: channels",

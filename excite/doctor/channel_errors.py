@@ -30,10 +30,12 @@ from excite.doctor.mistakes.joints import (
     find_turned_joints,
     find_unit,
     find_zeros,
+    zeros_together,
 )
 from excite.doctor.mistakes.torques import find_delay, find_missing_weight, find_torque_sign
 from excite.doctor.samples import THE_UNIT, Correction, Mistake, Samples
 from excite.doctor.thresholds import THRESHOLD, is_near_one
+from excite.doctor.torque_samples import TorqueSamples
 from excite.doctor.torque_scale import TORQUE_SCALE
 from excite.doctor.wrench_samples import WrenchSamples
 from excite.logs.units import size_of
@@ -101,6 +103,52 @@ def misreadings(
         found.append(Misreading(correction, mistake, before, after, left.odds(then), sure))
         reading, left = correction.reading, samples.judged(correction.reading)
     return reading, tuple(found)
+
+
+def refine_zeros(
+    samples: TorqueSamples, reading: Reading, found: tuple[Misreading, ...], mistakes: Sequence[Mistake]
+) -> tuple[Reading, tuple[Misreading, ...]]:
+    """Zeros of all joints, fitted together beside likely bodies, with how well they are known.
+
+    What one of several zeros was first believed to be holds part of the others, and one alone may bring nothing: zeros
+    of all joints are free together (Gauss and Newton), those that were not found as far as calibrations leave them.
+
+    Returns:
+        The reading, and what was found, with one mistake of all zeros.
+    """
+    mine = [one for one in found if one.mistake.name == "zero_position" and not one.correction.certain]
+    zero = next((one for one in mistakes if one.name == "zero_position"), None)
+    if zero is None or (found and not mine):
+        return reading, found
+    before = samples.judged(reading)
+    n = len(samples.joints)
+    turning = np.array([not samples.slides(j) for j in range(n)])
+    off = np.isin(samples.joints, [place for one in mine for place in one.correction.places])
+    usual, std, start = 0.5 * THRESHOLD.least_zero_rad, np.zeros(n), reading.zero
+    for _ in range(8):
+        spread = np.where(off, np.pi / 2, np.where(turning, usual, 1e-9))
+        judged = samples.judged(reading, zeros=spread)
+        step, std = judged.moved[-n:], judged.std[-n:]
+        off |= turning & (np.abs(step) > np.maximum(usual, 2.0 * std))
+        step = np.where(off, np.clip(step, -0.2, 0.2), 0.0)
+        reading = replace(reading, zero=reading.zero + step)
+        if np.abs(step).max() < 1e-3:
+            break
+    if not off.any():
+        return reading, found
+    correction = zeros_together(samples, reading, off, std)
+    after = samples.judged(reading, before.counts)
+    left = float(np.exp(2.0 * after.left.mean()))
+    if not mine:
+        merit = before.posterior(after, tried=n, changes=correction.changes)
+        if merit <= STRONG_ODDS or not _explains(samples, correction, before, after):
+            return replace(reading, zero=start), found
+        sure, stood = min(float(1.0 / (1.0 + np.exp(-merit))), 0.999), float(np.exp(2.0 * before.left.mean()))
+        return reading, (Misreading(correction, zero, stood, left, before.odds(after), sure),)
+    first = mine[0]
+    merged = replace(first, correction=correction, after=left)
+    rest = tuple(merged if one is first else one for one in found if one is first or one not in mine)
+    return reading, rest
 
 
 def _promising(

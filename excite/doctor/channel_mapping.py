@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.logs.log import Log, Trial
+from excite.regressor.kernels import inverse_dynamics
+from excite.regressor.tree import KinematicTree
 
 # Ways in which a logged base pose may be meant.
 
@@ -56,7 +58,10 @@ class Reading:
         wrench_map: ``(n_sensors, 6, 6)`` what makes a wrench of these columns: signs, axes, units.
         wrench_added: ``(n_sensors, 6)`` constants that are added to them then [N, N·m].
         pose: what the columns of the base pose hold.
-        weightless: whether a driver took the nominal weight off torques before it reported them.
+        taken: ``(n_torques, 3)`` gravity under which a driver took the nominal weight off each torque before it
+            reported it, zero where it took none [m/s²].
+        absent: ``(10·n_segments,)`` inertial parameters of a body that is not there and whose weight a driver took
+            off all torques [SI]; empty for none.
     """
 
     position_of: NDArray[np.int64]
@@ -71,8 +76,9 @@ class Reading:
     sensor_of: NDArray[np.int64]
     wrench_map: Array
     wrench_added: Array
+    taken: Array
+    absent: Array
     pose: BasePose = BasePose.STATED
-    weightless: bool = False
 
     @classmethod
     def as_stated(cls, log: Log) -> Reading:
@@ -91,7 +97,36 @@ class Reading:
             sensor_of=np.arange(len(log.header.sensors)),
             wrench_map=np.tile(np.eye(6), (len(log.header.sensors), 1, 1)),
             wrench_added=np.zeros((len(log.header.sensors), 6)),
+            taken=np.zeros((m, 3)),
+            absent=np.zeros(0),
         )
+
+    @property
+    def weightless(self) -> bool:
+        """Whether nothing of the nominal weight is in any torque."""
+        return bool(self.taken.any() and (self.taken == self.gravity).all() and not self.absent.any())
+
+    @property
+    def is_compensated(self) -> bool:
+        """Whether some of the weight, of bodies that are there or not, was taken off some torque."""
+        return bool(self.taken.any() or self.absent.any())
+
+    def taken_weight(self, tree: KinematicTree, q: Array, columns: NDArray[np.int64]) -> Array:
+        """What a driver took off torques by the nominal model of ``tree``, ``(n, n_torques)`` [N·m or N].
+
+        Args:
+            tree: the nominal robot.
+            q: ``(n, nq)`` configurations.
+            columns: where in ``v`` the joints with a torque are.
+        """
+        still, weight = np.zeros((len(q), tree.nv)), np.zeros((len(q), len(columns)))
+        for pull in np.unique(self.taken[self.taken.any(axis=1)], axis=0):
+            own = inverse_dynamics(replace(tree, gravity=pull), q, still, still)[:, columns]
+            weight += own * (self.taken == pull).all(axis=1)
+        if self.absent.any():
+            absent = replace(tree, gravity=np.asarray(self.gravity), phi=self.absent)
+            weight += inverse_dynamics(absent, q, still, still)[:, columns]
+        return weight
 
     def in_units(self, unit: float, slides: Sequence[bool]) -> Reading:
         """Angles in another unit; joints that slide have none."""
@@ -104,8 +139,9 @@ class Reading:
 
     def motion_key(self) -> bytes:
         """Equal for readings that make the same motion of the same log."""
-        rest = [self.tick, list(BasePose).index(self.pose), self.weightless]
-        parts = (self.position_of, self.position_sign, self.unit, rest, self.zero, self.gravity)
+        rest = [self.tick, list(BasePose).index(self.pose)]
+        taken = (self.taken, self.absent)
+        parts = (self.position_of, self.position_sign, self.unit, rest, self.zero, self.gravity, *taken)
         return b"".join(np.asarray(part, dtype=float).tobytes() for part in parts)
 
     def with_position(self, joint: int, sign: float = 1.0, zero: float = 0.0) -> Reading:

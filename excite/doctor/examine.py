@@ -6,9 +6,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
+
 from excite.doctor.case import KINDS, Case
 from excite.doctor.channel_errors import OF_TORQUES, OF_WRENCHES
-from excite.doctor.checks.channels import ADDED, add_weight, find_misreadings, find_other_machine
+from excite.doctor.channel_mapping import Reading
+from excite.doctor.checks.channels import find_misreadings, put_weight_back
 from excite.doctor.checks.clock import (
     find_counted_rows,
     find_held_rows,
@@ -35,6 +38,7 @@ from excite.doctor.checks.values import (
     find_weak_torques,
 )
 from excite.doctor.doubt import Doubt
+from excite.doctor.mistakes.torques import take_weight
 from excite.doctor.thresholds import THRESHOLD
 from excite.errors import IllLogError
 from excite.finding import Examination, merge_findings, worst_first
@@ -71,7 +75,6 @@ RULES: tuple[Callable[[Case], None], ...] = (
     find_command_errors,
     find_unison,
     find_too_few_rows,
-    find_other_machine,
 )
 FOUND = frozenset({*KINDS, *(mistake.name for mistake in (*OF_TORQUES, *OF_WRENCHES))})
 """All kinds of findings in a log."""
@@ -166,14 +169,11 @@ def doctor(
     nominal, loaded = robot_and_log(robot, log)
     chart = examine(nominal, loaded)
     if repair is not None:
-        if any(found.kind == "compensated" and found.repaired for found in chart.findings):
-            whole = add_weight(nominal, chart.log, loaded.header.gravity)
-            told = ADDED if any(whole.header.gravity) else None
-            found = (
-                replace(one, remedy=told) if told and one.kind == "compensated" else one
-                for one in chart.findings
-            )
-            chart = replace(chart, log=whole, findings=tuple(found))
+        taken_off = any(found.kind == "compensated" and found.repaired for found in chart.findings)
+        if taken_off and not any(chart.log.header.gravity):
+            case = Case(nominal, chart.log, list(chart.findings))
+            put_weight_back(case, take_weight(Reading.as_stated(loaded), np.array(loaded.header.gravity)))
+            chart = replace(chart, log=case.log, findings=tuple(case.findings))
         save_log(chart.log, repair)
         chart = replace(chart, repaired=str(repair))
     return chart

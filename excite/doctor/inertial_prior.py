@@ -57,11 +57,15 @@ class Judgement:
         left: ``(m,)`` half the logarithm of each channel's share of power that is left.
         cost: of the bodies' deviation from the nominal ones [nat].
         counts: ``(m,)`` effective samples of each channel.
+        moved: ``(k,)`` the likeliest deviations of all parameters that have a spread; ``std`` how well they are
+            known, where that was asked.
     """
 
     left: Array
     cost: float
     counts: Array
+    moved: Array
+    std: Array
 
     def odds(self, other: Judgement) -> float:
         """Logarithm of another reading's likelihood per this one's, by this one's effective samples [nat]."""
@@ -97,6 +101,7 @@ def judge_bodies(
     counts: Array | None,
     *,
     of_drives: bool,
+    precise: bool = False,
 ) -> Judgement:
     """What likely bodies leave of channels; weights are those of what is left, found again and again.
 
@@ -109,6 +114,7 @@ def judge_bodies(
         trial: ``(n,)`` a number for each sample's trial.
         counts: ``(m,)`` effective samples; None for those of what is left.
         of_drives: whether ``own`` is each channel's by itself, and free.
+        precise: whether it is asked how well parameters are known, which takes a while.
     """
     felt = np.abs(body).max(axis=0) * spread > 1e-9
     used = np.flatnonzero(felt.any(axis=0))
@@ -147,4 +153,9 @@ def judge_bodies(
         shares = (rest**2).mean(axis=0)
         if counts is None:
             told = count_effective_samples(rest, trial)
-    return Judgement(half_log(shares), 0.5 * float(x[:priced] @ x[:priced]), told)
+    moved, std = np.zeros_like(spread), spread.copy()
+    moved[used] = spread[used] * x[:first]
+    if precise:
+        covariance = cho_solve(cho_factor(matrix[np.ix_(kept, kept)]), np.eye(len(kept)))
+        std[used] *= np.sqrt(np.diag(covariance)[:first])
+    return Judgement(half_log(shares), 0.5 * float(x[:priced] @ x[:priced]), told, moved, std)

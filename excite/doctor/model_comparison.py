@@ -241,7 +241,7 @@ def remove_drives(drive: Drive, *values: Array) -> list[Array]:
 
 
 def drive_fit(torque: Array, model: Array, v: Array, a: Array) -> tuple[Array, Array]:
-    """Least-squares weights of model, offset, viscous and dry friction and inertia ``(5,)``, and the friction ``(n,)``.
+    """Least-squares weights of model, offset, viscous, dry friction and inertia ``(5,)``, what each makes ``(n, 5)``.
 
     Args:
         torque: measured, ``(n,)`` [N·m].
@@ -251,4 +251,4 @@ def drive_fit(torque: Array, model: Array, v: Array, a: Array) -> tuple[Array, A
     columns = np.column_stack([model, np.ones_like(v), v, smooth_sign(v, WIDTH), a])
     scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     weights = np.linalg.lstsq(columns / scale, torque, rcond=1e-10)[0] / scale
-    return weights, columns[:, 2:4] @ weights[2:4]
+    return weights, columns * weights

@@ -115,8 +115,12 @@ class TorqueSamples(Samples):
 
         return left
 
-    def judged(self, reading: Reading, counts: Array | None = None) -> Judgement:
-        """As :meth:`left`, beside the likeliest bodies for this reading, by so many effective samples a torque."""
+    def judged(self, reading: Reading, counts: Array | None = None, zeros: Array | None = None) -> Judgement:
+        """As :meth:`left`, beside the likeliest bodies for this reading, by so many effective samples a torque.
+
+        With ``zeros``, standard deviations of what the joints' zeros are off ``(n_joints,)`` [rad], these are free,
+        too, to first order: the last of what has moved.
+        """
         some = slice(None, None, max(1, int(len(self.q) / THRESHOLD.judged_samples)))
         tree, (model, drive) = self.under(reading.gravity), self.predicted(reading)
         torque = self.measured_torque(reading)[some]
@@ -127,7 +131,17 @@ class TorqueSamples(Samples):
         # Offset, friction and rotor in units of the torque's own deviation and the motion's are as good as free.
         own *= THRESHOLD.free_drive / np.maximum(np.sqrt((own**2).mean(axis=0)), 1e-12)
         target, spread = (torque - model[some]) / scale, likely_spread(tree)
-        return judge_bodies(spread, body, own, target, self.first[some], counts, of_drives=True)
+        if zeros is not None:
+            felt = [self._felt_zero(reading, j)[some] / scale for j in range(len(zeros))]
+            body, spread = np.concatenate([body, np.stack(felt, axis=2)], axis=2), np.r_[spread, zeros]
+        trial, precise = self.first[some], zeros is not None
+        return judge_bodies(spread, body, own, target, trial, counts, of_drives=True, precise=precise)
+
+    def _felt_zero(self, reading: Reading, joint: int) -> Array:
+        """Nominal torques per radian of a joint's zero, ``(n, n_torques)``."""
+        step = 0.01
+        ahead, behind = (self.predicted(reading.with_position(joint, zero=x)).torque for x in (step, -step))
+        return (ahead - behind) / (2.0 * step)
 
     def across(self, reading: Reading) -> Array:
         """The same of every torque column taken for every joint's, ``(n_joints, n_columns)``, the better sign."""
@@ -168,15 +182,19 @@ class TorqueSamples(Samples):
         """The robot's kinematics under another gravity."""
         return replace(self._tree, gravity=np.asarray(gravity, dtype=float))
 
-    def felt(self, reading: Reading) -> Array:
-        """Measured torques per unit of each inertial parameter, ``(n, n_torques, 10·n_segments)``."""
-        tree = self.under(reading.gravity)
-        return joint_torque_regressor(tree, *self.motion(reading))[:, self.places[self.measured]]
+    def felt(self, reading: Reading, *, still: bool = False) -> Array:
+        """Measured torques, or their weight, per unit of each inertial parameter, ``(n, n_torques, 10·n_segments)``."""
+        q, v, a = self.motion(reading)
+        tree, rest = self.under(reading.gravity), np.zeros_like(v)
+        return joint_torque_regressor(tree, q, *((rest, rest) if still else (v, a)))[
+            :, self.places[self.measured]
+        ]
 
     def _nominal(self, reading: Reading, q: Array, v: Array, a: Array) -> Array:
         """What measured torques hold of the nominal bodies' along a motion, ``(n, n_torques)``."""
-        gravity = np.zeros(3) if reading.weightless else reading.gravity
-        return inverse_dynamics(self.under(gravity), q, v, a)[:, self.places[self.measured]]
+        columns = self.places[self.measured]
+        torque = inverse_dynamics(self.under(reading.gravity), q, v, a)[:, columns]
+        return torque - reading.taken_weight(self._tree, q, columns)
 
 
 def torque_samples(robot: Robot, log: Log) -> TorqueSamples | None:

@@ -18,7 +18,7 @@ from excite.human.recording import PlateRecording, Recording
 from excite.human.segments import NAMES, SIDES
 from excite.human.skeleton import Placement
 from excite.human.trial_poses import runs_of
-from excite.logs.signals.butterworth import central_differences, lowpass, settling_samples
+from excite.logs.signals.butterworth import Derivatives, central_differences, lowpass, settling_samples
 
 # Centres of pressure, and how far from the feet they lie.
 
@@ -115,6 +115,8 @@ def plate_readings(
     judged.leave_out_unloaded()
     judged.plates = [_at_times(plate, recording.time, cutoff_hz, recording.source) for plate in judged.plates]
     judged.plates = [judged.in_metres(plate) for plate in judged.plates]
+    rate = (len(recording.time) - 1) / float(recording.time[-1] - recording.time[0])
+    judged.turn_about_vertical(body.subject.mass, motion_of_center(body, placement, rate).second)
     judged.exchange_places()
     return judged.assign_feet(), tuple(judged.findings)
 
@@ -269,6 +271,41 @@ class _Plates:
             self.add_finding("moments", text, {"sway_m": sway}, plate.name)
         return plate
 
+    def turn_about_vertical(self, mass: float, acceleration: Array) -> None:
+        """Turn plates by quarters about the vertical where horizontal forces then accelerate the person as he moves.
+
+        Plates with a place turn about their middle each, all of them about the laboratory's origin too.
+
+        Args:
+            mass: of the person [kg].
+            acceleration: of the centre of mass, ``(n, 3)`` [m/s²].
+        """
+        own, origin = self.plates, np.zeros(3)
+        if len(own) > 3:
+            return
+        middles = [origin if one.corners is None else one.corners.mean(axis=0) for one in own]
+        carried = sum(one.force[:, 2] for one in own) > 0.7 * mass * (GRAVITY + acceleration[:, 2])
+        least, mended, chosen = np.inf, own, (0,) * len(own)
+        for turns, about in (
+            *((turns, middles) for turns in product(range(4), repeat=len(own))),
+            *(((k,) * len(own), [origin] * len(own)) for k in (1, 2, 3)),
+        ):
+            plates = [_turn_plate(*one) for one in zip(own, turns, about, strict=True)]
+            rest = np.sum([one.force for one in plates], axis=0) - mass * acceleration
+            left = float((rest[carried, :2] ** 2).sum())
+            if not any(turns):
+                least, first, miss = left, left, max(NEAR, *map(self.typical_miss, plates))
+            elif left < min(least, 0.5 * first) and max(map(self.typical_miss, plates)) < miss:
+                least, mended, chosen = left, plates, turns
+        for plate, k in zip(own, chosen, strict=True):
+            if k:
+                text = (
+                    f"{plate.name} is turned about the vertical: as it stands the plates' horizontal forces miss what "
+                    f"moves the person by {np.sqrt(first / least):.2g} times as much; turned by {90 * k}°"
+                )
+                self.add_finding("turned_plate", text, {"angle_rad": 0.5 * np.pi * k}, plate.name)
+        self.plates = mended
+
     def exchange_places(self) -> None:
         """Give plates each other's places where that brings the centres of pressure under the feet."""
         own, worst = self.plates, max(map(self.typical_miss, self.plates))
@@ -332,6 +369,14 @@ class _Plates:
             if np.isfinite(point).any()
             else np.array([0.0, 0.0, self.ground_height])
         )
+
+
+def _turn_plate(plate: PlateRecording, quarters: int, about: Array) -> PlateRecording:
+    """A plate's reading turned by quarters about a vertical line; its place stays."""
+    turn = np.linalg.matrix_power(np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), quarters)
+    moment = (plate.moment - np.cross(about, plate.force)) @ turn.T
+    force = plate.force @ turn.T
+    return replace(plate, force=force, moment=moment + np.cross(about, force))
 
 
 def _move_plate(plate: PlateRecording, other: PlateRecording) -> PlateRecording:
@@ -400,6 +445,14 @@ def mass_center(body: Body, placement: Placement) -> Array:
     return np.einsum("k,nki->ni", masses / masses.sum(), points)
 
 
+def motion_of_center(body: Body, placement: Placement, rate_hz: float) -> Derivatives:
+    """Velocity and acceleration of the whole body's centre of mass, ``(n, 3)`` each [m/s, m/s²]."""
+    center, cutoff = mass_center(body, placement), min(6.0, 0.2 * rate_hz)
+    if len(center) > settling_samples(rate_hz, cutoff):
+        center = lowpass(center, rate_hz, cutoff, 3)
+    return central_differences(center, rate_hz)
+
+
 def find_support(
     body: Body, placement: Placement, readings: Sequence[PlateReading], rate_hz: float, source: Path
 ) -> Support:
@@ -411,11 +464,7 @@ def find_support(
     Raises:
         LogError: at no time do the plates carry the person, or the forces are not in newtons.
     """
-    center = mass_center(body, placement)
-    cutoff = min(6.0, 0.2 * rate_hz)
-    if len(center) > settling_samples(rate_hz, cutoff):
-        center = lowpass(center, rate_hz, cutoff, 3)
-    motion = central_differences(center, rate_hz)
+    motion = motion_of_center(body, placement, rate_hz)
     weight = body.subject.mass * GRAVITY
     vertical = np.sum([reading.force[:, 2] for reading in readings], axis=0)
     expected = body.subject.mass * (GRAVITY + motion.second[:, 2])

@@ -174,6 +174,41 @@ def test_lerobot_within_a_hundred_may_be_degrees_or_shares(data, arm, tmp_path):
     np.testing.assert_allclose(found.log.trials[0].q_cmd, data["q_cmd"][: N // 2], atol=1e-5)
 
 
+@pytest.mark.parametrize(
+    ("names", "factor", "asks"),
+    [
+        ("{}.pos", 1.0, True),
+        ("{}.pos", 1.1, True),
+        ("{}.pos", 2.5, False),
+        ("{}_angle", 1.0, True),
+        ("{}_angle", 0.9, False),
+    ],
+)
+def test_shares_in_a_table_are_asked_about_as_well(names, factor, asks, data, arm, tmp_path):
+    """By LeRobot's names, where they pass 100 a little too; by others where several joints end at 100 of something."""
+    most = np.array([100.0, 100.0, 80.0]) * factor
+    columns = {"time": data["time"]} | {
+        names.format(joint): most[k] * data["q"][:, k] / np.abs(data["q"][:, k]).max()
+        for k, joint in enumerate(JOINTS)
+    }
+    file = tmp_path / "run.csv"
+    rows = np.column_stack(list(columns.values()))
+    np.savetxt(file, rows, delimiter=",", header=",".join(columns), comments="", fmt="%.17g")
+    try:
+        excite.convert([file], arm, tmp_path / "log")
+        asked = False
+    except UnclearError as error:
+        asked = any(question.key == "shares or degrees" for question in error.questions)
+    assert asked == asks
+
+
+def test_a_scale_of_zero_is_refused_before_anything_is_written(arm, tmp_path):
+    (tmp_path / "map.yaml").write_text("scale: {tau: 0}\n")
+    with pytest.raises(LogError, match=r"scale\.tau"):
+        excite.convert([tmp_path / "run.csv"], arm, tmp_path / "log", tmp_path / "map.yaml")
+    assert not (tmp_path / "log").exists()
+
+
 def test_a_definition_that_ros_does_not_allow_is_passed_over(data, arm, tmp_path):
     """A topic whose message has capitals in its fields cannot be decoded; the others of the file can."""
     from mcap.writer import Writer

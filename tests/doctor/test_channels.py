@@ -12,6 +12,7 @@ from excite.finding import Finding
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Cleaning, Log, LogHeader, Trial
 from excite.logs.robot import nominal_robot
+from excite.robot.loading import load_robot
 from tests.identification.practice_log import arm_log, changed
 
 
@@ -286,3 +287,29 @@ def test_positions_alone_tell_nothing(panda, log):
         item.kind == "no_torques"
         for item in examine(panda, replace(log, header=header, trials=commanded)).findings
     )
+
+
+@pytest.mark.parametrize(
+    ("name", "off"),
+    [
+        ("panda", {1: 0.3, 3: -0.4}),
+        ("panda", {1: 0.3, 3: 0.3, 5: 0.4}),
+        ("iiwa14", {1: 0.25, 3: 0.3, 5: 0.4}),
+        ("ur10", {1: 0.3, 2: -0.4}),
+        ("ur10", {1: 0.3, 2: 0.25}),
+    ],
+)
+def test_several_zeros_are_known_as_well_as_is_said(name, off):
+    """What one of them is believed to be before the others are known is no zero."""
+    robot = load_robot(name)
+    healthy, moved = arm_log(robot, 3, trials=2), np.zeros(robot.n_joints)
+    moved[list(off)] = list(off.values())
+    chart = examine(robot, changed(healthy, lambda t: replace(t, q=t.q - moved, q_cmd=t.q_cmd - moved)))
+    (found,) = (one for one in chart.findings if one.severity != "note")
+    assert found.kind == "zero_position" and set(found.places) <= {robot.joint_names[j] for j in off}
+    assert robot.joint_names[1] in found.places
+    for joint in found.places:
+        size, std = found.figures[f"add_{joint}_rad"], found.figures[f"std_{joint}_rad"]
+        # Bodies up to 10 % off move a zero by up to a degree; one in thirty by more than two deviations and that.
+        assert abs(size - moved[robot.joint_index(joint)]) < 2.0 * std + 0.02
+        assert f"± {np.degrees(std):.1g}° to {joint}" in found.text

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -194,3 +195,58 @@ def test_currents_are_no_torques_where_friction_hides_the_wrists():
     assert worst(robot, log) == []
     (found,) = worst(robot, changed(log, lambda t: replace(t, tau=t.tau / constants)))
     assert found.kind == "torque_scale" and "currents" in found.text
+
+
+def held(robot, kg):
+    """The weight of a body in the hand, ``(n, n_joints)`` of configurations [N·m]."""
+    loaded = pin.Model(robot.model)
+    loaded.appendBodyToJoint(
+        robot.model.njoints - 1,
+        pin.Inertia(kg, np.array([0.0, 0.0, 0.1]), 1e-3 * np.eye(3)),
+        pin.SE3.Identity(),
+    )
+    data = loaded.createData()
+    return lambda q: [pin.computeGeneralizedGravity(loaded, data, row).copy() for row in q] - weight(robot, q)
+
+
+def tilted(robot, degrees):
+    """The robot's weight under a gravity that leans towards x, likewise."""
+    model, angle = pin.Model(robot.model), np.radians(degrees)
+    model.gravity = pin.Motion(9.81 * np.array([np.sin(angle), 0.0, -np.cos(angle), 0.0, 0.0, 0.0]))
+    data = model.createData()
+    return lambda q: np.array([pin.computeGeneralizedGravity(model, data, row).copy() for row in q])
+
+
+def at(*joints):
+    """The weight in the torques of some joints alone, likewise."""
+    return lambda robot: lambda q: weight(robot, q) * np.isin(np.arange(robot.n_joints), joints)
+
+
+@pytest.mark.parametrize("name", ["ur10", "panda", "iiwa14"])
+@pytest.mark.parametrize(
+    ("taken", "said"),
+    [
+        (
+            lambda robot: lambda q: 0.5 * weight(robot, q),
+            r"subtracted (49|5\d) % of the weight from the torques",
+        ),
+        (lambda robot: lambda q: -weight(robot, q), r"added 1\d\d % of the weight to the torques"),
+        (lambda robot: tilted(robot, 15.0), "subtracted the weight .*, 15° off what the log says"),
+        (at(1), "missing in the torque of {1} alone: .* or a spring or counterweight"),
+        (at(2), "missing in the torque of {2} alone"),
+        (at(1, 2), "missing in the torques of {1}, {2} alone"),
+        (lambda robot: held(robot, 3.0), "the weight of a body of about [23].* that is not there"),
+    ],
+)
+def test_what_is_off_in_part_is_named_and_put_back(name, taken, said):
+    """Weight off by a share, off some joints, under a wrong gravity, of a payload that nobody carries: no clock."""
+    robot = load_robot(name)
+    off, whole = taken(robot), arm_log(robot, 3, trials=2)
+    chart = examine(robot, changed(whole, lambda t: replace(t, tau=t.tau - off(t.q))))
+    (found,) = (one for one in chart.findings if one.severity != "note")
+    assert (found.kind, found.repaired) == ("compensated", True)
+    assert re.search(said.format(*robot.joint_names), found.text)
+    for mended, true in zip(chart.log.trials, whole.trials, strict=True):
+        assert (
+            np.std(mended.tau - true.tau, axis=0) < 0.15 * np.std(off(true.q)) + 0.01 * true.tau.std()
+        ).all()

@@ -210,6 +210,25 @@ def test_each_plate_is_judged_on_its_own(session, person, index, force, lever, k
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(
+    ("turned", "about"), [((0,), "plate"), ((1,), "plate"), ((0, 1), "plate"), ((0, 1), "origin")]
+)
+def test_plates_turned_about_the_vertical_are_turned_back(session, person, turned, about):
+    half, plates = np.diag([-1.0, -1.0, 1.0]), list(session.trial.plates)
+    for k in turned:
+        plate = plates[k]
+        at = plate.corners.mean(axis=0) if about == "plate" else np.zeros(3)
+        moment = (plate.moment - np.cross(at, plate.force)) @ half + np.cross(at, plate.force @ half)
+        plates[k] = replace(plate, force=plate.force @ half, moment=moment)
+    found = measured(session, replace(session.trial, plates=tuple(plates)))
+    said = {place for one in found.findings if one.kind == "turned_plate" for place in one.places}
+    assert said == {session.trial.plates[k].name for k in turned}
+    for a, b in zip(found.log.trials, person.log.trials, strict=True):
+        for name, wrench in a.wrenches.items():
+            np.testing.assert_allclose(wrench, b.wrenches[name], rtol=1e-6, atol=1e-3)
+
+
+@pytest.mark.slow
 def test_moments_about_the_laboratory_are_judged_as_well(session):
     """Tables without the plates' places have them about the origin."""
     plates = [replace(plate, corners=None) for plate in session.trial.plates]
@@ -219,7 +238,9 @@ def test_moments_about_the_laboratory_are_judged_as_well(session):
 
 
 def test_plates_as_they_should_be_are_left_alone(session, person):
-    assert not {"units", "moments", "reaction_sign"} & {finding.kind for finding in person.findings}
+    assert not {"units", "moments", "reaction_sign", "turned_plate"} & {
+        finding.kind for finding in person.findings
+    }
 
 
 @pytest.mark.parametrize(

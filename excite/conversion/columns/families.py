@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from string import ascii_lowercase
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from excite.arrays import Array
 from excite.conversion.columns.joints import (
@@ -485,82 +484,52 @@ _TWIN, _DERIVATIVE = 0.98, 0.9
 
 
 def tell_by_derivatives(columns: Mapping[str, Array], dt: float, joints: Sequence[str]) -> dict[str, Family]:
-    """Positions, velocities and commands among columns without names, in the joints' order; empty where that is open.
+    """Positions, velocities, commands and torques among columns without names; empty where that is open.
 
-    Positions are the columns whose derivatives are there and that are none themselves, velocities these derivatives,
-    and commands the positions' twins, which these follow. As many columns as joints that are left then are torques.
+    Columns stand in blocks of the joints, one quantity after the other, or joint by joint. Positions are the block
+    whose derivative another one is and that is none itself, commands their twins; one that alone is left is torques.
 
     Args:
         columns: by name, in the file's order, in any units, rows without holes.
         dt: time from row to row [s].
         joints: those that the recording should have.
     """
-    names = [name for name, values in columns.items() if np.ptp(values[:20_000]) > 0.0]
-    n, window = len(joints), max(3, int(0.04 / dt))
-    if len(names) < 2 * n:
-        return {}
-    part = np.column_stack([columns[name][:20_000] for name in names])
-    smooth = np.column_stack([np.convolve(c, np.ones(window) / window, mode="valid") for c in part.T])
+    names, n = list(columns), len(joints)
+    count, window = len(names) // n, max(3, int(0.04 / dt))
+    kernel = np.ones(window) / window
+    smooth = np.column_stack([np.convolve(v[:20_000], kernel, mode="valid") for v in columns.values()])
     rate = np.gradient(smooth, axis=0)
-    same, derived = _correlations(smooth, smooth), _correlations(rate, smooth)
-    size = smooth.std(axis=0)
-    twins: list[list[int]] = []
-    for k in range(len(names)):
-        like = (
-            group for group in twins if same[group[0], k] > _TWIN and 0.8 < size[k] / size[group[0]] < 1.25
-        )
-        if group := next(like, None):
-            group.append(k)
-        else:
-            twins.append([k])
-    heads = [group[0] for group in twins]
-    match = derived[np.ix_(heads, heads)] * (1.0 - np.eye(len(heads)))
-    has = [k for k in range(len(heads)) if match[k].max() > _DERIVATIVE]
-    ends = {int(np.argmax(match[k])) for k in has}
-    positions = [heads[k] for k in has if k not in ends]
-    if len(positions) != n:
-        return {}
-    of_positions = {k for group in twins if group[0] in positions for k in group}
-    others = [(k, rank) for group in twins for rank, k in enumerate(group) if k not in of_positions]
-    # Joints that move alike have velocities that are twins; of a velocity and its command the first is taken.
-    price = np.array([[0.01 * rank - derived[p, k] for k, rank in others] for p in positions])
-    velocities = [others[k][0] for k in linear_sum_assignment(price)[1]] if len(others) >= n else []
-    if not velocities or min(derived[p, v] for p, v in zip(positions, velocities, strict=True)) < _DERIVATIVE:
-        return {}
-    told = {"q": positions, "v": velocities}
-    reasons = {"q": "other columns are their derivatives", "v": "derivatives of the positions"}
-    commands = [[k for group in twins if group[0] == p for k in group[1:]] for p in positions]
-    if all(commands):
-        told["q"], told["q_cmd"] = _measured_first(positions, [c[0] for c in commands], part)
-        reasons["q_cmd"] = "twins of the positions, which follow them"
-    rest = [k for k in range(len(names)) if k not in of_positions | set(velocities)]
-    still = len(columns) - len(names)
-    if len(rest) == n and not still:
-        told["tau"], reasons["tau"] = rest, "the columns that are left"
-    return {
-        channel: Family(
-            channel,
-            channel.partition("_")[0],
-            Placed(
-                {joint: names[k] for joint, k in zip(joints, places, strict=True)},
-                f"the columns' order ({reasons[channel]})",
-            ),
-            tuple(names[k] for k in places),
-        )
-        for channel, places in told.items()
-    }
+    for order in (np.arange(count * n).reshape(count, n), np.arange(count * n).reshape(n, count).T):
+        derived = np.array([[_likeness(rate[:, b], smooth[:, c]) for c in order] for b in order])
+        np.fill_diagonal(derived, 0.0)
+        has = [b for b in range(count) if derived[b].max() > _DERIVATIVE]
+        held = [b for b in has if b not in {int(np.argmax(derived[k])) for k in has}]
+        if len(held) == 2 and _likeness(smooth[:, order[held[0]]], smooth[:, order[held[1]]]) > _TWIN:
+            # Of twins that comes later which was measured: ``x(t) = y(t − d)`` makes ``x − y = −d·rate``.
+            a, b = (smooth[:, order[k]] for k in held)
+            held = held if float((np.gradient(a, axis=0) * (a - b)).sum()) < 0.0 else held[::-1]
+        elif len(held) != 1:
+            continue
+        told = dict(zip(("q", "q_cmd"), held, strict=False)) | {"v": int(np.argmax(derived[held[0]]))}
+        rest = set(range(count)) - set(told.values())
+        told |= {"tau": rest.pop()} if len(rest) == 1 and len(names) == count * n else {}
+        return {
+            channel: Family(
+                channel,
+                channel.partition("_")[0],
+                Placed(
+                    {joint: names[k] for joint, k in zip(joints, order[block], strict=True)},
+                    "the columns' order (blocks of the joints, one of them the derivative of another)",
+                ),
+                tuple(names[k] for k in order[block]),
+            )
+            for channel, block in told.items()
+        }
+    return {}
 
 
-def _correlations(a: Array, b: Array) -> Array:
+def _likeness(a: Array, b: Array) -> float:
+    """The least correlation of columns that belong together."""
     a, b = a - a.mean(axis=0), b - b.mean(axis=0)
-    norm = np.linalg.norm(a, axis=0)[:, None] * np.linalg.norm(b, axis=0)
-    return np.asarray(a.T @ b / np.maximum(norm, 1e-300))
-
-
-def _measured_first(a: list[int], b: list[int], values: Array) -> tuple[list[int], list[int]]:
-    """Which of twins was measured: the one that comes later; ``x(t) = y(t − d)`` makes ``x − y = −d·rate``."""
-    rates = np.gradient(values[:, a], axis=0)
-    late = (
-        (rates * (values[:, a] - values[:, b])).sum(axis=0) / np.maximum((rates**2).sum(axis=0), 1e-300)
-    ).sum()
-    return (a, b) if late < 0.0 else (b, a)
+    power = np.linalg.norm(a, axis=0) * np.linalg.norm(b, axis=0)
+    return float(((a * b).sum(axis=0) / np.maximum(power, 1e-300)).min())

@@ -30,7 +30,7 @@ from excite.logs.units import OF_SLIDING, OF_TURNING, QUANTITY_OF_UNIT, TO_SI
 
 # LeRobot's servos report the share of the range that they were calibrated in, unless told to report degrees: from
 # -100 to 100, grippers from 0 (its ``MotorNormMode``).
-SHARE = "±100"
+SHARE, _MOST_SHARE = "±100", 120.0
 _CHANNELS = ("q", "q_cmd", "v", "a", "tau", "tau_cmd", "i", "base", "wrench", "contact")
 # Channels of how joints move, and units that a channel may have of joints that turn alone.
 _MOTION = ("q", "q_cmd", "v", "a")
@@ -230,8 +230,7 @@ class _Scaling:
         if not named and not slide and channel not in self.mapping.scale and self._ask_for_parts(items):
             return Told("rad", "asked about")
         values = self.values(items)
-        shares = self.recording.said.get("maybe_shares") and channel == "q" and unit == "deg" and not named
-        if shares and np.nanmax(np.abs(values)) <= 100.0:
+        if channel == "q" and unit == "deg" and not named and self._may_be_shares(items, values):
             self.found.ask("shares or degrees", column=items[0].source)
         if not unit:
             counted = bool((values == np.round(values)).all())
@@ -247,6 +246,17 @@ class _Scaling:
                 target=items[0].target,
             )
         return Told(unit or "rad", why)
+
+    def _may_be_shares(self, items: list[Mapped], values: Array) -> bool:
+        """Whether degrees may be LeRobot's shares: its data sets, its names, or joints that end at 100 of something.
+
+        Shares pass 100 a little where they are not cut off.
+        """
+        most = np.nanmax(np.abs(values), axis=0)
+        if self.recording.said.get("maybe_shares") or all(item.source.endswith(".pos") for item in items):
+            return bool(most.max() <= _MOST_SHARE)
+        # To the digits that tables have.
+        return bool(most.max() < 100.005 and (most > 99.995).sum() > 1)
 
     def _by_numbers(self, items: list[Mapped], named: str) -> PositionUnit:
         """The unit by ranges, where velocities do not let it open."""

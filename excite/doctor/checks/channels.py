@@ -7,25 +7,21 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
-from excite.arrays import Array
 from excite.display import percent
 from excite.doctor.case import Case
-from excite.doctor.channel_errors import DELAY, OF_TORQUES, OF_WRENCHES, Misreading, misreadings
+from excite.doctor.channel_errors import DELAY, OF_TORQUES, OF_WRENCHES, Misreading, misreadings, refine_zeros
 from excite.doctor.channel_mapping import Reading
 from excite.doctor.checks.values import of_unknown_unit
-from excite.doctor.inertial_prior import STRONG_ODDS, Judgement
-from excite.doctor.mistakes.torques import OtherMachine, carried_load, find_delay, other_machine
+from excite.doctor.inertial_prior import STRONG_ODDS
+from excite.doctor.mistakes.torques import ADDED, OtherMachine, carried_load, find_delay, other_machine
 from excite.doctor.samples import Samples
-from excite.doctor.thresholds import THRESHOLD
-from excite.doctor.torque_samples import TorqueSamples, torque_samples
+from excite.doctor.torque_samples import TorqueSamples
 from excite.doctor.wrench_samples import wrench_samples
 from excite.finding import list_names
-from excite.logs.log import Log, Trial
+from excite.logs.log import Trial
 from excite.logs.robot import robot_in_log
-from excite.regressor.kernels import inverse_dynamics
-from excite.robot.robot import Robot
+from excite.regressor.tree import read_tree
 from excite.rows.kinematics import in_configurations
 
 Found = tuple[Misreading, ...]
@@ -34,10 +30,7 @@ Found = tuple[Misreading, ...]
 def find_misreadings(case: Case) -> None:
     """Signs, order, units, zeros, clock, delay, poses by which the model explains torques or wrenches far better."""
     header, stated = case.log.header, Reading.as_stated(case.log)
-    samples: Samples | None = case.samples
-    other = None
-    if samples is None and header.free_base and header.sensors:
-        samples = wrench_samples(case.robot, case.log)
+    samples, other = _samples_of(case), None
     if samples is None:
         return
     mistakes = OF_TORQUES if isinstance(samples, TorqueSamples) else OF_WRENCHES
@@ -54,61 +47,65 @@ def find_misreadings(case: Case) -> None:
             return
         samples, (reading, found) = _beside_load(samples, stated, possible, (reading, found))
         other = _explain_by_other_machine(samples, stated, reading, found)
+    if isinstance(samples, TorqueSamples) and other is None:
+        reading, found = refine_zeros(samples, reading, found, possible)
     for item in found:
         case.doubts |= set() if item.correction.certain else item.mistake.leaves
     if other is not None:
         _report_other_model(case, found, samples.what, other)
         return
-    stands = case.log.header.gravity
     for item in found:
         _report_misreading(case, item, samples.what)
         # A person has to say first what is asked for.
         reading = item.correction.as_logged(reading) if item.correction.ask else reading
     if not all(item.correction.ask for item in found):
         case.log = reading.of(case.log)
-    if reading.weightless:
-        _add_weight_beside_payload(case, found, stands)
+    # Where the weight of a payload was left in the torques it is told beside that of the bodies.
+    beside = any(key.startswith("payload.") for item in found for key in item.correction.figures)
+    if reading.is_compensated and (beside or not reading.weightless):
+        put_weight_back(case, reading)
 
 
-def _add_weight_beside_payload(case: Case, found: Found, gravity: tuple[float, float, float]) -> None:
-    """Add the nominal weight where that of a payload was left in the torques: it is told beside that of the bodies."""
-    if any(key.startswith("payload.") for item in found for key in item.correction.figures):
-        case.log = add_weight(case.robot, case.log, gravity)
-        told = ADDED if any(case.log.header.gravity) else None
-        case.findings = [
-            replace(one, remedy=told) if told and one.kind == "compensated" else one for one in case.findings
-        ]
+def _samples_of(case: Case) -> Samples | None:
+    """Torques of an arm, or wrenches on what stands; None where there are neither."""
+    header = case.log.header
+    if case.samples is None and header.free_base and header.sensors:
+        return wrench_samples(case.robot, case.log)
+    return case.samples
 
 
-ADDED = "the nominal weight was added to the torques; log the measured torques"
-"""What was done about torques without weight."""
+def put_weight_back(case: Case, reading: Reading) -> None:
+    """Add the weight that a driver took off torques by the nominal model.
 
-
-def add_weight(robot: Robot, log: Log, gravity: tuple[float, float, float]) -> Log:
-    """A log of torques without weight, with that of the nominal model added to them.
-
-    What is identified then are weights by the model that the driver has, as far as the nominal one is that.
-
-    Args:
-        robot: the nominal model.
-        log: with no gravity in its header.
-        gravity: that acts, in the world frame [m/s²].
-
-    Returns:
-        The log as it is for currents, or motors that are coupled, whose share of a weight is not known.
+    What is identified then are weights by the model that the driver has, as far as the nominal one is that. Of
+    currents, or motors that are coupled, the share of a weight is not known: these joints are left out.
     """
-    if log.header.torque == "current" or log.header.coupling or any(log.header.gravity):
-        return log
-    header = log.header.model_copy(update={"gravity": gravity})
-    mechanics = robot_in_log(robot, header, log.folder)
-    columns = [mechanics.n_base_v + mechanics.joint_index(joint) for joint in header.joints]
-    trials = []
-    for trial in log.trials:
-        q = in_configurations(mechanics, header.joints, trial.q)
-        still = np.zeros((len(q), mechanics.model.nv))
-        weight = inverse_dynamics(mechanics.model, q, still, still)[:, columns]
-        trials.append(trial if trial.tau is None else replace(trial, tau=trial.tau + weight))
-    return replace(log, header=header, trials=tuple(trials))
+    log, header, remedy = case.log, case.log.header, ADDED
+    if header.torque == "current" or header.coupling:
+        if not any(header.gravity):
+            return
+        some = reading.taken.any(axis=1) | reading.absent.any()
+        case.ignore_torques(np.array(header.torque_joints)[some].tolist())
+        remedy = "these joints are treated as no_torque; list them there, or log the measured torques"
+    else:
+        mechanics = robot_in_log(case.robot, header, log.folder)
+        tree, joints = read_tree(mechanics.model), header.torque_joints
+        columns = np.array([mechanics.n_base_v + mechanics.joint_index(joint) for joint in joints])
+        into = [header.joints.index(joint) for joint in joints]
+
+        def add(trial: Trial) -> Trial:
+            tau = None if trial.tau is None else trial.tau.copy()
+            if tau is not None:
+                tau[:, into] += reading.taken_weight(
+                    tree, in_configurations(mechanics, header.joints, trial.q), columns
+                )
+            return replace(trial, tau=tau)
+
+        case.change_header(gravity=tuple(reading.gravity.tolist()))
+        case.change_trials(add)
+    case.findings = [
+        replace(one, remedy=remedy) if one.kind == "compensated" else one for one in case.findings
+    ]
 
 
 def _beside_load(
@@ -178,74 +175,3 @@ def _report_misreading(case: Case, item: Misreading, what: str) -> None:
         repaired=not one.ask,
         remedy=one.ask or one.mends or f"it was corrected{right}; correct the log as well",
     )
-
-
-# Trials to learn from and to judge by that are not of the same machine.
-
-
-def find_other_machine(case: Case) -> None:
-    """Likely bodies and drives that explain the trials to learn from explain those to judge by as well."""
-    learnt, judges = case.log.role("identification"), case.log.role("validation")
-    found = _compare_sets(case, learnt, judges)
-    if found is None or not _are_worse(*found).any():
-        return
-    # What no model has sets the trials of one machine apart as well, by their postures; where these are too short to
-    # see how far, nothing is known of another machine.
-    usual = [_compare_sets(case, first, second) for first, second in _halves(learnt)]
-    known = [np.maximum(one[0], 0.0) for one in usual if one is not None]
-    if not known:
-        return
-    worse, much = found
-    worse = worse - np.max(known, axis=0)
-    bad = _are_worse(worse, much)
-    if bad.any():
-        names = tuple(np.array(case.log.header.torque_joints)[bad])
-        text = (
-            f"what the identification trials say of {list_names(names)} does not hold in the validation trials: "
-            "another machine, another load, other channels, or something that acts in their postures only, "
-            "such as a stop"
-        )
-        trials = tuple(trial.name for trial in judges)
-        case.add("other_machine", text, {"worse_nat": float(worse.sum())}, names, trials=trials)
-
-
-def _are_worse(worse: Array, much: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Torques that one machine explains less well, and all together too; odds alone part records of one KUKA LWR."""
-    least = THRESHOLD.least_gain
-    return (worse > least) & much & (worse.sum() > least)
-
-
-def _halves(trials: tuple[Trial, ...]) -> tuple[tuple[tuple[Trial, ...], tuple[Trial, ...]], ...]:
-    """Trials parted by their order, and by turns; of a trial alone its quarters."""
-    if len(trials) == 1:
-        (whole,) = trials
-        parts = np.array_split(np.arange(whole.n_samples), 4)
-        trials = tuple(replace(whole.rows(rows), name=f"{whole.name}_{k}") for k, rows in enumerate(parts))
-    middle = len(trials) // 2
-    return ((trials[:middle], trials[middle:]), (trials[::2], trials[1::2]))
-
-
-def _compare_sets(
-    case: Case, first: tuple[Trial, ...], second: tuple[Trial, ...]
-) -> tuple[Array, NDArray[np.bool_]] | None:
-    """By how much one set of bodies and drives for all leaves more than one a part [nat], and where it leaves much.
-
-    Of the torques it leaves much of, only those count whose odds for two sets are strong for so many torques.
-    """
-    left = [_judge_trials(case, trials) for trials in (first, second, (*first, *second))]
-    one, other, both = left
-    if one is None or other is None or both is None:
-        return None
-    worse = both.left - 0.5 * (one.left + other.left)
-    strong = both.counts * worse > STRONG_ODDS + np.log(len(worse))
-    return worse, (both.left > 0.5 * np.log(THRESHOLD.much_left)) & strong
-
-
-def _judge_trials(case: Case, trials: tuple[Trial, ...]) -> Judgement | None:
-    """What likely bodies leave of some trials; None where there is nothing to look at."""
-    header = case.log.header
-    if not trials or header.free_base or header.torque in {None, "none"}:
-        return None
-    chosen = replace(case.log, trials=tuple(replace(trial, role="identification") for trial in trials))
-    samples = torque_samples(case.robot, chosen)
-    return None if samples is None else samples.judged(Reading.as_stated(case.log))

@@ -94,7 +94,7 @@ def find_constants(case: Case) -> None:
     """Channels that never change over the whole log; a torque that does not is declared to mean nothing."""
     header, trials = case.log.header, case.log.trials
     if _is_unforced(case.log):
-        text = "no torque, no current and no command was recorded: nothing shows what moved the joints"
+        text = "no torque, no current and no command is in the log: nothing shows what moved the joints"
         case.add("no_torques", text, {"channels": 0.0})
         return
     dead: dict[str, str] = {}
@@ -188,12 +188,17 @@ def _rotors(samples: TorqueSamples, reading: Reading) -> tuple[float, int]:
     """Rotor inertia at the outer joints, as share of the links', and the number of joints that rub."""
     model, drive = samples.predicted(reading)
     torque, own = samples.measured_torque(reading), _own_inertia(samples)
-    rotors, rubbing = [], 0
+    rotors, told, rubbing = [], [], 0
     for j in np.flatnonzero(own > THRESHOLD.weightless_kgm2):
-        weights, friction = drive_fit(torque[:, j], model[:, j], drive.v[:, j], drive.a[:, j])
+        weights, made = drive_fit(torque[:, j], model[:, j], drive.v[:, j], drive.a[:, j])
         rotors.append(weights[-1] / own[j])
+        # A joint tells of a rotor where all of its links' inertia would be larger than what nothing explains.
+        if own[j] * np.linalg.norm(drive.a[:, j]) > np.linalg.norm(torque[:, j] - made.sum(axis=1)):
+            told.append(rotors[-1])
+        friction = made[:, 2:4].sum(axis=1)
         rubbing += int(friction @ friction > THRESHOLD.friction_share * len(torque) * torque[:, j].var())
-    return float(np.median(rotors[-max(1, len(rotors) // 2) :])) if rotors else 0.0, rubbing
+    outer = [float(np.median(some[-max(1, len(some) // 2) :])) for some in (rotors, told) if some]
+    return min(outer, default=0.0), rubbing
 
 
 def _own_inertia(samples: TorqueSamples) -> Array:

@@ -70,7 +70,7 @@ def find_clock(samples: TorqueSamples, reading: Reading) -> Iterable[Correction]
     same; where none does, or logged velocities agree with the stamps, it is asked for.
     """
     # Without weight nothing stays while the clock changes.
-    if reading.tick != 1.0 or reading.weightless:
+    if reading.tick != 1.0 or reading.is_compensated:
         return
     if parts_in(samples, reading).lack_weight(THRESHOLD.next_to_nothing):
         return
@@ -131,6 +131,8 @@ _G = 9.81
 
 def find_gravity(samples: Samples, reading: Reading) -> Iterable[Correction]:
     """The direction in which gravity explains the torques best."""
+    if reading.is_compensated:
+        return
     by_gravity = samples.by_gravity(reading)
     axes = np.repeat(np.eye(3), 2, axis=0) * np.tile([1.0, -1.0], 3)[:, None]
     stated = reading.gravity / max(float(np.linalg.norm(reading.gravity)), 1e-12)
@@ -309,6 +311,35 @@ def _best_zero(by_zero: Callable[[Array], Array], start: float) -> float | None:
     if quarter and abs(best - quarter) < THRESHOLD.near_quarter_rad:
         return quarter
     return best if abs(best) >= THRESHOLD.least_zero_rad else None
+
+
+def zeros_together(samples: Samples, reading: Reading, off: NDArray[np.bool_], std: Array) -> Correction:
+    """Zeros of some joints that were fitted together, with their standard deviations; asked for where these are wide.
+
+    Args:
+        samples: samples of the log.
+        reading: with the zeros.
+        off: ``(n_joints,)`` joints whose zeros are off, ``std`` how well these are known [rad].
+    """
+    names, sizes, within = np.array(samples.joints)[off].tolist(), reading.zero[off], std[off]
+    degrees = zip(names, np.degrees(sizes), np.degrees(within), strict=True)
+    moved = ", ".join(f"{size:+.0f}° ± {wide:.1g}° to {joint}" for joint, size, wide in degrees)
+    figures = {f"add_{joint}_rad": float(size) for joint, size in zip(names, sizes, strict=True)}
+    figures |= {f"std_{joint}_rad": float(wide) for joint, wide in zip(names, within, strict=True)}
+    ask = (
+        "the torques do not determine how far which zero is off: put the robot in a posture that is known, compare "
+        "its logged positions with the model's, and state the differences (offset: {q.JOINT: …} in map.yaml)"
+    )
+    return Correction(
+        reading,
+        f"zeros of positions are off the model's: add {moved}",
+        tuple(names),
+        figures,
+        changes=len(names),
+        certain=False,
+        ask=ask if within.max() > THRESHOLD.least_zero_rad else "",
+        as_logged=lambda read: replace(read, zero=np.where(off, 0.0, read.zero)),
+    )
 
 
 def _move_zeros(samples: Samples, reading: Reading, added: Mapping[int, float]) -> Correction:

@@ -16,7 +16,7 @@ from excite.doctor.channel_mapping import OWN_SHARE, Reading
 from excite.doctor.inertial_prior import half_log
 from excite.doctor.model_comparison import drive_fit, remove_drives
 from excite.doctor.samples import Correction, Samples, minimize_near
-from excite.doctor.thresholds import THRESHOLD
+from excite.doctor.thresholds import THRESHOLD, is_near_one
 from excite.doctor.torque_samples import TorqueSamples
 from excite.finding import list_names
 
@@ -63,34 +63,46 @@ def carried_load(samples: TorqueSamples, reading: Reading) -> Load | None:
     return _best_load(samples, reading)[0]
 
 
-def _best_load(samples: TorqueSamples, reading: Reading) -> tuple[Load | None, float]:
+def _best_load(
+    samples: TorqueSamples, reading: Reading, *, still: bool = False, absent: bool = False
+) -> tuple[Load | None, float]:
     """The load of :func:`carried_load`, and half the logarithm of what it or else the scales leave, in sum.
 
     Beside each joint's offset, friction and rotor either every joint's nominal torque is multiplied by a factor of its
-    own, or one link has ten inertial parameters more, of a body with a mass.
+    own, or one link has ten inertial parameters more, of a body with a mass, or its weight alone; or the
+    weight of an ``absent`` one less, which a controller is told to be in the hand.
     """
     measured, (model, drive) = samples.measured_torque(reading), samples.predicted(reading)
-    felt = samples.felt(reading)
+    felt = samples.felt(reading, still=still or absent)
     torque, nominal, bodies = remove_drives(drive, measured, model, felt)
     power = np.maximum(len(measured) * measured.var(axis=0), 1e-300)
-    along = (nominal * torque).sum(axis=0) ** 2 / np.maximum((nominal**2).sum(axis=0), 1e-300)
-    scaled = float(half_log(np.maximum((torque**2).sum(axis=0) - along, 0.0) / power).sum())
-    names, best, least = samples.under(reading.gravity).names, None, scaled - THRESHOLD.better_load
-    for k in range(felt.shape[2] // 10):
+    scaled = _left_by_scales(samples, reading)
+    tree, best, least = samples.under(reading.gravity), None, scaled - THRESHOLD.better_load
+    n = felt.shape[2] // 10
+    for k in set(range(n)) - set(tree.parents[1:] - 1) if absent else range(n):
         body = slice(10 * k, 10 * k + 10)
         phi, left = _fit_body(bodies[:, :, body], torque - nominal, power)
         weighs = bool(felt[:, :, 10 * k].any())
         score = float(half_log(left).sum())
         # What leaves more of a torque than there is of it is no explanation.
-        if (weighs and phi[0] <= 0.0) or left.max() >= 1.0 or score >= least:
+        if (weighs and (-phi[0] if absent else phi[0]) <= 0.0) or left.max() >= 1.0 or score >= least:
             continue
         added = np.zeros(felt.shape[2])
         added[body] = phi
         best, least = (
-            Load(names[k + 1], float(phi[0]) if weighs else 0.0, float(left.max()), score, added),
+            Load(tree.names[k + 1], abs(float(phi[0])) if weighs else 0.0, float(left.max()), score, added),
             score,
         )
     return best, scaled if best is None else best.score
+
+
+def _left_by_scales(samples: TorqueSamples, reading: Reading) -> float:
+    """Half the logarithm of what a scale of every joint's nominal torque leaves beside its drive, in sum."""
+    measured, (model, drive) = samples.measured_torque(reading), samples.predicted(reading)
+    torque, nominal = remove_drives(drive, measured, model)
+    along = (nominal * torque).sum(axis=0) ** 2 / np.maximum((nominal**2).sum(axis=0), 1e-300)
+    power = np.maximum(len(measured) * measured.var(axis=0), 1e-300)
+    return float(half_log(np.maximum((torque**2).sum(axis=0) - along, 0.0) / power).sum())
 
 
 def _fit_body(parts: Array, missing: Array, power: Array) -> tuple[Array, Array]:
@@ -177,7 +189,11 @@ def parts_in(samples: TorqueSamples, reading: Reading, load: Load | None = None)
     """
     full, drive = samples.predicted(reading)
     still = samples.predicted(replace(reading, gravity=np.zeros(3))).torque
-    torque, parts = samples.measured_torque(reading), np.stack([full - still, still], axis=2)
+    # Shares of what was there before anything was taken off.
+    whole = samples.predicted(replace(reading, taken=0.0 * reading.taken, absent=np.zeros(0))).torque
+    torque = samples.measured_torque(reading) + whole - full
+    full, still = whole, still + whole - full
+    parts = np.stack([full - still, still], axis=2)
     if load is not None:
         torque = torque - samples.felt(reading) @ load.parameters
     own, bare = remove_drives(drive, torque, parts)
@@ -191,20 +207,37 @@ def parts_in(samples: TorqueSamples, reading: Reading, load: Load | None = None)
         shares[:2, j] = np.where(told, fitted, np.nan)
         if told.any():
             rest = torque[:, j] - parts[:, j] @ fitted
-            friction = drive_fit(rest, np.zeros_like(rest), drive.v[:, j], drive.a[:, j])[1]
-            shares[2, j] = friction.std() / full[:, j].std()
+            made = drive_fit(rest, np.zeros_like(rest), drive.v[:, j], drive.a[:, j])[1]
+            shares[2, j] = made[:, 2:4].sum(axis=1).std() / full[:, j].std()
     return ModelParts(samples.channels, *shares)
 
 
 def find_missing_weight(samples: TorqueSamples, reading: Reading) -> Iterable[Correction]:
-    """Torques hold the bodies' inertial forces, and nothing of their weight but what the driver's model had wrong.
+    """Torques hold the bodies' inertial forces, and not the whole of their weight.
 
-    Drivers of UR, Kinova and Doosan take it off by their own model before they report torques.
+    Drivers of UR, Kinova and Doosan take it off by their own model before they report torques: off all of them or some,
+    in part, or under a gravity that points elsewhere.
     """
-    if reading.weightless or not reading.gravity.any():
+    if not reading.gravity.any():
         return
-    bare, parts = replace(reading, weightless=True), parts_in(samples, reading)
-    load, score = _best_load(samples, bare)
+    parts = parts_in(samples, reading)
+    if not reading.is_compensated:
+        bare = take_weight(reading, reading.gravity)
+        load, least = _best_load(samples, bare)
+        yield from _without_weight(samples, reading, parts, load, least)
+        # A payload beside no weight, or beside all of it, must not explain clearly more.
+        least = min(least, _best_load(samples, bare, still=True)[1], _best_load(samples, reading)[1])
+        for one in (*_without_part(samples, reading, parts), *_without_absent_load(samples, reading, parts)):
+            if _left_by_scales(samples, one.reading) < least + THRESHOLD.better_load:
+                yield one
+    yield from _without_weight_somewhere(samples, reading, parts)
+
+
+def _without_weight(
+    samples: TorqueSamples, reading: Reading, parts: ModelParts, load: Load | None, score: float
+) -> Iterable[Correction]:
+    """All of the weight is off all torques, but what the driver's model had wrong or does not know of."""
+    bare = take_weight(reading, reading.gravity)
     if not parts.lack_weight(0.5):
         # What a load that is still felt adds to the weights hides that none of the bodies' is there.
         parts = parts_in(samples, reading, load)
@@ -229,6 +262,121 @@ def find_missing_weight(samples: TorqueSamples, reading: Reading) -> Iterable[Co
         "`excite doctor LOG --repair DIR` adds the nominal weight instead"
     )
     yield Correction(bare, text, ("gravity",), figures, surprise=surprise, mends=mends)
+
+
+def _without_part(samples: TorqueSamples, reading: Reading, parts: ModelParts) -> Iterable[Correction]:
+    """A share of the weight is off all torques, or the weight under a gravity that points elsewhere.
+
+    The gravity that was taken off is that of least squares over all joints, by what each leaves. A share is told
+    beside the inertial forces alone: without them it is any scale of the torques.
+    """
+    if not (np.abs(parts.inertia - 1.0) < 0.5).any():
+        return
+    size = float(np.linalg.norm(reading.gravity))
+    taken = _taken_gravity(samples, reading)
+    share = float(np.linalg.norm(taken)) / size
+    off = float(np.arccos(np.clip(taken @ reading.gravity / max(share * size**2, 1e-12), -1.0, 1.0)))
+    tells = THRESHOLD.least_clock**2
+    aside = THRESHOLD.least_tilt_rad < off < np.pi - THRESHOLD.least_tilt_rad
+    part = float(np.copysign(share, np.pi / 2 - off))
+    if not aside:
+        if is_near_one(max(1.0 - part, 1e-9), tells):
+            return
+        did = "subtracted {} of the weight from" if part > 0.0 else "added {} of the weight to"
+        text = f"a driver has {did.format(percent(100.0 * share))} the torques"
+        text += "" if part > 0.0 else ": its gravity points up"
+        taken = part * reading.gravity
+    elif is_near_one(share, tells):
+        taken = taken / share
+        x, y, z = np.round(taken, 2) + 0.0
+        text = (
+            f"a driver has subtracted the weight from the torques under a gravity of [{x:.2f}, {y:.2f}, {z:.2f}], "
+            f"{np.degrees(off):.0f}° off what the log says"
+        )
+    else:
+        return
+    figures = {**parts.figures(), "share": share, "angle_rad": off}
+    text += f" ({parts.said()})"
+    # Beside all of it, off which nothing is to be chosen, a share has to bring something of its own.
+    changes = 1 + (aside or is_near_one(max(part, 1e-9), tells))
+    yield Correction(take_weight(reading, taken), text, ("gravity",), figures, changes=changes, mends=ADDED)
+
+
+def _without_absent_load(samples: TorqueSamples, reading: Reading, parts: ModelParts) -> Iterable[Correction]:
+    """The weight of a payload that the driver believes in, and that is not there, is off all torques."""
+    for base, what in (
+        (reading, "the weight"),
+        (take_weight(reading, reading.gravity), "the weight, and that"),
+    ):
+        load, _ = _best_load(samples, base, absent=True)
+        if load is not None:
+            body = f"a body of about {load.mass:.2g} kg" if load.mass > 0.0 else "a body"
+            yield Correction(
+                replace(base, absent=-load.parameters),
+                f"a driver has subtracted {what} of {body} beyond {load.joint} that is not there, from the torques: "
+                "a payload that is set and not carried, or heavier than what is carried",
+                ("gravity",),
+                {**parts.figures(), "mass_kg": load.mass},
+                changes=1 if base is reading else 2,
+                mends=ADDED,
+            )
+
+
+def _taken_gravity(samples: TorqueSamples, reading: Reading) -> Array:
+    """The gravity under which the nominal weight is missing in all torques, ``(3,)`` [m/s²]."""
+    full, drive = samples.predicted(reading)
+    still = samples.predicted(replace(reading, gravity=np.zeros(3))).torque
+    pulls = [samples.predicted(replace(reading, gravity=pull)).torque - still for pull in np.eye(3)]
+    own, parts = remove_drives(
+        drive, samples.measured_torque(reading), np.stack([full, *(-pull for pull in pulls)], axis=2)
+    )
+    x, left = np.array([1.0, 0.0, 0.0, 0.0]), np.sqrt((own**2).mean(axis=0))
+    for _ in range(4):
+        rows, target = (parts / left[:, None]).reshape(-1, 4), (own / left).ravel()
+        size = np.maximum(np.linalg.norm(rows, axis=0), 1e-12)
+        x = np.linalg.lstsq(rows / size, target, rcond=1e-6)[0] / size
+        least = THRESHOLD.least_share * (own**2).mean(axis=0)
+        left = np.sqrt(np.maximum(((own - parts @ x) ** 2).mean(axis=0), least))
+    return np.asarray(x[1:] / x[0] if x[0] > 0.0 else np.zeros(3))
+
+
+def _without_weight_somewhere(
+    samples: TorqueSamples, reading: Reading, parts: ModelParts
+) -> Iterable[Correction]:
+    """The weight, or a share of it, is off the torques of some joints: each by itself, and all that lack it whole."""
+    tells, size = THRESHOLD.least_clock**2, np.nan_to_num(parts.inertia, nan=1.0)
+    lacks = (np.abs(parts.weight) < THRESHOLD.next_to_nothing) & (size > 0.5)
+    less = np.array([not is_near_one(max(x, 1e-9), tells) for x in np.nan_to_num(parts.weight, nan=1.0)])
+    part = less & (parts.weight < 1.0) & (np.abs(parts.inertia - 1.0) < 0.5) & ~lacks
+    share = np.where(lacks, 1.0, 1.0 - parts.weight)
+    sets = [np.flatnonzero(lacks)] if lacks.sum() > 1 else []
+    for chosen in (*sets, *np.flatnonzero(lacks | part)[:, None]):
+        names = [samples.channels[j] for j in chosen]
+        taken = reading.taken.copy()
+        taken[chosen] = share[chosen, None] * reading.gravity
+        what = (
+            "the weight"
+            if lacks[chosen].all()
+            else f"{percent(float(100.0 * share[chosen[0]]))} of the weight"
+        )
+        yield Correction(
+            replace(reading, taken=taken),
+            f"{what} is missing in the torque{'s' * (len(names) > 1)} of {list_names(names)} alone: a driver has "
+            f"subtracted it, or a spring or counterweight carries it ({parts.said()})",
+            tuple(names),
+            parts.figures(),
+            changes=len(names),
+            mends=ADDED,
+        )
+
+
+ADDED = "the nominal weight was added to the torques; log the measured torques"
+"""What was done about torques without weight."""
+
+
+def take_weight(reading: Reading, gravity: Array) -> Reading:
+    """The reading with the weight under a gravity taken off every torque."""
+    return replace(reading, taken=np.tile(gravity, (len(reading.taken), 1)))
 
 
 # Another machine than the model's, beside several mistakes in a log: one cause instead of many.
