@@ -26,7 +26,7 @@ from excite.parallel.engine import in_order
 from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
 
-MEASURES = ("travel", "leap", "follows", "lag_s", "gain", "zero")
+MEASURES = ("travel", "leap", "follows", "lag_s", "gain", "zero", "friction")
 # What differs from the other episodes by so many of their deviations (by the median), and by more than a share of the
 # joint's travel or of a gain, or by so many rows.
 _DEVIATIONS, _SHARE, _ROWS = 8.0, 0.05, 2.0
@@ -49,7 +49,7 @@ class Episode:
         joints: names, as the file has them.
         measures: by name of ``MEASURES``, ``(n_joints,)``, NaN where it cannot be told: travel, largest step between
             rows, correlation of velocity and commanded velocity, how late it follows [s], slope and constant of the
-            position by the command. In the file's own units.
+            position by the command, and dry friction. In the file's own units.
         findings: what differs from the others, worst first.
     """
 
@@ -143,7 +143,7 @@ def examine_episodes(path: Path, *, jobs: Jobs = 1, progress: Progress = silent)
     """Look a data set through: each episode for rows, and its joints beside those of the other episodes.
 
     No model is asked and no unit needed. What all episodes have in common is not seen, and neither is what only
-    commands tell where none were recorded.
+    commands or torques tell where none were recorded.
 
     Args:
         path: a LeRobot data set, or a folder of recordings (bags, tables, …), one or more episodes in each.
@@ -225,10 +225,11 @@ def _measure(recording: Recording, stem: str) -> Episode:
         nothing = (even, np.full(len(even), np.nan))
         return np.column_stack([np.interp(even, *found.get((what, joint), nothing)) for joint in joints])
 
-    q, command = at_even("q"), at_even("q_cmd")
+    q, command, torque = at_even("q"), at_even("q_cmd"), at_even("tau")
     leap = np.array([np.nanmax(np.abs(np.diff(found["q", joint][1])), initial=0.0) for joint in joints])
     tracked = np.array([_track(even, *pair, step) for pair in zip(q.T, command.T, strict=True)]).T
-    measures = dict(zip(MEASURES, (np.ptp(q, axis=0), leap, *tracked), strict=True))
+    friction = np.array([_friction(*pair, step) for pair in zip(q.T, torque.T, strict=True)])
+    measures = dict(zip(MEASURES, (np.ptp(q, axis=0), leap, *tracked, friction), strict=True))
     return Episode(name, float(time[-1] - time[0]), step, float(steps.max()), joints, measures)
 
 
@@ -267,6 +268,17 @@ def _track(time: Array, q: Array, command: Array, step: float) -> tuple[float, .
     return float(shape[best]), late, float(gain), zero
 
 
+def _friction(q: Array, torque: Array, step: float) -> float:
+    """Dry friction of a joint, beside a weight, a constant and what grows with the velocity."""
+    if not np.isfinite(torque).all():
+        return np.nan
+    angle = np.radians(q) if np.abs(q).max() > 4.0 * np.pi else q
+    v = np.gradient(q, step)
+    slips = np.abs(v) > 0.2 * np.std(v)
+    columns = np.column_stack([np.sign(v), v, np.sin(angle), np.cos(angle), np.ones(len(v))])
+    return float(np.linalg.lstsq(columns[slips], torque[slips], rcond=None)[0][0])
+
+
 def _without_joints(one: Episode, joints: tuple[str, ...]) -> Episode:
     """An episode that has other joints than most, or none."""
     if one.findings:
@@ -281,23 +293,34 @@ def _judge(episodes: list[Episode], table: dict[str, Array]) -> Iterator[Episode
     middle = {name: _median(values) for name, values in table.items()}
     spread = {name: 1.4826 * _median(np.abs(values - middle[name])) for name, values in table.items()}
     travel, step = middle["travel"], float(np.median([one.step_s for one in episodes]))
-    told = middle["follows"] > _FOLLOWS
-    # By measure what it is called and said, and the least difference that counts.
+    told, friction = middle["follows"] > _FOLLOWS, 0.5 * np.abs(middle["friction"])
+    # By measure what it is called and said, the least difference that counts, and where it is told.
     differ = (
-        ("lag_s", "late", "follows later or sooner than in the other episodes", _ROWS * step),
-        ("zero", "zero_position", "has another zero than in the other episodes", _SHARE * travel),
-        ("gain", "gain", "follows by another share than in the other episodes", 2.0 * _SHARE),
+        ("lag_s", "late", "follows later or sooner than in the other episodes", _ROWS * step, told),
+        ("zero", "zero_position", "has another zero than in the other episodes", _SHARE * travel, told),
+        ("gain", "gain", "follows by another share than in the other episodes", 2.0 * _SHARE, told),
+        (
+            "friction",
+            "friction",
+            "has another friction than in the other episodes",
+            friction,
+            True,
+        ),
     )
     for k, one in enumerate(episodes):
         now = {name: values[k] for name, values in table.items()}
         stands, turned = now["travel"] < _STANDS * travel, told & (now["follows"] < -_FOLLOWS)
+        against = (now["friction"] < 0.0) & (middle["friction"] > 0.0)
         found: list[tuple[str, Severity, Any, str]] = [
             ("constant", "fatal", stands, "stands while it moves in the other episodes"),
             ("command_sign", "fatal", turned, "moves against its command"),
         ]
-        for name, kind, text, floor in differ:
+        for name, kind, text, floor, where in differ:
             away = np.abs(now[name] - middle[name])
-            bad = (away > floor) & (away > _DEVIATIONS * spread[name]) & ~stands & ~turned & told
+            bad = (away > floor) & (away > _DEVIATIONS * spread[name]) & ~stands & ~turned & where
+            if name == "friction":
+                found.append(("torque_sign", "spoils", bad & against, "or its torque is turned"))
+                bad &= now[name] * middle[name] > 0.0
             figures = ", ".join(
                 f"{now[name][j]:.4g} for {middle[name][j]:.4g}" for j in np.flatnonzero(bad)[:3]
             )
@@ -329,7 +352,7 @@ def _median(values: Array) -> Array:
 def _drifts(joints: tuple[str, ...], table: dict[str, Array]) -> list[Finding]:
     """What goes on changing from the first episode to the last, of a change beyond ten of its deviations."""
     found, travel = [], _median(table["travel"])
-    for name, (j, joint) in itertools.product(("zero", "gain"), enumerate(joints)):
+    for name, (j, joint) in itertools.product(("zero", "gain", "friction"), enumerate(joints)):
         k = np.flatnonzero(np.isfinite(table[name][:, j]))
         values, half = table[name][k, j], len(k) // 2
         if len(k) < 10:

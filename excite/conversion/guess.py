@@ -16,6 +16,7 @@ from excite.conversion.columns.clock import (
     clock_column,
     clock_pace,
     goes_evenly,
+    rate_by_velocities,
     row_seconds,
 )
 from excite.conversion.columns.families import (
@@ -302,6 +303,27 @@ def _ask_for_rate(state: Guessing, stream: Stream, stated: float | None) -> None
         return
     named = [c.name for c in stream.columns if c.name in clues and clues[c.name].quantity == "time"]
     found.ask_of_all("rate", stream.name, but=f" ({named[0]} does not go forward evenly)" if named else "")
+
+
+def _propose_rate(state: Guessing) -> None:
+    """The rate that velocities tell, where a rate has to be asked for."""
+    found, values = state.found, state.values
+    speeds = {item.joint: values[item.source] for item in found.of("v")}
+    pairs = [
+        (values[item.source], speeds[item.joint])
+        for item in found.of("q")
+        if item.joint in speeds and len(values[item.source]) == len(speeds[item.joint])
+    ]
+    if pairs:
+        q, v = (np.column_stack(side) for side in zip(*pairs, strict=True))
+        whole = np.isfinite(q).all(axis=1) & np.isfinite(v).all(axis=1)
+        rate = rate_by_velocities(q[whole], v[whole])
+        found.questions = [
+            question.with_rate(float(f"{rate:.3g}"), ", as the velocities say")
+            if rate and question.key == "rate"
+            else question
+            for question in found.questions
+        ]
 
 
 # Families: what is left out, what a channel is made of.
@@ -696,6 +718,12 @@ RULES = (
     Rule("commands", "commands that state no quantity: positions or torques", _settle_commands),
     Rule("doubtful choice", "surplus columns and joints that are not told: questions", _note_choice),
     Rule("channels", "channels of the chosen families", _add_channels),
+    Rule(
+        "rate",
+        "the rate that velocities tell",
+        _propose_rate,
+        lambda s: any(question.key == "rate" for question in s.found.questions),
+    ),
     Rule(
         "base by format",
         "what a format says of the base and of contact wrenches: channels",

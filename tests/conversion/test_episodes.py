@@ -145,6 +145,24 @@ def test_what_drifts_from_episode_to_episode_is_said_of_its_joint(tmp_path):
     assert found.figures["zero"] == pytest.approx(0.004 * 29, rel=0.1)
 
 
+def test_friction_is_compared_where_torques_are_logged(tmp_path):
+    made = [episode(k, faults={}, torque=True) for k in range(12)]
+    time, q, command, tau = made[5]
+    tau = tau.copy()
+    tau[:, 3] += 3.0 * np.sign(np.gradient(q[:, 3]))
+    turned = made[8][3] * np.where(np.arange(6) == 1, -1.0, 1.0)
+    made[5], made[8] = (time, q, command, tau), (*made[8][:3], turned)
+    bad = verdicts(examine_episodes(tables(tmp_path / "runs", made)))
+    assert {k: (one.verdict, one.findings[0].places) for k, one in bad.items()} == {
+        5: ("friction", ("wrist_1",)),
+        8: ("torque_sign", ("lift",)),
+    }
+    measured = bad[5].to_json()["measures"]["friction"]
+    assert measured["pan"] == pytest.approx(2.0, rel=0.1) and measured["wrist_1"] == pytest.approx(
+        5.0, rel=0.1
+    )
+
+
 def test_a_file_that_cannot_be_read_and_one_of_another_arm_are_episodes_with_a_verdict(tmp_path):
     folder = tables(tmp_path / "runs", [episode(k, faults={}) for k in range(6)])
     (folder / "run_006.csv").write_text("")

@@ -96,6 +96,7 @@ def named(**groups: np.ndarray) -> Recording:
 WAVES = np.sin(np.outer(TIME, 1.0 + 0.2 * np.arange(6)))
 NOISE = np.random.default_rng(0).standard_normal(WAVES.shape)
 LATE = np.sin(np.outer(TIME - 0.02, 1.0 + 0.2 * np.arange(6)))
+UNTIMED = named(q=WAVES, v=np.gradient(WAVES, TIME, axis=0))
 FIRST = "shoulder_pan_joint"
 
 
@@ -141,6 +142,13 @@ ALONE = {
     "commands": (named(q=WAVES, action=NOISE), {}, asked, set(), {"unfollowed commands"}),
     "doubtful choice": (named(q=np.hstack([WAVES, LATE])), {}, asked, set(), {"surplus"}),
     "channels": (named(q=WAVES), {}, lambda s: len(s.found.of("q")), 0, 6),
+    "rate": (
+        replace(UNTIMED, streams=(replace(UNTIMED.streams[0], columns=UNTIMED.streams[0].columns[1:]),)),
+        {},
+        lambda s: s.found.questions[0].line.split("   #")[0],
+        "log: {rate_hz: NUMBER}",
+        "log: {rate_hz: 100}",
+    ),
     "lacking motion": (named(tau=WAVES), {}, asked, set(), {"no positions"}),
     "lacking torques": (named(q=WAVES, pwm=LATE), {}, asked, set(), {"no torques"}),
     "units": (

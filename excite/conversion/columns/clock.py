@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
+from excite.conversion.columns.units import derivative_of
 from excite.conversion.columns.vocabulary import OF_WORD
 from excite.conversion.columns.words import Clue
 from excite.conversion.guesses import Guesses, Mapped
@@ -146,6 +147,24 @@ def row_seconds(time: Array) -> float | None:
     # Stamps of few digits stand several times: what counts is how they go on over many rows, pauses left out.
     going = steps[(steps >= 0.0) & (steps < 5.0 * pace)]
     return float(going.mean()) if (going == 0.0).any() else pace
+
+
+def rate_by_velocities(positions: Array, velocities: Array) -> float | None:
+    """Rows a second of which velocities are the positions' slopes; None where most of them are not, or not of one.
+
+    Args:
+        positions: ``(n, m)``, of the joints.
+        velocities: ``(n, m)``, the same angles or lengths a second.
+    """
+    if len(positions) < _FEWEST_ROWS:
+        return None
+    slopes = [derivative_of(q, v, 1.0) for q, v in zip(positions.T, velocities.T, strict=True)]
+    # What is regressed on the slope, as encoders have less noise than the velocities of drives.
+    rates = np.array([alike**2 / slope for slope, alike in slopes if slope > 0.0 and alike > 0.95])
+    if 2 * len(rates) <= len(slopes):
+        return None
+    rate = float(np.median(rates))
+    return rate if np.abs(rates / rate - 1.0).max() < 0.1 and SLOWEST_HZ <= rate <= FASTEST_HZ else None
 
 
 @dataclass(frozen=True, eq=False)
