@@ -262,6 +262,7 @@ def swing_displacements(
     turned = np.array(data.oMi[swing.joint].rotation)
     hip = robot.model.getJointId(robot.joint_names[leg[0]])
     q, (inwards, outwards, sign) = lift.q.copy(), lift.aside
+    space = np.array(robot.description.collision.cell or ([-np.inf] * 3, [np.inf] * 3))
     points: list[Array] = []
     for _ in range(_DRAWS):
         if len(points) == n:
@@ -274,7 +275,8 @@ def swing_displacements(
         moved = sole - ground
         out = sign * moved[1] / height
         near = np.linalg.norm(sole - data.oMi[hip].translation) <= lift.longest
-        if near and low > lift.clearance * height and inwards < out < outwards:
+        is_inside = ((sole >= space[0]) & (sole <= space[1])).all()
+        if near and is_inside and low > lift.clearance * height and inwards < out < outwards:
             points.append(np.r_[moved, pin.log3(pose.rotation @ turned.T)])
     return np.vstack([up, *points, settle])
 
