@@ -18,7 +18,6 @@ from excite.errors import InputError
 from excite.excitation.design_rows import ArmRows
 from excite.excitation.selection import TARGETS
 from excite.excitation.state_bound import bound_log_det, d_efficiency
-from excite.excitation.targets import NEGLIGIBLE
 from excite.progress import silent
 from excite.regressor.base_parameters import structural_base_parameters
 from excite.robot.catalogue import example_robot_data

@@ -49,7 +49,7 @@ _PELVIS = (0.02, 0.04, 0.08, 0.20)
 _BIAS = 0.34
 # Rate of the path while the weight shifts [1/s]: it takes three units of it, and a robot that is heavier than its model
 # must not swing over the foot's outer edge.
-_SHIFT_RATE = 1.4
+_SHIFT_RATE = 2.8
 # Longest distance from hip to a free sole, in shares of that at rest, and to an ankle that stays, of thigh and shank.
 _STRETCH, _STRAIGHT = 0.98, 0.995
 
