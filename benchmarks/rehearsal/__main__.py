@@ -95,12 +95,14 @@ def outcome(replay: Replay | None) -> str:
     return "slipped" if replay.max_slip_m > MOST_SLIP_M else "stood"
 
 
-def motions_of(name: str, library: Path, candidates: int, seed: int) -> tuple[Robot, list[Motion]]:
-    """Motions of a robot that pass the check: those of the library and of a fresh plan."""
+def motions_of(
+    name: str, library: Path, candidates: int, seed: int, generator: str | None
+) -> tuple[Robot, list[Motion]]:
+    """Motions of a robot that pass the check: those of the library and of a fresh plan, or of one generator alone."""
     robot = excite.load_robot(name)
-    motions = list(excite.load_motions(library / name / "motions", robot))
+    motions = [] if generator else list(excite.load_motions(library / name / "motions", robot))
     if candidates:
-        motions += excite.plan(robot, n_candidates=candidates, seed=seed).motions
+        motions += excite.plan(robot, n_candidates=candidates, seed=seed, generator=generator).motions
     report = excite.check(robot, motions)
     safe = {verdict.motion for verdict in report.verdicts if verdict.safe}
     return robot, [motion for motion in motions if motion.name in safe]
@@ -111,6 +113,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.rehearsal", description=__doc__)
     parser.add_argument("--robot", action="append", choices=ROBOTS)
     parser.add_argument("--candidates", type=int, default=12, help="of the fresh plan of each robot")
+    parser.add_argument("--generator", help="of the fresh plan, without the library")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--minutes", type=float, default=10.0, help="after which no other motion is begun")
     parser.add_argument("--library", type=Path, default=Path("motion_library"))
@@ -122,7 +125,7 @@ def main() -> None:
     wrong = total = 0
     names = given.robot or ROBOTS
     for place, name in enumerate(names):
-        robot, motions = motions_of(name, given.library, given.candidates, given.seed)
+        robot, motions = motions_of(name, given.library, given.candidates, given.seed, given.generator)
         machines: dict[tuple[str, float], Machine] = {}
         counts: dict[str, Counter[str]] = {one.name: Counter() for one in conditions(robot)}
         which: dict[str, list[str]] = {one: [] for one in counts}

@@ -123,7 +123,8 @@ class CollisionBlock(Block):
     each other; ``near_pairs`` keep distances of their own in place of ``margin``. ``stand_ins`` are links whose
     geometry is missing in whole or in part: what cannot be read of it is passed over, and their ``shapes`` stand in for
     it. ``table_height`` is that of the ground or a table [m, in the base's frame]; null: there is none. Where a
-    fixed base does not say, it is the plane that it is mounted on.
+    fixed base does not say, it is the plane that it is mounted on. ``cell`` holds the lowest and the highest corner of
+    a space that no body leaves [m], in the frame of a fixed base, or of the ground that feet stand on.
     """
 
     geometry: Literal["collision", "visual", "either", "authored"]
@@ -134,6 +135,7 @@ class CollisionBlock(Block):
     near_pairs: tuple[NearPair, ...] = ()
     margin: Margin
     table_height: Coordinate | None = None
+    cell: tuple[Vector3, Vector3] | None = None
     source: Source
 
 

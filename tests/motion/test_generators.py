@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from excite.errors import RobotError, UnknownNameError
 from excite.motion.generators.curves import FourierCurve, SplineCurve
@@ -41,11 +42,21 @@ def drawn(request: pytest.FixtureRequest, robot: Robot) -> list[Candidate]:
     return make_generator(request.param).candidates(robot, 3, np.random.SeedSequence(3))
 
 
+@pytest.fixture(scope="module")
+def celled(g1: Robot, tmp_path_factory: pytest.TempPathFactory) -> Robot:
+    """A robot on two feet whose space is stated."""
+    content = yaml.safe_load(g1.source.read_text())
+    content["collision"]["cell"] = [[-0.6, -0.7, -0.1], [0.7, 0.7, 1.6]]
+    path = tmp_path_factory.mktemp("cell") / "robot.yaml"
+    path.write_text(yaml.safe_dump(content))
+    return load_robot(path)
+
+
 @pytest.fixture
-def robot(request: pytest.FixtureRequest, g1: Robot, go2: Robot) -> Robot:
-    """On two feet, or on four where the generator needs as many."""
-    name = request.node.callspec.params["drawn"]
-    return g1 if make_generator(name).applies(g1) else go2
+def robot(request: pytest.FixtureRequest, g1: Robot, go2: Robot, celled: Robot) -> Robot:
+    """On two feet, or on four or in a cell where the generator needs it."""
+    generator = make_generator(request.node.callspec.params["drawn"])
+    return next(one for one in (g1, go2, celled) if generator.applies(one))
 
 
 def _curves(candidate: Candidate) -> list:

@@ -15,7 +15,7 @@ from excite.errors import RobotError
 from excite.export.models.model_format import ModelFormat, Rendered, Subject
 from excite.export.models.verification import Reading, States, read_pinocchio
 from excite.robot.robot import Robot
-from excite.robot.shapes.collision import TABLE, collision_shapes
+from excite.robot.shapes.collision import SURROUNDINGS, collision_shapes
 from excite.robot.shapes.shape import Shape
 from excite.simulation.mjcf import joint_axis, mechanical_range, segment_inertia
 from excite.simulation.true_parameters import PrincipalInertia
@@ -287,7 +287,9 @@ class UsdaFormat(ModelFormat):
         taken, paths = list[str](), dict[int, str]()
         for joint, body in _body_prims(subject, taken).items():
             paths[joint] = f"/{name}/{body.name}"
-            body.inside = [shape_prim(one) for one in shapes if one.joint == joint and one.link != TABLE]
+            body.inside = [
+                shape_prim(one) for one in shapes if one.joint == joint and one.link not in SURROUNDINGS
+            ]
             top.inside.append(body)
         joints = Prim("Scope", prim_name("joints", taken))
         if not robot.floating:

@@ -1,10 +1,13 @@
-"""Motions of single joints: random positions (Jovic et al. 2015, section II.B), aimed swings, Fourier series."""
+"""Motions of joints and hands: random positions (Jovic et al. 2015, section II.B), random places, Fourier series."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.motion.generators.curves import FourierCurve, SplineCurve
@@ -14,6 +17,7 @@ from excite.motion.generators.generator import (
     Generator,
     all_feet,
     central_range,
+    free_upper_body,
     rest_joints,
     upper_body,
 )
@@ -88,10 +92,96 @@ class RandomJoint(_UpperBody):
         rng = np.random.default_rng(seed)
         n = int(rng.integers(*(_WAYPOINTS if robot.feet else _ARM_WAYPOINTS)))
         others = rng.uniform(*_OTHERS, size=robot.n_joints)
-        draws = posture_draws(robot, targets, others, 3, 3 + n)
+        draws = self._postures(robot, posture_draws(robot, targets, others, 3, 3 + n), targets)
         posture = posture_curve(robot, draws, n + 6, rng)
         phases = all_feet(robot, posture.length)
         return Candidate(name, self.name, targets, seed, posture, draws=draws, phases=phases)
+
+    def _postures(self, robot: Robot, box: Draws, targets: tuple[str, ...]) -> Draws:
+        """Where postures are drawn from: the box itself."""
+        return box
+
+
+# Random places of a hand in the space that a description states, by inverse kinematics.
+
+# Places are drawn so often until one is within reach; steps of damped least squares to each, and their damping [m].
+_TRIES, _STEPS, _DAMPING = 8, 25, 0.05
+# Nearer than this a hand is there [m].
+_THERE = 5e-3
+
+
+@dataclass(frozen=True, eq=False)
+class HandDraws(Draws):
+    """Postures in which a hand is somewhere in a space; the other joints are drawn as they come.
+
+    Attributes:
+        robot: the robot.
+        hand: model joint that carries the hand, whose point is its centre of mass.
+        moved: joints that carry the hand and no foot, ``(n,)``.
+    """
+
+    robot: Robot
+    hand: int
+    moved: NDArray[np.intp]
+
+    def draw(self, rng: np.random.Generator) -> Array:
+        """One posture; of eight places out of reach the last is come near to."""
+        low, high = np.array(self.robot.description.collision.cell)
+        for _ in range(_TRIES):
+            posture, apart = self._reached(super().draw(rng), rng.uniform(low, high))
+            if apart < _THERE:
+                break
+        return posture
+
+    def _reached(self, joints: Array, place: Array) -> tuple[Array, float]:
+        """The posture near ``joints`` in which the hand is at a place, and how far from it it stays [m].
+
+        Steps are those of damped least squares (Wampler 1986).
+        """
+        model, moved = self.robot.model, self.moved
+        data, q = model.createData(), self.robot.rest.copy()
+        own = q[self.robot.n_base_q :]
+        own[:] = joints
+        for _ in range(_STEPS):
+            pin.computeJointJacobians(model, data, q)
+            hand = data.oMi[self.hand]
+            point = hand.rotation @ model.inertias[self.hand].lever
+            off = place - hand.translation - point
+            if np.linalg.norm(off) < _THERE:
+                break
+            turning = pin.getJointJacobian(model, data, self.hand, pin.LOCAL_WORLD_ALIGNED)
+            rows = (turning[:3] - pin.skew(point) @ turning[3:])[:, self.robot.n_base_v + moved]
+            step = rows.T @ np.linalg.solve(rows @ rows.T + _DAMPING**2 * np.eye(3), off)
+            own[moved] = np.clip(own[moved] + step, self.lower[moved], self.upper[moved])
+        return own, float(np.linalg.norm(off))
+
+
+class Reach(RandomJoint):
+    """Random places of a hand in the space that the description states, in whatever postures it reaches them.
+
+    What is aimed at further up a limb is aimed at by its end.
+    """
+
+    name: ClassVar[str] = "reach"
+    summary: ClassVar[str] = "a hand at random places of the stated cell"
+    needs: ClassVar[str] = "it needs collision.cell in its description, and joints that are in no leg"
+
+    def applies(self, robot: Robot) -> bool:
+        """For a robot with hands whose space is stated."""
+        return robot.description.collision.cell is not None and bool(self.aims(robot))
+
+    def aims(self, robot: Robot) -> tuple[str, ...]:
+        """The last joint of every limb that is no leg."""
+        ends = np.setdiff1d(np.arange(robot.model.njoints), robot.model.parents)
+        own = ends - (robot.model.njoints - robot.n_joints)
+        return tuple(robot.joint_names[i] for i in own if free_upper_body(robot)[i])
+
+    def _postures(self, robot: Robot, box: Draws, targets: tuple[str, ...]) -> Draws:
+        """Those that bring the hand into the space."""
+        hand = list(robot.model.subtrees[robot.model.getJointId(targets[0])])[-1]
+        above = np.array(robot.model.supports[hand]) - (robot.model.njoints - robot.n_joints)
+        moved = np.intersect1d(above, np.flatnonzero(free_upper_body(robot)))
+        return HandDraws(box.lower, box.upper, box.first, box.stop, robot, hand, moved)
 
 
 # Finite Fourier series (Ni et al. 2024, section II.B, eq. 8 and 10).

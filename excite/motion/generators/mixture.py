@@ -16,10 +16,13 @@ from excite.robot.shapes.shape import has_area
 # Shares of a plan by what a robot stands on, and of one that aims at some joints. Leg swings complete the rank
 # of the base-link regressor; squats load legs as no swing does.
 MIXES: Mapping[str, tuple[Mapping[str, float], Mapping[str, float]]] = {
-    "nothing": ({"random_joint": 0.5, "fourier": 0.5}, {"aimed": 1.0}),
-    "two feet": ({"random_joint": 0.5, "leg_swing": 0.3, "squat": 0.2}, {"aimed": 0.8, "squat": 0.2}),
+    "nothing": ({"random_joint": 0.5, "fourier": 0.5, "reach": 1.0}, {"aimed": 1.0}),
+    "two feet": (
+        {"random_joint": 0.5, "leg_swing": 0.3, "squat": 0.2, "reach": 0.5},
+        {"aimed": 0.8, "squat": 0.2},
+    ),
     "more feet": (
-        {"random_joint": 0.2, "sway": 0.4, "foot_swing": 0.4},
+        {"random_joint": 0.2, "sway": 0.4, "foot_swing": 0.4, "reach": 0.2},
         {"aimed": 0.4, "sway": 0.2, "foot_swing": 0.4},
     ),
 }

@@ -21,6 +21,7 @@ GENERATORS: Registry[Generator] = Registry(
         "aimed": "excite.motion.generators.aimed:Aimed",
         "sway": "excite.motion.generators.stances:Sway",
         "foot_swing": "excite.motion.generators.stances:FootSwing",
+        "reach": "excite.motion.generators.joint_motions:Reach",
     },
 )
 

@@ -112,8 +112,6 @@ _REACH, _RANGE = 0.9, 0.8
 _CLEARANCE, _LIFT = 0.08, 0.12
 # Random motion of the trunk meanwhile: height [share of its own], roll, pitch, yaw [rad].
 _TRUNK = (0.04, 0.08, 0.08, 0.1)
-# Rate of the path while the weight shifts [1/s]: the shift takes three units of it.
-_SHIFT_RATE = 2.0
 # Longest distance from hip to foot, in shares of the leg's length when it is straight.
 _STRETCH = 0.95
 
@@ -162,7 +160,6 @@ class FootSwing(Generator):
             swing_displacements(robot, lift, n, rng),
             rng,
             shift=shift,
-            rate=_SHIFT_RATE,
             held=np.zeros(4),
             turns=np.array(_TRUNK) * [height, 1.0, 1.0, 1.0],
         )

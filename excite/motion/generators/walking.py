@@ -537,8 +537,7 @@ def _build_footstep(parameters: Any, side: Any, where: Print) -> Any:
 
     footstep = placo.Footstep(parameters.foot_width, parameters.foot_length)
     frame = np.eye(4)
-    cos, sin = np.cos(where.yaw), np.sin(where.yaw)
-    frame[:2, :2] = [[cos, -sin], [sin, cos]]
+    frame[:2, :2] = _plane_rotation(where.yaw)
     frame[:2, 3] = where.position
     footstep.frame = frame
     footstep.side = side

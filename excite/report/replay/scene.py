@@ -21,7 +21,7 @@ from excite.logs.columns import BASE_POSE
 from excite.report.replay.tracks import FRAMES_HZ, joint_bounds, pack_table, packed_indices
 from excite.robot.links import link_placement
 from excite.robot.robot import Robot
-from excite.robot.shapes.collision import TABLE, collision_shapes
+from excite.robot.shapes.collision import SURROUNDINGS, collision_shapes
 from excite.robot.shapes.mesh_files import read_meshes
 from excite.robot.shapes.shape import Shape
 
@@ -73,7 +73,7 @@ def visible_bodies(robot: Robot) -> tuple[Body, ...]:
 def shape_bodies(robot: Robot) -> tuple[Body, ...]:
     """What robots are judged to touch with: their collision shapes, without a table; else rods as above."""
     try:
-        shapes = [shape for shape in collision_shapes(robot) if shape.link != TABLE]
+        shapes = [shape for shape in collision_shapes(robot) if shape.link not in SURROUNDINGS]
     except RobotError:
         return tuple(_bone_bodies(robot))
     return tuple(_place_body(s.link, s.joint, s.placement, *shape_triangles(s)) for s in shapes)

@@ -25,7 +25,9 @@ from excite.robot.shapes.link_shapes import link_shapes, links_by_kind, numbers_
 from excite.robot.shapes.mesh_files import read_meshes
 from excite.robot.shapes.shape import Shape, bottom, coal_geometry, placed, shape_bounds, shape_points
 
-TABLE = "table"
+TABLE, CELL = "table", "cell"
+SURROUNDINGS = (TABLE, CELL)
+"""Links that shapes beside the robot stand under."""
 _TABLE_SIZE = (4.0, 4.0, 1.0)
 
 
@@ -42,7 +44,8 @@ def collision_shapes(robot: Robot) -> tuple[Shape, ...]:
     (:func:`~excite.robot.shapes.link_shapes.convex_hull`). Shapes authored in ``robot.yaml`` are added to those
     of the URDF's ``collision`` or ``visual`` elements (``either``: the second of links without the first), or stand
     alone with ``geometry: authored``.
-    A ``table_height``, or the ground that a fixed base does not state, adds a 4 m × 4 m × 1 m block below the base.
+    A ``table_height``, or the ground that a fixed base does not state, adds a 4 m × 4 m × 1 m block below the base, and
+    a ``cell`` six walls of 1 m.
 
     Raises:
         RobotError: a mesh is missing or flat, an authored shape is malformed, or there is no shape at all.
@@ -148,7 +151,10 @@ def shape_pairs(
     """
     parents = list(robot.model.parents)
     close = set() if robot.mechanism is None else robot.mechanism.meeting
-    close |= {frozenset((joint, parent)) for joint, parent in enumerate(parents)}
+    # A free base stands on no wall.
+    close |= {
+        frozenset((joint, parent)) for joint, parent in enumerate(parents) if parent or not robot.floating
+    }
     return [
         (first, second)
         for first, second in itertools.combinations(range(len(shapes)), 2)
@@ -182,7 +188,7 @@ def _ignored_pairs(robot: Robot, shapes: tuple[Shape, ...]) -> frozenset[frozens
             raise robot_error(robot.source, f"collision.{field}", what, remedy)
     pairs = {frozenset(pair) for pair in block.ignored_pairs}
     if ground_is_assumed(robot.description):
-        own = [shape for shape in shapes if shape.link != TABLE]
+        own = [shape for shape in shapes if shape.link not in SURROUNDINGS]
         height = ground_height(robot.model, own, robot.rest)
         below = links_below(robot.model, own, robot.rest, height, block.margin)
         pairs |= {frozenset((link, TABLE)) for link in below}
@@ -229,7 +235,29 @@ def _build_shapes(robot: Robot) -> tuple[Shape, ...]:
         _check_below(robot, height)
         below = pin.SE3(np.eye(3), np.array([0.0, 0.0, height - 0.5 * _TABLE_SIZE[2]]))
         shapes.append(Shape(TABLE, TABLE, 0, below, "box", _TABLE_SIZE))
-    return tuple(shapes)
+    return tuple(shapes) + cell_walls(robot)
+
+
+def cell_walls(robot: Robot) -> tuple[Shape, ...]:
+    """Six boxes, 1 m thick, about the space that a description states; none where it states none.
+
+    Raises:
+        RobotError: its corners are not the lowest and the highest.
+    """
+    stated = robot.description.collision.cell
+    if stated is None:
+        return ()
+    low, high = np.array(stated)
+    if (low >= high).any():
+        what, remedy = "has no room", "give the lowest corner, then the highest"
+        raise robot_error(robot.source, "collision.cell", what, remedy)
+    walls: list[Shape] = []
+    for axis, side in itertools.product(range(3), (-1.0, 1.0)):
+        centre, size = 0.5 * (low + high), high - low + 2.0
+        centre[axis], size[axis] = (low, high)[side > 0.0][axis] + 0.5 * side, 1.0
+        pose, extent = pin.SE3(np.eye(3), centre), tuple(size.tolist())
+        walls.append(Shape(f"{CELL}_{len(walls)}", CELL, 0, pose, "box", extent))
+    return tuple(walls)
 
 
 # Which way up Collada meshes are meant: their file says an axis, which some readers of URDF heed and others
@@ -543,7 +571,7 @@ def com_boxes(robot: Robot) -> Array:
         RobotError: the collision geometry cannot be built.
     """
     boxes = np.empty((len(robot.segments), 2, 3))
-    shapes = [shape for shape in collision_shapes(robot) if shape.link != TABLE]
+    shapes = [shape for shape in collision_shapes(robot) if shape.link not in SURROUNDINGS]
     for index, segment in enumerate(robot.segments):
         stated = robot.description.segments.com_box.get(segment.link)
         if stated is not None:

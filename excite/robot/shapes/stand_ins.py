@@ -23,7 +23,7 @@ from excite.errors import RobotError
 from excite.finding import first_names
 from excite.robot.links import link_placement
 from excite.robot.robot import Robot
-from excite.robot.shapes.collision import TABLE, collision_shapes, mesh_points
+from excite.robot.shapes.collision import SURROUNDINGS, collision_shapes, mesh_points
 from excite.robot.shapes.link_shapes import link_shapes, links_by_kind, origin_of
 from excite.robot.shapes.shape import Shape, coal_geometry
 from excite.robot.urdf.inertia import Inertial, read_inertial
@@ -142,7 +142,7 @@ def _own_shapes(robot: Robot) -> tuple[Shape, ...]:
     block = robot.description.collision
     if block.geometry == "authored" and not block.shapes:
         return ()
-    return tuple(shape for shape in collision_shapes(robot) if shape.link != TABLE)
+    return tuple(shape for shape in collision_shapes(robot) if shape.link not in SURROUNDINGS)
 
 
 def _contains(shape: Shape, point: Array) -> bool:
