@@ -174,7 +174,7 @@ COMMANDS: dict[str, Callable[..., None]] = {}
 """By name, what does the work of each command; the modules of the commands fill it."""
 
 
-def command(name: str, **shared: bool) -> Callable[[Callable[..., None]], Callable[..., None]]:
+def register_command(name: str, **shared: bool) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Of a function: it does the work of the command of that name, with options as :func:`with_shared_options`."""
 
     def register(work: Callable[..., None]) -> Callable[..., None]:
@@ -203,7 +203,7 @@ def with_shared_options(
         asked += [*_EVERY, *(["cluster"] if cluster else [])]
         added = [] if _ROBOTS.isdisjoint(own) else [one for one in _SOURCE if one not in own]
         shared = [*(_CALL[one] for one in asked), *(_SOURCE[one] for one in added)]
-        found = [_declared(name, one) for one in (*own.values(), *shared)]
+        found = [_declare_parameter(name, one) for one in (*own.values(), *shared)]
 
         @wraps(work)
         def run(**given: Any) -> None:
@@ -219,7 +219,7 @@ def with_shared_options(
     return declare_options
 
 
-def _declared(command: str, one: inspect.Parameter) -> inspect.Parameter:
+def _declare_parameter(command: str, one: inspect.Parameter) -> inspect.Parameter:
     """A parameter with its row of the table, its command's own or that of all, unless it declares an option itself."""
     row = _TABLE.get((command, one.name)) or _TABLE.get(("", one.name))
     annotation = one.annotation

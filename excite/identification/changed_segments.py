@@ -144,7 +144,7 @@ class _Search:
         others = np.delete(factor, np.s_[problem.n_inertial : n], axis=1)
         drives = factor[:, problem.n_inertial : n]
         if drives.shape[1]:
-            u = _range(drives)
+            u = _span_basis(drives)
             others = others - u @ (u.T @ others)
         matrix, target = others[:, :-1], others[:, -1]
         body = prior_std(problem, 1.0)[: problem.n_inertial]
@@ -166,7 +166,7 @@ class _Search:
             c for c, place in enumerate(self.places) if np.linalg.norm(matrix[:, place]) > 0.0
         )
         # Only what some change of parameters could explain is of interest here.
-        u = _range(matrix * self.scales)
+        u = _span_basis(matrix * self.scales)
         self.rank = u.shape[1]
         self.matrix, self.target = u.T @ matrix, u.T @ target
         self._known: dict[tuple[int, ...], float] = {}
@@ -220,7 +220,7 @@ class _Search:
         best = self.criterion(key)
         others = tuple(t for t in key if t != s)
         body, spread = self._averaged(key, s)
-        centre, centre_std = _centre(body, spread)
+        centre, centre_std = _locate_centre(body, spread)
         ties = [c for c in self.candidates if c not in key and self.criterion((*others, c)) < best + _TIE]
         segment = self.rows.problem.robot.segments
         return ChangedSegment(
@@ -302,7 +302,7 @@ def _log_binomial(n: int, k: int) -> float:
     return lgamma(n + 1) - lgamma(k + 1) - lgamma(n - k + 1)
 
 
-def _centre(body: Array, covariance: Array) -> tuple[Point | None, Point | None]:
+def _locate_centre(body: Array, covariance: Array) -> tuple[Point | None, Point | None]:
     """Where the centre of a change of mass and first moments ``(4,)`` lies, and its standard deviations [m]."""
     if abs(body[0]) < _SURE * np.sqrt(covariance[0, 0]):
         return None, None
@@ -313,7 +313,7 @@ def _centre(body: Array, covariance: Array) -> tuple[Point | None, Point | None]
     return (x[0], y[0], z[0]), (x[1], y[1], z[1])
 
 
-def _range(matrix: Array) -> Array:
+def _span_basis(matrix: Array) -> Array:
     """Orthonormal basis of the columns' span, ``(n_rows, rank)``."""
     q, r, _ = qr(matrix, mode="economic", pivoting=True, check_finite=False)
     diagonal = np.abs(np.diag(r))

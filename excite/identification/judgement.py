@@ -133,15 +133,15 @@ def channel_fit(unit: str, measured: Array, predicted: Array, nominal: Array) ->
     """Agreement of a measured signal ``(n,)`` with what two models predict."""
     return ChannelFit(
         unit=unit,
-        rmse=_rms(measured - predicted),
-        cc=correlation(measured, predicted),
-        reference_rmse=_rms(measured - nominal),
-        reference_cc=correlation(measured, nominal),
+        rmse=_root_mean_square(measured - predicted),
+        cc=correlate_signals(measured, predicted),
+        reference_rmse=_root_mean_square(measured - nominal),
+        reference_cc=correlate_signals(measured, nominal),
         std=float(measured.std()),
     )
 
 
-def correlation(a: Array, b: Array) -> float | None:
+def correlate_signals(a: Array, b: Array) -> float | None:
     """Pearson's correlation coefficient of two signals ``(n,)``, None where one of them does not vary."""
     da, db = a - a.mean(), b - b.mean()
     scale = float(np.sqrt((da @ da) * (db @ db)))
@@ -149,7 +149,7 @@ def correlation(a: Array, b: Array) -> float | None:
     return None if scale <= floor else float(np.clip(da @ db / scale, -1.0, 1.0))
 
 
-def _rms(values: Array) -> float:
+def _root_mean_square(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 

@@ -54,7 +54,9 @@ def base_parameter_table(
         parameters: the answer.
     """
     values, half = statistics.base.values(parameters), statistics.half_width()
-    return _described(problem, statistics, range(len(values)), values, statistics.std, half.tolist())
+    return _describe_parameters(
+        problem, statistics, range(len(values)), values, statistics.std, half.tolist()
+    )
 
 
 def essential_parameter_table(
@@ -62,10 +64,12 @@ def essential_parameter_table(
 ) -> tuple[BaseParameter, ...]:
     """What :func:`essential_parameters` leaves of them."""
     found = essential_parameters(statistics)
-    return _described(problem, statistics, found.kept, found.values, found.std, [None] * len(found.kept))
+    return _describe_parameters(
+        problem, statistics, found.kept, found.values, found.std, [None] * len(found.kept)
+    )
 
 
-def _described(
+def _describe_parameters(
     problem: IdentificationProblem,
     statistics: BaseStatistics,
     places: Iterable[int],

@@ -381,13 +381,13 @@ def find_doubts(estimate: Estimate, statistics: BaseStatistics, spread: Array) -
         spread: expected spread of each segment's mass about nominal, as share of it, ``(n_segments,)``.
     """
     return (
-        *_unexcited(estimate, statistics, spread),
-        *_conflict(estimate, statistics),
+        *_unexcited_directions(estimate, statistics, spread),
+        *_find_conflict(estimate, statistics),
         *_constraints_reached(estimate.active),
     )
 
 
-def _unexcited(estimate: Estimate, statistics: BaseStatistics, spread: Array) -> Iterator[Finding]:
+def _unexcited_directions(estimate: Estimate, statistics: BaseStatistics, spread: Array) -> Iterator[Finding]:
     """Directions of base parameters in which the data know less than the nominal model.
 
     Generalised eigenvalues of the estimate's covariance against that of parameters scattered about the
@@ -415,7 +415,7 @@ def _unexcited(estimate: Estimate, statistics: BaseStatistics, spread: Array) ->
         yield Finding("unexcited", text, figures, names)
 
 
-def _conflict(estimate: Estimate, statistics: BaseStatistics) -> Iterator[Finding]:
+def _find_conflict(estimate: Estimate, statistics: BaseStatistics) -> Iterator[Finding]:
     """Base parameters that constraints or the nominal model have moved far beyond their own uncertainty."""
     base = statistics.base
     moved = np.abs(base.values(estimate.parameters) - statistics.estimate)
@@ -499,7 +499,7 @@ def _of_solution(result: Identification) -> Iterator[Finding]:
             "of links that the sensors do not see"
         )
         yield Finding("outside_bounds", text, {"parameters": float(len(names))}, names)
-    yield from _impossible(result)
+    yield from _impossible_changes(result)
     dispersion = result.changes.dispersion
     if result.changes.segments and dispersion > _LARGE_DISPERSION:
         text = (
@@ -509,7 +509,7 @@ def _of_solution(result: Identification) -> Iterator[Finding]:
         yield Finding("unexplained", text, {"dispersion": dispersion})
 
 
-def _impossible(result: Identification) -> Iterator[Finding]:
+def _impossible_changes(result: Identification) -> Iterator[Finding]:
     """Changed segments that no body can be: a scapegoat for something else.
 
     They weigh less than nothing, or gain more than the known total mass has gained and other named ones have lost.

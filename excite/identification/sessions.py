@@ -377,16 +377,16 @@ def _of_link(
     steps = _STEP * prior
     slopes = np.stack(
         [
-            (_quantities(ten + step) - _quantities(ten - step)) / (2.0 * size)
+            (_link_quantities(ten + step) - _link_quantities(ten - step)) / (2.0 * size)
             for step, size in zip(np.diag(steps), steps, strict=True)
         ],
         axis=1,
     )
     std = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", slopes, covariance, slopes), 0.0))
     loose = np.sqrt(slopes**2 @ prior**2)
-    middle = _quantities(ten)
+    middle = _link_quantities(ten)
     floor = np.full(len(_QUANTITIES), -np.inf)
-    floor[_POSITIVE] = _LEAST_SHARE * np.abs(_quantities(nominal)[_POSITIVE])
+    floor[_POSITIVE] = _LEAST_SHARE * np.abs(_link_quantities(nominal)[_POSITIVE])
     middle = np.maximum(middle, floor)
     wide = np.array([middle - quantile * std, middle + quantile * std])
     low, middle, high = _of_a_body(np.maximum(wide[0], floor), middle, wide[1])
@@ -427,7 +427,7 @@ def _of_a_body(low: Array, middle: Array, high: Array) -> _Ends:
     return _Ends(low, middle, high)
 
 
-def _quantities(ten: Array) -> Array:
+def _link_quantities(ten: Array) -> Array:
     """Mass, centre of mass, and inertia about it, xx yy zz xy xz yz, ``(10,)``."""
     center = ten[1:4] / ten[0]
     shift = ten[0] * (float(center @ center) * np.eye(3) - np.outer(center, center))

@@ -62,7 +62,7 @@ class BaseStatistics:
     @cached_property
     def covariance(self) -> Array:
         """Covariance of ``estimate``, ``(n_base, n_base)``."""
-        return _sandwich(self.factor, self.meat)
+        return _sandwich_covariance(self.factor, self.meat)
 
     @property
     def std(self) -> Array:
@@ -101,13 +101,13 @@ def base_statistics(rows: Regression, base: BaseParameters | None = None) -> Bas
     factor, rotated = r[: base.rank, : base.rank], r[: base.rank, base.rank]
     estimate = solve_triangular(factor, rotated)
     weight = 1.0 / rows.std[problem.channel]
-    q = _orthonormal(problem.Y, columns, weight, factor)
+    q = _orthonormal_columns(problem.Y, columns, weight, factor)
     residual = problem.y * weight - q @ (factor @ estimate)
     if rows.noise is not None and not leaves_freedom(rows):
         # The residual is none of the noise's; what the weights say of it stays.
         meat = float(rows.noise.inflation.max()) * np.eye(base.rank)
         ones = np.ones(base.rank)
-        white = np.sqrt(np.diag(_sandwich(factor, np.eye(base.rank))))
+        white = np.sqrt(np.diag(_sandwich_covariance(factor, np.eye(base.rank))))
         return BaseStatistics(base, estimate, factor, meat, rotated, rows.noise, white, ones)
     bands = noise_bands(problem, rows.grids, q, residual, factor)
     variance = float(residual @ residual) / max(problem.n_rows - base.rank, 1)
@@ -118,7 +118,7 @@ def base_statistics(rows: Regression, base: BaseParameters | None = None) -> Bas
         meat=bands.meat,
         rotated=rotated,
         noise=bands.model(problem, rows.grids, rows.std),
-        white_std=np.sqrt(variance * np.diag(_sandwich(factor, np.eye(base.rank)))),
+        white_std=np.sqrt(variance * np.diag(_sandwich_covariance(factor, np.eye(base.rank)))),
         degrees_of_freedom=bands.degrees_of_freedom,
     )
 
@@ -130,7 +130,7 @@ def parameter_labels(problem: IdentificationProblem) -> tuple[str, ...]:
     return (*labels, *(f"{term}({joint})" for term, _, joint in drives))
 
 
-def _orthonormal(matrix: Array, columns: NDArray[np.int64], weight: Array, factor: Array) -> Array:
+def _orthonormal_columns(matrix: Array, columns: NDArray[np.int64], weight: Array, factor: Array) -> Array:
     """``W X R⁻¹``, ``(n_rows, n_base)``, block by block so that there is only one copy."""
     q = np.empty((len(matrix), len(columns)))
     for rows in row_blocks(len(matrix)):
@@ -139,7 +139,7 @@ def _orthonormal(matrix: Array, columns: NDArray[np.int64], weight: Array, facto
     return q
 
 
-def _sandwich(factor: Array, meat: Array) -> Array:
+def _sandwich_covariance(factor: Array, meat: Array) -> Array:
     inverse = solve_triangular(factor, np.eye(len(factor)))
     return np.asarray(inverse @ meat @ inverse.T)
 
@@ -256,7 +256,7 @@ class _Moments:
         for b, trial, part in self._parts(audible=True):
             inverse = trial.bins.weight[part] / trial.bins.colour[part]
             self.observed[b] += np.einsum("f,fhc,fhd->cd", inverse, trial.r[part], trial.r[part])
-            self.crossed[b] += _channel_products(_scaled(trial.q[part], trial.bins.weight[part]))
+            self.crossed[b] += _channel_products(_scale_columns(trial.q[part], trial.bins.weight[part]))
         self.numbers = np.einsum("bbcd->bcd", self.spilled)
         self.freedom = np.maximum(np.einsum("bcc->bc", self.numbers - self.crossed), 1.0)
 
@@ -279,7 +279,7 @@ class _Moments:
         meat, roots = np.zeros((k, k)), [_psd_root(one) for one in power]
         for b, trial, part in self._parts():
             weight = trial.bins.weight[part] * trial.bins.colour[part]
-            z = (roots[b].T @ _scaled(trial.q[part], weight)).reshape(-1, k)
+            z = (roots[b].T @ _scale_columns(trial.q[part], weight)).reshape(-1, k)
             meat += z.T @ z
         return meat
 
@@ -295,7 +295,7 @@ class _Moments:
         expected -= given + given.transpose(0, 2, 1)
         for b, trial, part in self._parts(audible=True):
             weight = trial.bins.weight[part] / trial.bins.colour[part]
-            expected[b] += _channel_products(_scaled(_multiply_last_axis(trial.q[part], root), weight))
+            expected[b] += _channel_products(_scale_columns(_multiply_last_axis(trial.q[part], root), weight))
         own, wanted = np.einsum("bcc->bc", expected), np.einsum("bcc->bc", self.observed)
         ratio = np.sqrt(np.clip(wanted / np.maximum(own, _TINY), 0.25, 4.0))
         both = ratio[:, :, None] * ratio[:, None, :]
@@ -314,7 +314,7 @@ class _Moments:
         return shares
 
 
-def _scaled(x: Array, weight: Array) -> Array:
+def _scale_columns(x: Array, weight: Array) -> Array:
     """Transformed columns ``(n_frequencies, …)`` by the root of a weight of each frequency."""
     return np.asarray(x * np.sqrt(weight)[:, None, None, None])
 

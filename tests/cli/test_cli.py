@@ -14,7 +14,7 @@ import pyarrow.parquet as parquet
 import pytest
 from typer.testing import CliRunner
 
-from excite.cli.main import _run, app
+from excite.cli.main import _run_command, app
 from excite.logs.vocabulary import EFFECTS
 
 COMMANDS = "robots effects init-robot plan check rank export simulate identify campaign report demo".split()
@@ -87,7 +87,7 @@ def test_check_rank_export_simulate_identify(
 
     def here(*arguments: object) -> tuple[int, str]:
         """The command in this process, which has loaded what every command would load for itself."""
-        code = _run([*map(str, arguments)])
+        code = _run_command([*map(str, arguments)])
         return code, capfd.readouterr().out
 
     code, checked = here("check", "ur10", "plan", "--json", "--jobs", 1)
@@ -155,7 +155,7 @@ def test_bad_input_is_one_line_and_4(
     monkeypatch.chdir(tmp_path)
     before = sorted(tmp_path.iterdir())
     for case in cases:
-        code = _run([*map(str, case), "--out", "out"])
+        code = _run_command([*map(str, case), "--out", "out"])
         said = capfd.readouterr()
         assert code == 4, (case, code, said.err[-500:])
         assert said.out == "" and said.err.count("\n") == 1, (case, said.err)

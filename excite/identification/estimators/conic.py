@@ -44,7 +44,7 @@ from excite.identification.estimators.estimator import (
     checked_estimate,
     no_solution,
 )
-from excite.identification.estimators.scaled_problem import Ridge, pullback_metric, ridge
+from excite.identification.estimators.scaled_problem import Ridge, build_ridge, pullback_metric
 from excite.identification.estimators.settings import (
     BodySettings,
     EstimatorSettings,
@@ -264,7 +264,7 @@ class Program:
     total_mass: float | None = None
 
 
-def _program(
+def _make_program(
     problem: IdentificationProblem,
     objective: Ridge,
     parts: list[LinearConstraints],
@@ -437,7 +437,7 @@ class Adaptive(ConicEstimator[AdaptiveSettings]):
             prior_spread=settings.prior_spread, segment_spread=settings.segment_spread, alpha=alpha
         )
         cones = (pseudo_inertia_cones(problem, settings.inertia_floor),)
-        return _program(problem, ridge(rows, pull), [], cones, known_total_mass(rows, settings))
+        return _make_program(problem, build_ridge(rows, pull), [], cones, known_total_mass(rows, settings))
 
 
 # Physically feasible inertias within bounds of mass and first moment (CLS-2 of Golluccio et al. 2020).
@@ -471,8 +471,8 @@ class PhysicallyFeasible(ConicEstimator[Cls2Settings]):
         """See :meth:`ConicEstimator.program`."""
         problem = rows.problem
         parts = [non_negative_masses(problem), bound_rows(rows, settings, MASS_AND_FIRST_MOMENT)]
-        return _program(
-            problem, ridge(rows, settings), parts, (feasibility_cones(problem, settings.inertia_floor),)
+        return _make_program(
+            problem, build_ridge(rows, settings), parts, (feasibility_cones(problem, settings.inertia_floor),)
         )
 
 
@@ -534,7 +534,9 @@ class DensityRealisable(ConicEstimator[Cls3Settings]):
         if settings.bounds is not None:
             parts.append(stated_bounds(problem, settings.bounds, default_bounds(problem.robot, settings)))
         cones = (pseudo_inertia_cones(problem, settings.inertia_floor), com_in_ellipsoids(problem, centers))
-        return _program(problem, ridge(rows, settings), parts, cones, known_total_mass(rows, settings))
+        return _make_program(
+            problem, build_ridge(rows, settings), parts, cones, known_total_mass(rows, settings)
+        )
 
 
 # The constrained quadratic program of eq. (4), Jovic et al., Humanoids 2015.
@@ -571,7 +573,9 @@ class QuadraticProgram(ConicEstimator[QpSettings]):
         problem = rows.problem
         parts = [model_constraints(problem, settings)]
         cones = (inertia_cones(problem, settings.inertia_floor),)
-        return _program(problem, ridge(rows, settings), parts, cones, known_total_mass(rows, settings))
+        return _make_program(
+            problem, build_ridge(rows, settings), parts, cones, known_total_mass(rows, settings)
+        )
 
 
 # Physically consistent parameters: every pseudo-inertia positive definite, as a cone program.
@@ -618,6 +622,6 @@ class PhysicallyConsistent(ConicEstimator[LmiSettings]):
             metric = pullback_metric(problem, spreads, prior_std(problem, spreads))
         parts = [model_constraints(problem, settings)]
         cones = (pseudo_inertia_cones(problem, settings.inertia_floor),)
-        return _program(
-            problem, ridge(rows, settings, metric), parts, cones, known_total_mass(rows, settings)
+        return _make_program(
+            problem, build_ridge(rows, settings, metric), parts, cones, known_total_mass(rows, settings)
         )

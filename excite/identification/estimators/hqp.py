@@ -14,8 +14,8 @@ from excite.arrays import Array
 from excite.identification.constraints.linear import (
     Entry,
     LinearConstraints,
-    between,
     body_constraints,
+    bound_between,
     known_total_mass,
     listed_rows,
     mirrored_segments,
@@ -62,7 +62,7 @@ def masses_in_range(problem: IdentificationProblem, shares: Array) -> LinearCons
     for k, segment in enumerate(problem.robot.segments):
         nominal, share = problem.prior[10 * k], shares[k]
         label = f"mass_range:{segment.link}"
-        entries += between({10 * k: 1.0}, (1.0 - share) * nominal, (1.0 + share) * nominal, label)
+        entries += bound_between({10 * k: 1.0}, (1.0 - share) * nominal, (1.0 + share) * nominal, label)
     return listed_rows(problem.n_params, entries)
 
 
@@ -370,7 +370,7 @@ def _best_known(
 ) -> Array | None:
     """Of points that meet the first level the one that misses the second least, then fits best."""
     problem, family = rows.problem, levels[0].family if levels else None
-    models = plain_models(problem, _feasible(rows, settings))
+    models = plain_models(problem, _feasibility_rows(rows, settings))
     if isinstance(family, ScaledSphere):
         models = [family.sphere.lifted(model) for model in models]
 
@@ -403,7 +403,7 @@ def _recomputed_status(levels: tuple[Level, ...], answer: HierarchyAnswer) -> So
     return SolveStatus.SOLVED
 
 
-def _feasible(rows: Regression, settings: HqpSettings) -> LinearConstraints:
+def _feasibility_rows(rows: Regression, settings: HqpSettings) -> LinearConstraints:
     """Eq. 8 to 11: masses not negative, total mass, boxes of the centres of mass."""
     problem = rows.problem
     parts = [total_mass(problem, known_total_mass(rows, settings)), body_constraints(problem, settings)]
@@ -414,7 +414,9 @@ def paper_levels(rows: Regression, settings: HqpSettings, scaled: Scaled) -> tup
     """The two constraint levels of eq. (7): eq. 8–14, and eq. 15 and 16."""
     problem = rows.problem
     sphere = SphereRows(problem, settings.sphere_epsilon, settings.sphere_subdivisions)
-    first = Level("feasible", scaled.constraints(_feasible(rows, settings)), ScaledSphere(sphere, scaled))
+    first = Level(
+        "feasible", scaled.constraints(_feasibility_rows(rows, settings)), ScaledSphere(sphere, scaled)
+    )
     parts = [masses_in_range(problem, settings.mass_ranges(problem.robot))]
     if settings.mirror is not None:
         parts.append(mirrored_pairs(problem, settings.mirror, settings.free_of_symmetry(problem.robot)))

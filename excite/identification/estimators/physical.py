@@ -115,13 +115,13 @@ class PhysicalRetrieval(Estimator[PhysicalSettings]):
         except NoSolutionError as error:
             raise self._contradiction(error, rows, allowed) from error
         parameters, certificate = found.parameters, found.certificate
-        violations = _violations(problem, allowed, parameters)
+        violations = _measure_violations(problem, allowed, parameters)
         noise = objective.floor / np.sqrt(max(problem.n_rows - len(objective.kept), 1))
         missing = np.sqrt(max(certificate.objective**2 - certificate.lower_bound**2, 0.0))
         best = replace(
             estimate_at(self.name, rows, parameters, SolveStatus.SOLVED, violations),
             distance=missing / noise if noise > 0.0 else 0.0,
-            active=_active(allowed, parameters[:n]),
+            active=_active_bounds(allowed, parameters[:n]),
             total_mass=settings.total_mass,
             certificate=certificate,
         )
@@ -139,7 +139,7 @@ class PhysicalRetrieval(Estimator[PhysicalSettings]):
             return error
         problem = rows.problem
         parameters = allowed.standard(np.asarray(error.best))
-        violations = _violations(problem, allowed, parameters)
+        violations = _measure_violations(problem, allowed, parameters)
         broken = {kind: value for kind, value in violations.items() if not value <= _ROUNDING}
         best = estimate_at(self.name, rows, parameters, SolveStatus.INFEASIBLE, violations)
         missed = ", ".join(f"{kind} by {value:.3g} {_UNITS[kind]}" for kind, value in broken.items())
@@ -161,13 +161,15 @@ class PhysicalRetrieval(Estimator[PhysicalSettings]):
         return tie_total_mass(self._bounds, settings.total_mass)
 
 
-def _violations(problem: IdentificationProblem, allowed: FeasibleSet, parameters: Array) -> dict[str, float]:
+def _measure_violations(
+    problem: IdentificationProblem, allowed: FeasibleSet, parameters: Array
+) -> dict[str, float]:
     n = problem.n_inertial
     drives = dict(zip(problem.parameter_names[n:], parameters[n:].tolist(), strict=True))
     return allowed.bounds.violations(physical_parameters(parameters[:n]), drives, allowed.free)
 
 
-def _active(allowed: FeasibleSet, inertial: Array) -> tuple[str, ...]:
+def _active_bounds(allowed: FeasibleSet, inertial: Array) -> tuple[str, ...]:
     """Parameters of free segments that lie at a bound."""
     lower, upper = allowed.bounds.lower, allowed.bounds.upper
     physical = physical_parameters(inertial)

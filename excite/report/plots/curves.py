@@ -11,7 +11,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.report.comparisons import ForceComparison
-from excite.report.html import data_island, inline_figure, interactive
+from excite.report.html import data_island, inline_figure, interactive_block
 from excite.report.replay.tracks import pack_table
 from excite.report.theme import IDENTIFIED, INK, NOMINAL, Role, draw_figure, shorten_name, to_svg
 
@@ -125,7 +125,7 @@ def draw_panels(time: Array | None, panels: Sequence[Panel], *, row_in: float = 
         for axes, panel in zip(grid, panels, strict=False):
             for line in panel.lines:
                 x = line.x if time is None else time
-                shown = _thinned(line.values)
+                shown = _thin_curve(line.values)
                 look = {"lw": 1.0, "ls": (0, (4, 2)) if line.dashed else "-", "label": line.label} | line.look
                 if line.role is not None:
                     look["color"] = line.role.light
@@ -154,7 +154,7 @@ def show_panels(identifier: str, time: Array, panels: Sequence[Panel], descripti
         panels: at least one.
         description: what is to be seen, for readers who cannot see it.
     """
-    shown, name = _thinned(time), f"{identifier}-plots"
+    shown, name = _thin_curve(time), f"{identifier}-plots"
     drawn = [
         {
             "title": f"{panel.name} [{panel.unit}]",
@@ -171,8 +171,8 @@ def show_panels(identifier: str, time: Array, panels: Sequence[Panel], descripti
     spec = {"group": name, "time": pack_table(time[shown]), "panels": drawn}
     still = inline_figure(to_svg(draw_panels(time, panels), identifier, description))
     moving = f'<div class="moving plots" data-chart="{name}-data"></div>'
-    return interactive(moving, still, data_island(f"{name}-data", spec))
+    return interactive_block(moving, still, data_island(f"{name}-data", spec))
 
 
-def _thinned(values: Array) -> slice:
+def _thin_curve(values: Array) -> slice:
     return slice(None, None, max(1, math.ceil(len(values) / _MOST_POINTS)))

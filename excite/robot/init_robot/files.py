@@ -38,7 +38,7 @@ from excite.robot.urdf.limits import (
     joint_limits_beside,
     keep_stated_limits,
     read_limits_file,
-    tighten,
+    tighten_limits,
     with_tables,
 )
 from excite.robot.urdf.numbers import MOMENTS, add_element, read_numbers, write_origin
@@ -95,7 +95,7 @@ def write_scaffold(
         file, source = model_of_package(file, source)
     _check_absent(target, overwrite)
     ignored = () if source.srdf is None else read_srdf(source.srdf)
-    made = _limited(_make_urdf(file, source), file, source)
+    made = _apply_limits(_make_urdf(file, source), file, source)
     said = replace(made.said, ignored=(*made.said.ignored, *ignored))
     if made.text is None:
         here = None if absolute else folder
@@ -195,7 +195,7 @@ def convert_model(file: Path) -> ConvertedModel | None:
     return ConvertedModel(file.stem, None, convert_sdf(root, file)) if root.tag == "sdf" else None
 
 
-def _limited(made: _Made, file: Path, source: Source) -> _Made:
+def _apply_limits(made: _Made, file: Path, source: Source) -> _Made:
     """The URDF with the joint limits of a file of MoveIt's kind, stated or found beside the model, that are tighter."""
     files = joint_limits_beside(file) if source.limits is None else [source.limits]
     if not files:
@@ -207,7 +207,7 @@ def _limited(made: _Made, file: Path, source: Source) -> _Made:
     for one in files:
         found = read_limits_file(one, names, given=source.limits is not None)
         named = "/".join(one.parts[-3:] if source.limits is None else one.parts[-1:])
-        tightened[named] = with_tables(tighten(root, found.limits, file, one.name), found.tables)
+        tightened[named] = with_tables(tighten_limits(root, found.limits, file, one.name), found.tables)
         tables += found.tables
     if not any(tightened.values()):
         return made
@@ -271,7 +271,7 @@ def _expanded_root(
 ) -> ElementTree.Element:
     # In a process of its own: xacro evaluates what a file says as Python, which need not end.
     text = in_child(
-        f"{__name__}:_expand",
+        f"{__name__}:_expand_xacro",
         path,
         dict(arguments),
         package_path,
@@ -328,7 +328,7 @@ def _in_packages(name: str, package_path: tuple[Path, ...]) -> Path | None:
     return None
 
 
-def _expand(path: Path, arguments: Mapping[str, str], package_path: tuple[Path, ...]) -> str:
+def _expand_xacro(path: Path, arguments: Mapping[str, str], package_path: tuple[Path, ...]) -> str:
     import xacro
     from xacro import substitution_args
 
@@ -421,8 +421,8 @@ class _Conversion:
         self._links = {link.get("name", ""): link for link in model.findall("link")}
         self._joints = {joint.get("name", ""): joint for joint in model.findall("joint")}
         self._frames = {frame.get("name", ""): frame for frame in model.findall("frame")}
-        self._parents = {name: _text(joint, "parent") for name, joint in self._joints.items()}
-        self._children = {name: _text(joint, "child") for name, joint in self._joints.items()}
+        self._parents = {name: _text_of(joint, "parent") for name, joint in self._joints.items()}
+        self._children = {name: _text_of(joint, "child") for name, joint in self._joints.items()}
         # A link's frame in URDF is its joint's.
         self._carriers = {self._carrying_link(child): name for name, child in self._children.items()}
 
@@ -521,7 +521,7 @@ class _Conversion:
             }
             added = add_element(place, solid.tag, **sizes)
             if solid.tag == "mesh":
-                uri = _text(solid, "uri").replace("model://", "package://", 1)
+                uri = _text_of(solid, "uri").replace("model://", "package://", 1)
                 file = self._path.resolve().parent / uri.removeprefix("file://")
                 added.set("filename", str(file) if "://" not in uri and file.is_file() else uri)
 
@@ -567,12 +567,12 @@ class _Conversion:
         """From the frame in which an axis is expressed to its joint's: that frame's axes are seen from the joint."""
         direction = None if axis is None else axis.find("xyz")
         expressed = None if direction is None else direction.get("expressed_in")
-        in_model = axis is not None and _text(axis, "use_parent_model_frame", "0") in {"1", "true"}
+        in_model = axis is not None and _text_of(axis, "use_parent_model_frame", "0") in {"1", "true"}
         if expressed is None and (in_model or self._old):
             expressed = _MODEL
         return pin.SE3.Identity() if expressed is None else self._pose(expressed).actInv(self._pose(name))
 
 
-def _text(element: Element, tag: str, default: str = "") -> str:
+def _text_of(element: Element, tag: str, default: str = "") -> str:
     found = element.find(tag)
     return default if found is None or found.text is None else found.text.strip()

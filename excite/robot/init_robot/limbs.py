@@ -17,7 +17,7 @@ from excite.robot.legs import Ankle, before_knee
 from excite.robot.links import link_placement
 from excite.robot.robot import Robot
 from excite.robot.shapes.collision import collision_shapes, lowest_points, whole_centre
-from excite.robot.shapes.shape import Shape, bottom, placed
+from excite.robot.shapes.shape import Shape, bottom_points, place_points
 
 # Which limbs of a bare model are legs, and where their feet touch the ground.
 
@@ -148,7 +148,7 @@ class Figure:
         best, largest = self._touch(own, pose), -1.0
         # Height and tilt of a sole take three joints, and its place two more.
         if len(self.chain(joint)) >= 5:
-            for turn in _face_turns(np.vstack([bottom(shape, pose) for shape in own])):
+            for turn in _face_turns(np.vstack([bottom_points(shape, pose) for shape in own])):
                 found = self._touch(own, turn * pose)
                 area = turn.rotation[2, 2] * sole_area(found.sole)
                 if area > largest + 1e-6:
@@ -157,7 +157,7 @@ class Figure:
 
     def _touch(self, own: list[Shape], pose: pin.SE3) -> FootGuess:
         """Contact of shapes on one joint that is at ``pose``."""
-        lows = [bottom(shape, pose) for shape in own]
+        lows = [bottom_points(shape, pose) for shape in own]
         shape, floor = min(
             ((shape, float(points[:, 2].min())) for shape, points in zip(own, lows, strict=True)),
             key=lambda one: one[1],
@@ -170,7 +170,7 @@ class Figure:
             # A wheel rolls as a ball does when its leg pitches. Tilted by 0.1 rad, one as wide as it is high would
             # touch lower by a twentieth of that.
             corners, ball = corners.mean(axis=0, keepdims=True), True
-        sole = placed(corners, (pose * placement).inverse())
+        sole = place_points(corners, (pose * placement).inverse())
         return FootGuess(shape.link, sole, shape.radius if ball else 0.0)
 
 
@@ -321,7 +321,7 @@ class Footing:
 
     def _sole(self, leg: int, foot: FootGuess) -> Array:
         """Corners of a sole where it is now, ``(n, 3)`` [m]."""
-        return placed(foot.sole, self.figure.data.oMi[leg] * self._placement(foot))
+        return place_points(foot.sole, self.figure.data.oMi[leg] * self._placement(foot))
 
     def bend(self, stand: Standing, leg: int, foot: FootGuess) -> float:
         """Angle [rad] between thigh and shank, a leg's two longest parts in a row, seen along the joint between them; a

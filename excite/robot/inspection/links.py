@@ -22,7 +22,7 @@ from excite.finding import Finding
 from excite.robot.shapes.collision import turn_upright
 from excite.robot.shapes.link_shapes import solid_shape
 from excite.robot.shapes.mesh_files import read_meshes
-from excite.robot.shapes.shape import outline, placed
+from excite.robot.shapes.shape import outline_points, place_points
 from excite.robot.urdf.inertia import WEIGHTLESS, symmetric_matrix
 from excite.robot.urdf.numbers import MOMENTS, read_numbers
 from excite.robot.urdf.reading import absolute_meshes
@@ -286,7 +286,7 @@ class DescribedRobot:
                 ):
                     move = here.pose.actInv(other.pose)
                 for kind in kinds if move is not None else ():
-                    points += [placed(one, move) for one in self._points(other.name, kind)]
+                    points += [place_points(one, move) for one in self._points(other.name, kind)]
             self._hulls[(link, *kinds)] = hull_of(points)
         return self._hulls[(link, *kinds)]
 
@@ -305,7 +305,7 @@ class DescribedRobot:
                     continue
                 try:
                     shape = solid_shape(solid, corners, self.path, where)
-                    found.append(placed(outline(shape), pose))
+                    found.append(place_points(outline_points(shape), pose))
                 except (RobotError, ValueError) as error:
                     said = error.what if isinstance(error, RobotError) else str(error)
                     # A sheet is no body, and says nothing of one.

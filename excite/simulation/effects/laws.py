@@ -254,7 +254,7 @@ class GearLaw:
         return step
 
 
-def disconnect(spec: mujoco.MjSpec) -> None:
+def disconnect_servos(spec: mujoco.MjSpec) -> None:
     """Servos without force of their own: the law computes their command and delivers it."""
     for actuator in spec.actuators:
         actuator.gainprm[0] = 0.0
