@@ -60,10 +60,10 @@ _WORDS: dict[str, Callable[[], Iterable[str]]] = {
 
 def _complete_words(words: Callable[[], Iterable[str]]) -> Callable[[str], list[str]]:
     # typer goes by the name of the argument.
-    def matching(incomplete: str) -> list[str]:
+    def complete_word(incomplete: str) -> list[str]:
         return [name for name in words() if name.startswith(incomplete)]
 
-    return matching
+    return complete_word
 
 
 def _usable_folder(context: typer.Context, folder: Path | None) -> Path | None:
@@ -177,11 +177,11 @@ COMMANDS: dict[str, Callable[..., None]] = {}
 def register_command(name: str, **shared: bool) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Of a function: it does the work of the command of that name, with options as :func:`with_shared_options`."""
 
-    def register(work: Callable[..., None]) -> Callable[..., None]:
+    def register_work(work: Callable[..., None]) -> Callable[..., None]:
         COMMANDS[name] = with_shared_options(name, **shared)(work)
         return work
 
-    return register
+    return register_work
 
 
 def with_shared_options(
@@ -206,15 +206,15 @@ def with_shared_options(
         found = [_declare_parameter(name, one) for one in (*own.values(), *shared)]
 
         @wraps(work)
-        def run(**given: Any) -> None:
+        def run_work(**given: Any) -> None:
             model = {name: given.pop(name) for name in added}
             call = Call(**{name: given.pop(name) for name in asked})
             with models_read_by(stated_source(**model)) if added else nullcontext():
                 work(**given, **({"call": call} if called else {}))
 
-        run.__signature__ = inspect.Signature(found)  # type: ignore[attr-defined]
-        run.__annotations__ = {one.name: one.annotation for one in found}
-        return run
+        run_work.__signature__ = inspect.Signature(found)  # type: ignore[attr-defined]
+        run_work.__annotations__ = {one.name: one.annotation for one in found}
+        return run_work
 
     return declare_options
 

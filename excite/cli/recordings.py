@@ -233,7 +233,7 @@ def _is_of_episodes(path: Path) -> bool:
 
 def _examine_episodes(folder: Path, call: Call) -> None:
     from excite.conversion.episodes import examine_episodes  # lazy: pinocchio
-    from excite.report.plots.drift import save_drift  # lazy: numpy
+    from excite.report.plots.curves import save_drift  # lazy: numpy
 
     with call.requested_workers() as crew, progress_bars() as progress:
         chart = examine_episodes(folder, jobs=crew, progress=progress)

@@ -470,8 +470,8 @@ def view_motions(
         call.emit_result(f"wrote {path}", document, then="open it in a browser")
         return
 
-    def ready(address: str) -> None:
+    def announce_address(address: str) -> None:
         document = {"schema": "excite.view/1", "address": address, "motions": len(shown.clips)}
         call.emit_result(f"{shown.title}\nopen {address} in a browser; Ctrl-C ends it", document)
 
-    serve_page(shown, port, ready)
+    serve_page(shown, port, announce_address)

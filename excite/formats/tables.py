@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from excite.errors import InputError
 from excite.formats.arrow import arrow_table, numpy_columns
 from excite.formats.file import (
+    BLOCK,
     MAX_COLUMNS,
     MAX_FILE_BYTES,
     check_file,
@@ -38,7 +39,6 @@ from excite.formats.format import ColumnFormat, Content
 # Lines that are looked at to find the table's dress; headers of data loggers have some dozen lines.
 _LOOKED_AT = 200
 _MOST_COMMENTS = 1000
-_BLOCK = 1 << 20
 # What stands where a number is missing; infinities of a recording are of channels that its logger did not have.
 _MISSING = ["", "nan", "NaN", "NAN", "NA", "null", "None", "-nan"]
 _INFINITIES = ["inf", "-inf", "Inf"]
@@ -283,7 +283,7 @@ def _find_encoding(path: Path) -> str:
             return "utf-16"
         stream.seek(0)
         try:
-            while block := stream.read(_BLOCK):
+            while block := stream.read(BLOCK):
                 decoder.decode(block)
             decoder.decode(b"", final=True)
         except UnicodeDecodeError:
@@ -295,14 +295,14 @@ def _parse_columns(
     path: Path, dress: Dress, encoding: str, *, strict: bool, error: type[InputError]
 ) -> dict[str, NDArray[Any]]:
     """Columns of the rows: numbers, or words where a column does not hold numbers alone."""
-    start = first_bytes(path, _BLOCK)
+    start = first_bytes(path, BLOCK)
     of_carriage_returns = b"\r" in start and b"\n" not in start
     rewritten = dress.separator == " " or encoding == "utf-16" or of_carriage_returns
     separator = ";" if dress.separator == " " else dress.separator
     width = len(dress.names)
     bad: list[pa.csv.InvalidRow] = []
 
-    def judge(row: pa.csv.InvalidRow) -> str:
+    def judge_column(row: pa.csv.InvalidRow) -> str:
         if not bad and not row.text.lstrip().startswith(COMMENTS) and row.text.strip(separator + ' "'):
             bad.append(row)
         return "skip"
@@ -329,7 +329,7 @@ def _parse_columns(
             ),
             pa.csv.ParseOptions(
                 delimiter=separator,
-                invalid_row_handler=judge,
+                invalid_row_handler=judge_column,
                 newlines_in_values=dress.folded,
                 ignore_empty_lines=True,
             ),

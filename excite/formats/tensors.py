@@ -15,9 +15,7 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.formats.file import MAX_NUMBERS
-
-_DEEPEST = 8
+from excite.formats.file import DEEPEST, MAX_NUMBERS
 
 
 def _make_tensor(storage: Any, offset: int, size: Any, stride: Any, *_: Any) -> Any:
@@ -78,7 +76,7 @@ def read_torch(path: Path) -> dict[str, NDArray[Any]]:
 
 def _flatten_arrays(name: str, value: Any, depth: int) -> dict[str, NDArray[Any]]:
     """Arrays within dictionaries by their paths."""
-    if isinstance(value, dict) and depth <= _DEEPEST:
+    if isinstance(value, dict) and depth <= DEEPEST:
         inner = (_flatten_arrays(f"{name}/{key}".lstrip("/"), one, depth + 1) for key, one in value.items())
         return {path: array for arrays in inner for path, array in arrays.items()}
     numbers = isinstance(value, list) and value and isinstance(value[0], int | float)

@@ -389,7 +389,7 @@ class _Trial:
         """Logarithm of the mean square left over in each block by what the others say, ``(n_blocks,)``."""
         squares = np.full(len(self.factors), np.inf)
         for block, judged in enumerate(self.factors):
-            rows = self._rows(np.delete(self.factors, block, axis=0), terms)
+            rows = self._join_blocks(np.delete(self.factors, block, axis=0), terms)
             try:
                 parameters = self.estimator.solve(rows, settings).parameters
             except (NoSolutionError, LinAlgError):
@@ -398,7 +398,7 @@ class _Trial:
             squares[block] = np.sum(misfit**2)
         return np.asarray(np.log(squares))
 
-    def _rows(self, factors: Array, terms: tuple[str, ...]) -> Regression:
+    def _join_blocks(self, factors: Array, terms: tuple[str, ...]) -> Regression:
         """Blocks together, with some of the terms that may be added."""
         problem = _at_zero(self.problem, set(self.addable) - set(terms))
         joined = np.array([square_factor(np.vstack(list(parts))) for parts in factors.transpose(1, 0, 2, 3)])

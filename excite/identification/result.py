@@ -267,19 +267,22 @@ class Identification(Tabled, Stated):
         """What a careful reader should know, one sentence each."""
         return tuple(finding.text for finding in self.findings)
 
-    def _has(self, *kinds: str) -> list[Finding]:
+    def _findings_of(self, *kinds: str) -> list[Finding]:
         return [found for found in self.findings if found.kind in kinds]
 
     @property
     def impossible_changes(self) -> frozenset[str]:
         """Links named as changed whose change no body can have: something else is wrong there."""
-        return frozenset(link for found in self._has("weightless", "overweight") for link in found.places)
+        return frozenset(
+            link for found in self._findings_of("weightless", "overweight") for link in found.places
+        )
 
     @property
     def in_unknown_unit(self) -> bool:
         """Whether the torques of all joints are in a unit that is not known, and with them every parameter."""
         return any(
-            len(found.places) == len(self.fit) and not found.repaired for found in self._has("torque_scale")
+            len(found.places) == len(self.fit) and not found.repaired
+            for found in self._findings_of("torque_scale")
         )
 
     def summary(self) -> str:
@@ -315,7 +318,7 @@ class Identification(Tabled, Stated):
         if not self.changes.segments:
             said = "none found that stands out; all parameters are estimated anew"
             return [
-                f"changed segments: {'not looked for' if self._has('too_few_instants') else said}",
+                f"changed segments: {'not looked for' if self._findings_of('too_few_instants') else said}",
                 *torques,
             ]
         lines = ["changed segments:"]

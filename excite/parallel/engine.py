@@ -282,19 +282,19 @@ class _Round:
         """What the tasks return, in order."""
         source = enumerate(tasks)
         try:
-            self._fill(source)
+            self._fill_window(source)
             while self._window:
-                answer = self._answer(self._window[0])
+                answer = self._await_answer(self._window[0])
                 self._window.popleft()
-                self._fill(source)
+                self._fill_window(source)
                 yield answer.given()
             if self._workers is not None:
                 _kill_workers(_IDLE.pop(os.getpid(), None))
                 _IDLE[os.getpid()], self._workers = self._workers, None
         finally:
-            self._end()
+            self._end_workers()
 
-    def _end(self) -> None:
+    def _end_workers(self) -> None:
         """End the workers; of an executor take back what has not begun."""
         if self._local:
             workers, self._workers = self._workers, None
@@ -303,7 +303,7 @@ class _Round:
             for entry in self._window:
                 entry.future.cancel()
 
-    def _fill(self, source: Iterator[tuple[int, Any]]) -> None:
+    def _fill_window(self, source: Iterator[tuple[int, Any]]) -> None:
         for following in islice(source, self._in_flight - len(self._window)):
             entry = _Entry(*following)
             self._window.append(entry)
@@ -311,13 +311,13 @@ class _Round:
 
     def _hand_over(self, entry: _Entry) -> None:
         try:
-            entry.future = self._submit(perform_task, *self._call, entry.task)
+            entry.future = self._submit_task(perform_task, *self._call, entry.task)
         except (RuntimeError, OSError) as error:
             # Workers that died while they waited: what executors raise then is a RuntimeError.
             entry.future = Future()
             entry.future.set_exception(error)
 
-    def _submit(self, *call: Any) -> Any:
+    def _submit_task(self, *call: Any) -> Any:
         if not isinstance(self._jobs, int):
             return self._jobs.submit(*call)
         if self._workers is None:
@@ -325,13 +325,13 @@ class _Round:
         # Workers start with a task.
         return _starter_thread(os.getpid()).submit(self._workers.submit, *call).result()
 
-    def _answer(self, entry: _Entry) -> Answer:
+    def _await_answer(self, entry: _Entry) -> Answer:
         """The answer of the first task of the window, whatever it takes."""
-        while (trouble := self._ask(entry)) is not None:
-            self._recover(entry, trouble)
+        while (trouble := self._ask_future(entry)) is not None:
+            self._recover_workers(entry, trouble)
         return cast(Answer, entry.answer)
 
-    def _ask(self, entry: _Entry) -> Exception | None:
+    def _ask_future(self, entry: _Entry) -> Exception | None:
         """Wait for an answer; returns the executor's trouble if there is none."""
         try:
             entry.answer = entry.answer or entry.future.result()
@@ -339,23 +339,23 @@ class _Round:
             return error
         return None
 
-    def _recover(self, first: _Entry, trouble: Exception) -> None:
+    def _recover_workers(self, first: _Entry, trouble: Exception) -> None:
         """Replace broken workers and hand over again what they had."""
         lost = [first]
         if self._local:
             if not isinstance(trouble, BrokenExecutor):
                 # A task or a result that cannot be sent.
                 raise trouble
-            lost = [entry for entry in self._window if self._ask(entry) is not None]
-            self._end()
+            lost = [entry for entry in self._window if self._ask_future(entry) is not None]
+            self._end_workers()
         for entry in lost:
             self._count_death(entry, trouble)
         for entry in lost:
             if entry.deaths >= _SUSPECT and self._local:
                 # With nothing beside it.
                 self._hand_over(entry)
-                if (again := self._ask(entry)) is not None:
-                    self._end()
+                if (again := self._ask_future(entry)) is not None:
+                    self._end_workers()
                     self._count_death(entry, again)
         for entry in lost:
             if entry.answer is None:

@@ -338,7 +338,7 @@ def without_motors(
     passive = np.isin(np.arange(len(names)), mechanism.passive - first)
     followers = [name for name, follows in zip(names, passive, strict=True) if follows]
 
-    def without(block: Block, *fields: str) -> Block:
+    def without_followers(block: Block, *fields: str) -> Block:
         zeros = dict.fromkeys(followers, 0.0)
         own = {field: one for field in fields if (one := getattr(block, field)) is not None}
         update = {f: one.model_copy(update={"joints": {**one.joints, **zeros}}) for f, one in own.items()}
@@ -360,8 +360,8 @@ def without_motors(
             limits[field] = said.model_copy(update={"joints": joints})
     return description.model_copy(
         update={
-            "controller": without(description.controller, "kp", "kd"),
-            "drives": without(description.drives, "viscous", "coulomb", "armature"),
+            "controller": without_followers(description.controller, "kp", "kd"),
+            "drives": without_followers(description.drives, "viscous", "coulomb", "armature"),
             "limits": description.limits.model_copy(update=limits),
         }
     )

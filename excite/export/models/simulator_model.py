@@ -455,7 +455,7 @@ def write_models(
     refused: list[str] = []
     urdf, mjcf = folder / "identified.urdf", folder / "identified.xml"
 
-    def attempt(path: Path, write: Callable[..., WrittenModel], **options: Any) -> WrittenModel | None:
+    def try_write(path: Path, write: Callable[..., WrittenModel], **options: Any) -> WrittenModel | None:
         try:
             return write(robot, identification, path, drives=drives, **options)
         except InconsistentModelError as error:
@@ -473,8 +473,8 @@ def write_models(
         return ModelFiles(differences, None, None, (f"{said}; state the unit and identify again",))
     return ModelFiles(
         differences,
-        attempt(urdf, write_urdf, force=force),
-        attempt(mjcf, write_mjcf, template=template),
+        try_write(urdf, write_urdf, force=force),
+        try_write(mjcf, write_mjcf, template=template),
         tuple(refused),
         _write_uncertainty(identification, folder / "uncertainty.npz"),
     )

@@ -54,7 +54,7 @@ from excite.identification.estimators.settings import (
     SymmetrySettings,
     stated,
 )
-from excite.identification.inertia import pseudo_inertia_matrices
+from excite.identification.inertia import ROUNDING, pseudo_inertia_matrices
 from excite.identification.physical.cone_program import solve_clarabel
 from excite.identification.physical.default_bounds import bound_rows, default_bounds
 from excite.identification.problem import IdentificationProblem
@@ -242,8 +242,6 @@ def conic_distance(problem: ConicProblem, answer: ConicAnswer) -> float:
 
 # From an objective, constraints and a conic solver to an estimate that has been checked.
 
-# What rounding may leave of a pseudo-inertia that must be positive semidefinite (kg, kg·m, kg·m²).
-EIGENVALUE_TOLERANCE = 1e-9
 _RAY = 1e-6
 
 
@@ -356,7 +354,7 @@ def consistent_or_raised(best: Estimate) -> Estimate:
     least = np.linalg.eigvalsh(pseudo_inertia_matrices(best.parameters[: best.regression.problem.n_inertial]))
     moving = np.ones(len(least), dtype=bool)
     moving[list(best.regression.problem.unmeasured)] = False
-    if least[moving, 0].min(initial=0.0) < -EIGENVALUE_TOLERANCE:
+    if least[moving, 0].min(initial=0.0) < -ROUNDING:
         raise no_solution(SolveStatus.VIOLATED, replace(best, status=SolveStatus.VIOLATED))
     return best
 

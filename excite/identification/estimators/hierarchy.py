@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.identification.constraints.linear import LinearConstraints, stack_constraints, unit_rows
-from excite.identification.estimators.estimator import SolveStatus
+from excite.identification.estimators.estimator import DISTANCE_TOLERANCE, FEASIBLE, SolveStatus
 from excite.identification.estimators.projection import (
     ProjectionAnswer,
     Projector,
@@ -26,13 +26,11 @@ from excite.identification.regression import row_space
 Mask = NDArray[np.bool_]
 
 # Rows have unit length on the scaled parameters: a violation is a share of a parameter's spread.
-_FEASIBLE = 1e-8
 _VIOLATED = 1e-7
 _ACTIVE = 1e-9
 _MAX_ROUNDS = 60
 # Accepted distance to a level's optimum, as a share of the distance that the constraints enforce.
 _DISTANCE = 1e-5
-_COARSE_DISTANCE = 1e-3
 
 
 def solve_hierarchy(
@@ -76,14 +74,14 @@ def _meet_level(state: HierarchyState, level: Level, projector: Projector) -> fl
         matrix = both.matrix @ state.basis
         bound = both.bound - both.matrix @ state.x
         length = np.linalg.norm(matrix, axis=1)
-        if np.abs(bound[length <= EMPTY]).max(initial=0.0) > _FEASIBLE and both.n_equal:
+        if np.abs(bound[length <= EMPTY]).max(initial=0.0) > FEASIBLE and both.n_equal:
             break
         listed = unit_rows(matrix, bound, n_equal=both.n_equal, least=EMPTY)
         answer = projector(np.zeros(matrix.shape[1]), listed)
         if answer is None or not _is_finite(answer):
             break
         x = state.x + state.basis @ answer.z
-        if both.violations(x).max(initial=0.0) > _FEASIBLE:
+        if both.violations(x).max(initial=0.0) > FEASIBLE:
             break
         above, found = state.violated(x), _violated_rows(level, x)
         if not len(above.bound) and not len(found.bound):
@@ -194,7 +192,7 @@ def _find_nearest(state: HierarchyState, projector: Projector) -> float:
         if rows.violations(answer.z).max(initial=0.0) > _VIOLATED:
             raise LevelFailed(SolveStatus.VIOLATED)
         distance = distance_to_optimum(target, rows, answer)
-        if distance > _COARSE_DISTANCE * max(1.0, float(np.linalg.norm(answer.z - target))):
+        if distance > DISTANCE_TOLERANCE * max(1.0, float(np.linalg.norm(answer.z - target))):
             raise LevelFailed(SolveStatus.NOT_OPTIMAL)
         x = state.x + state.basis @ answer.z
         found = state.violated(x)

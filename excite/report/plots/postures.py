@@ -193,7 +193,7 @@ def draw_snapshots(robot: Robot, motions: Sequence[Motion], n_postures: int = 7)
     low = low - [0.0, 0.1 * (high[1] - low[1])]
     row_in = min(WIDTH_IN * (high[1] - low[1]) / (high[0] - low[0]), _ROW_IN) + LINE_IN
 
-    def paint(figure: Figure) -> None:
+    def paint_postures(figure: Figure) -> None:
         for axes, row, motion in zip(
             figure.subplots(len(rows), squeeze=False).flat, rows, motions, strict=True
         ):
@@ -207,4 +207,4 @@ def draw_snapshots(robot: Robot, motions: Sequence[Motion], n_postures: int = 7)
                 drawn.paint(axes, offset)
                 axes.text(offset[0], low[1], f"{time - motion.time[0]:.1f} s", color=MUTED.light, ha="center")
 
-    return draw_figure(paint, height_in=row_in * len(rows))
+    return draw_figure(paint_postures, height_in=row_in * len(rows))

@@ -260,7 +260,7 @@ def _passive_joints(model: mujoco.MjModel, jacobian: Array, joints: list[int]) -
     columns = jacobian[:, model.jnt_dofadr[joints]]
     scale = float(np.abs(columns).max(initial=0.0))
 
-    def rank(which: list[int]) -> int:
+    def rank_of(which: list[int]) -> int:
         return int(np.linalg.matrix_rank(columns[:, which], tol=SINGULAR * scale)) if which else 0
 
     driven = driven_joints(model)
@@ -269,10 +269,10 @@ def _passive_joints(model: mujoco.MjModel, jacobian: Array, joints: list[int]) -
         # Nobody says where the motors are: at the joints nearest to the root.
         loose = []
         for k in reversed(range(len(joints))):
-            loose += [k] if rank([*loose, k]) > len(loose) else []
-    if rank(loose) < len(loose):
+            loose += [k] if rank_of([*loose, k]) > len(loose) else []
+    if rank_of(loose) < len(loose):
         return "joints of a closed loop with fewer motors than freedoms"
-    if len(loose) < rank(list(range(len(joints)))):
+    if len(loose) < rank_of(list(range(len(joints)))):
         return "joints of a closed loop with more motors than freedoms"
     return {joints[k] for k in loose}
 
