@@ -21,7 +21,7 @@ from excite.simulation.effects.laws import (
     SpringLaw,
     StribeckLaw,
     WarmingLaw,
-    disconnect,
+    disconnect_servos,
 )
 from excite.simulation.effects.readings import Shift, Tilt
 from excite.simulation.effects.registry import INJECTED_EFFECTS
@@ -165,7 +165,7 @@ def _hide_lag(s: Site) -> Hidden:
     inertia = s.arm.inertia + s.virtual.drives.armature
     most = kd / kp if order == 1 else inertia * kd / (0.5 * kd**2 + 2.0 * inertia * kp)
     value = min(s.size * s.rng.uniform(0.3, 0.5), 0.6) * float(np.min(most))
-    return s.virtual.with_change(disconnect).with_law(LagLaw(value, order)), s.found(value, "torque")
+    return s.virtual.with_change(disconnect_servos).with_law(LagLaw(value, order)), s.found(value, "torque")
 
 
 def _hide_tilt(s: Site) -> Hidden:

@@ -102,7 +102,7 @@ def program() -> NoReturn:
 def main() -> None:
     """Run the command line; however it ends, it says so in one line on stderr and raises SystemExit with its code."""
     try:
-        code = _run(sys.argv[1:])
+        code = _run_command(sys.argv[1:])
         sys.stdout.flush()
     except KeyboardInterrupt:
         code = exit_code_of_interruption()
@@ -119,17 +119,17 @@ def main() -> None:
 
 
 @cache
-def _command() -> Any:
+def _click_command() -> Any:
     """All commands as click has them; putting them together takes longer than refusing a file."""
     return typer.main.get_command(app)
 
 
-def _run(arguments: list[str]) -> int:
+def _run_command(arguments: list[str]) -> int:
     """Run one command; its exit code."""
     as_json = "--json" in arguments
     try:
         # Not by calling the app, which ends the process by itself for some errors, with exit codes of its own.
-        command = _command()
+        command = _click_command()
         made = made_by(typed_command(arguments), excite.__version__, typed_seed(arguments))
         with made, command.make_context("excite", arguments) as context:
             command.invoke(context)

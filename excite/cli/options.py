@@ -60,10 +60,10 @@ _WORDS: dict[str, Callable[[], Iterable[str]]] = {
 
 def _complete_words(words: Callable[[], Iterable[str]]) -> Callable[[str], list[str]]:
     # typer goes by the name of the argument.
-    def matching(incomplete: str) -> list[str]:
+    def complete_word(incomplete: str) -> list[str]:
         return [name for name in words() if name.startswith(incomplete)]
 
-    return matching
+    return complete_word
 
 
 def _usable_folder(context: typer.Context, folder: Path | None) -> Path | None:
@@ -174,14 +174,14 @@ COMMANDS: dict[str, Callable[..., None]] = {}
 """By name, what does the work of each command; the modules of the commands fill it."""
 
 
-def command(name: str, **shared: bool) -> Callable[[Callable[..., None]], Callable[..., None]]:
+def register_command(name: str, **shared: bool) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Of a function: it does the work of the command of that name, with options as :func:`with_shared_options`."""
 
-    def register(work: Callable[..., None]) -> Callable[..., None]:
+    def register_work(work: Callable[..., None]) -> Callable[..., None]:
         COMMANDS[name] = with_shared_options(name, **shared)(work)
         return work
 
-    return register
+    return register_work
 
 
 def with_shared_options(
@@ -203,23 +203,23 @@ def with_shared_options(
         asked += [*_EVERY, *(["cluster"] if cluster else [])]
         added = [] if _ROBOTS.isdisjoint(own) else [one for one in _SOURCE if one not in own]
         shared = [*(_CALL[one] for one in asked), *(_SOURCE[one] for one in added)]
-        found = [_declared(name, one) for one in (*own.values(), *shared)]
+        found = [_declare_parameter(name, one) for one in (*own.values(), *shared)]
 
         @wraps(work)
-        def run(**given: Any) -> None:
+        def run_work(**given: Any) -> None:
             model = {name: given.pop(name) for name in added}
             call = Call(**{name: given.pop(name) for name in asked})
             with models_read_by(stated_source(**model)) if added else nullcontext():
                 work(**given, **({"call": call} if called else {}))
 
-        run.__signature__ = inspect.Signature(found)  # type: ignore[attr-defined]
-        run.__annotations__ = {one.name: one.annotation for one in found}
-        return run
+        run_work.__signature__ = inspect.Signature(found)  # type: ignore[attr-defined]
+        run_work.__annotations__ = {one.name: one.annotation for one in found}
+        return run_work
 
     return declare_options
 
 
-def _declared(command: str, one: inspect.Parameter) -> inspect.Parameter:
+def _declare_parameter(command: str, one: inspect.Parameter) -> inspect.Parameter:
     """A parameter with its row of the table, its command's own or that of all, unless it declares an option itself."""
     row = _TABLE.get((command, one.name)) or _TABLE.get(("", one.name))
     annotation = one.annotation

@@ -12,7 +12,7 @@ import typer
 import excite
 from excite.cli.options import (
     Call,
-    command,
+    register_command,
     stated_source,
 )
 from excite.cli.outcome import exit_code_of_interruption, keeping_best, say_interrupted
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from excite.campaign.optimised_series import SeriesSettings
 
 
-@command("robots")
+@register_command("robots")
 def list_robots(
     *,
     call: Call,
@@ -59,7 +59,7 @@ def list_robots(
     print(f"then: {command_line('plan', 'ROBOT', '--out', 'plan')}")
 
 
-@command("init-robot")
+@register_command("init-robot")
 def write_description(
     file: Path,
     srdf: Path | None = None,
@@ -104,7 +104,7 @@ def write_description(
     call.emit_result("\n".join(lines), document, then=command_line("plan", written.description))
 
 
-@command("check", cluster=True)
+@register_command("check", cluster=True)
 def check_motions(
     files: list[str],
     whose: str | None = None,
@@ -138,7 +138,7 @@ def check_motions(
         raise typer.Exit(EXIT_NEGATIVE)
 
 
-@command("schema")
+@register_command("schema")
 def print_schema(
     name: str,
 ) -> None:
@@ -146,7 +146,7 @@ def print_schema(
     print_document(excite.file_schema(name))
 
 
-@command("plan", cluster=True)
+@register_command("plan", cluster=True)
 def plan_motions(
     robot: str,
     candidates: int | None = None,
@@ -211,7 +211,7 @@ def _series_settings(criterion: str | None, period: float | None) -> SeriesSetti
     return excite.SeriesSettings(criterion or default.criterion, period)
 
 
-@command("rank")
+@register_command("rank")
 def rank_motions(
     robot: str,
     motions: list[Path],
@@ -241,7 +241,7 @@ _CAMPAIGN_OPTIONS = {
 }
 
 
-@command("campaign", cluster=True)
+@register_command("campaign", cluster=True)
 def run_campaign(
     context: typer.Context,
     robot: str,
@@ -335,7 +335,7 @@ def _next_of_page(folder: Path) -> str:
     return command_line(*found.command) if found is not None and found.command else ""
 
 
-@command("demo", cluster=True)
+@register_command("demo", cluster=True)
 def run_demo(
     *,
     call: Call,

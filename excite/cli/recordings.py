@@ -13,8 +13,8 @@ import excite
 from excite.atomic import atomic_folder, write_text
 from excite.cli.options import (
     Call,
-    command,
     named_numbers,
+    register_command,
 )
 from excite.cli.output import (
     EXIT_NEGATIVE,
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from excite.robot.robot import Robot
 
 
-@command("capture")
+@register_command("capture")
 def write_sheet(
     robot: str,
     plan: Path | None = None,
@@ -78,7 +78,7 @@ def write_sheet(
     )
 
 
-@command("simulate", cluster=True)
+@register_command("simulate", cluster=True)
 def simulate_motions(
     robot: str,
     motions: list[Path],
@@ -120,7 +120,7 @@ def simulate_motions(
         raise typer.Exit(EXIT_NEGATIVE)
 
 
-@command("init-log", out=False)
+@register_command("init-log", out=False)
 def write_log_header(
     folder: Path,
     force: bool = False,
@@ -134,7 +134,7 @@ def write_log_header(
     call.emit_result("\n".join(lines), document, then=command_line("doctor", folder))
 
 
-@command("convert")
+@register_command("convert")
 def convert_recordings(
     sources: list[Path],
     robot: str,
@@ -178,7 +178,7 @@ def _show_guesses(found: Conversion) -> None:
     Console(file=sys.stdout, width=None if sys.stdout.isatty() else 160, markup=False).print(table)
 
 
-@command("doctor")
+@register_command("doctor")
 def examine_log(
     log: Path,
     robot: str | None = None,
@@ -233,7 +233,7 @@ def _is_of_episodes(path: Path) -> bool:
 
 def _examine_episodes(folder: Path, call: Call) -> None:
     from excite.conversion.episodes import examine_episodes  # lazy: pinocchio
-    from excite.report.plots.drift import save_drift  # lazy: numpy
+    from excite.report.plots.curves import save_drift  # lazy: numpy
 
     with call.requested_workers() as crew, progress_bars() as progress:
         chart = examine_episodes(folder, jobs=crew, progress=progress)
@@ -270,7 +270,7 @@ def _save_findings(robot: Robot, log: Log, chart: Chart, document: dict[str, Any
 _DOCUMENT = "human.json"
 
 
-@command("human")
+@register_command("human")
 def measure_person(
     trials: list[Path],
     mass: float,

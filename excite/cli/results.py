@@ -12,7 +12,7 @@ import typer
 
 import excite
 from excite.atomic import all_or_nothing
-from excite.cli.options import Call, command, segment_settings
+from excite.cli.options import Call, register_command, segment_settings
 from excite.cli.outcome import of_error
 from excite.cli.output import command_line, progress_bars, stated_origin
 from excite.display import count
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from excite.robot.robot import Robot
 
 
-@command("identify")
+@register_command("identify")
 def identify_robot(
     robot: str,
     logs: list[Path],
@@ -130,7 +130,7 @@ def _show_best(error: excite.NoSolutionError, best: excite.Identification, call:
     error.shown = True
 
 
-@command("identify-load")
+@register_command("identify-load")
 def identify_load(
     robot: str,
     without: Path,
@@ -181,7 +181,7 @@ def identify_load(
     )
 
 
-@command("diagnose")
+@register_command("diagnose")
 def diagnose_log(
     log: Path,
     budget: bool = True,
@@ -258,7 +258,7 @@ def _save_diagnosis(result: Diagnosis, document: dict[str, Any], out: Path) -> P
     return excite.report(out)
 
 
-@command("effects")
+@register_command("effects")
 def list_effects(
     *,
     call: Call,
@@ -290,7 +290,7 @@ _NEWS = 0.1
 _RANK = {"com": 1, **dict.fromkeys(("Ixx", "Iyy", "Izz"), 2), **dict.fromkeys(("Ixy", "Ixz", "Iyz"), 3)}
 
 
-@command("model")
+@register_command("model")
 def write_model(
     result: Path,
     format_name: str,
@@ -376,7 +376,7 @@ def _describe_lost(lost: tuple[Lost, ...]) -> list[str]:
     return [f"lost: {parameter} ({', '.join(where)}): {why}" for (parameter, why), where in places.items()]
 
 
-@command("export")
+@register_command("export")
 def export_motions(
     motions: list[Path],
     format_name: str,
@@ -439,7 +439,7 @@ def _parse_settings(texts: list[str]) -> dict[str, str]:
     return found
 
 
-@command("report")
+@register_command("report")
 def write_report(
     folder: Path,
     *,
@@ -451,7 +451,7 @@ def write_report(
     call.emit_result(f"wrote {path}", document, then="open it in a browser")
 
 
-@command("view")
+@register_command("view")
 def view_motions(
     thing: Path,
     robot: str | None = None,
@@ -461,7 +461,7 @@ def view_motions(
     call: Call,
 ) -> None:
     """Watch it move, with the signals of a joint and its residuals beside it."""
-    from excite.report.view import read_thing, record_page, serve  # lazy: pinocchio
+    from excite.report.view import read_thing, record_page, serve_page  # lazy: pinocchio
 
     shown = read_thing(thing, robot)
     if record is not None:
@@ -470,8 +470,8 @@ def view_motions(
         call.emit_result(f"wrote {path}", document, then="open it in a browser")
         return
 
-    def ready(address: str) -> None:
+    def announce_address(address: str) -> None:
         document = {"schema": "excite.view/1", "address": address, "motions": len(shown.clips)}
         call.emit_result(f"{shown.title}\nopen {address} in a browser; Ctrl-C ends it", document)
 
-    serve(shown, port, ready)
+    serve_page(shown, port, announce_address)

@@ -53,7 +53,7 @@ class Setting:
     def read(self, value: object, source: str) -> float | str:
         """The value, a number or its text; raises InputError that names the setting."""
         if isinstance(self.default, str):
-            return self._word(value, source)
+            return self._read_word(value, source)
         number = value
         if isinstance(value, str):
             try:
@@ -62,7 +62,7 @@ class Setting:
                 number = value[:40]
         return check_number(number, self.name, self.low, self.high, self.unit, source=source)
 
-    def _word(self, value: object, source: str) -> str:
+    def _read_word(self, value: object, source: str) -> str:
         text = str(value).strip()
         if self.choices and text not in self.choices:
             remedy = f"choose one of {', '.join(self.choices)}"

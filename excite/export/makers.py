@@ -66,9 +66,9 @@ class UrScriptExporter(Exporter):
 
     def write(self, motion: Motion, path: Path) -> None:
         """See :class:`Exporter`; numbers are written with all their digits."""
-        write_text(path, comment_lines(motion) + self._program(motion))
+        write_text(path, comment_lines(motion) + self._write_program(motion))
 
-    def _program(self, motion: Motion) -> str:
+    def _write_program(self, motion: Motion) -> str:
         rate = (motion.n_samples - 1) / motion.duration
         servo = f"0, 0, {1.0 / rate:.6g}, {self.number('lookahead'):g}, {self.number('gain'):g})"
         # URScript has no exponents; 1e-12 rad at 500 Hz are 1e-6 rad/s² of acceleration.
@@ -214,7 +214,7 @@ class FrankaExporter(Exporter):
     def refuse(self, motion: Motion) -> None:
         """Raise InputError for robots other than chains of seven, and where nobody says which model it is."""
         super().refuse(motion)
-        if not self._model():
+        if not self._find_model():
             raise InputError(
                 f"joint {self.robot.joint_names[0]!r} does not say which arm of Franka it is",
                 source=motion.name,
@@ -224,7 +224,7 @@ class FrankaExporter(Exporter):
 
     def violations(self, motion: Motion) -> tuple[Violation, ...]:
         """See :class:`Exporter`."""
-        return franka_violations(LIMITS[self._model()], motion.joint_positions(), motion.joint_names)
+        return franka_violations(LIMITS[self._find_model()], motion.joint_positions(), motion.joint_names)
 
     def write(self, motion: Motion, path: Path) -> None:
         """See :class:`Exporter`; numbers are written with all their digits."""
@@ -234,7 +234,7 @@ class FrankaExporter(Exporter):
         lines = [f"{' '.join(map(repr, row))}\n" for row in rows.tolist()]
         write_text(path, as_comments([*motion_remarks(motion), json.dumps(said)]) + "".join(lines))
 
-    def _model(self) -> str:
+    def _find_model(self) -> str:
         """Name of the model in ``LIMITS``, by the setting or the joints' names; empty where neither says."""
         first = self.robot.joint_names[0]
         named = "fr3" if first.startswith("fr3") else "panda" if first.startswith(("panda", "fer_")) else ""
@@ -260,11 +260,11 @@ class OpenHrpExporter(Exporter):
 
     def refuse(self, motion: Motion) -> None:
         """Raise InputError where the order that is set is none of the robot's joints."""
-        self._order()
+        self._joint_order()
 
     def write(self, motion: Motion, path: Path) -> None:
         """See :class:`Exporter`; ``path`` is the folder, numbers are written with all their digits."""
-        order = self._order()
+        order = self._joint_order()
         files = {"pos": motion.joint_positions()[:, order]}
         if motion.floating:
             rotations = np.array([pin.Quaternion(row).matrix() for row in motion.q[:, 3:7]])
@@ -286,7 +286,7 @@ class OpenHrpExporter(Exporter):
             text = json.dumps(said, ensure_ascii=False, indent=2)
             (folder / STATEMENT).write_text(text + "\n", encoding="utf-8")
 
-    def _order(self) -> list[int]:
+    def _joint_order(self) -> list[int]:
         """Places of the joints in the motion, in the order of the files."""
         names = self.robot.joint_names
         if not self.word("joints"):
@@ -358,13 +358,13 @@ class UnitreeExporter(Exporter):
 
     def refuse(self, motion: Motion) -> None:
         """Raise InputError where nobody says which motor a joint is, or with what gains it is to run."""
-        self._gains("kp", self._order(motion))
-        self._gains("kd", self._order(motion))
+        self._motor_gains("kp", self._joint_order(motion))
+        self._motor_gains("kd", self._joint_order(motion))
 
     def write(self, motion: Motion, path: Path) -> None:
         """See :class:`Exporter`; numbers are written with all their digits."""
-        places, order = self.motor_places(), self._order(motion)
-        gains = {name: self._gains(name, order) for name in _GAINS}
+        places, order = self.motor_places(), self._joint_order(motion)
+        gains = {name: self._motor_gains(name, order) for name in _GAINS}
         said = motion_statement(motion) | {
             "motors": {str(places[motion.joint_names[k]]): motion.joint_names[k] for k in order},
             "mode_pr": 0,
@@ -413,12 +413,12 @@ class UnitreeExporter(Exporter):
             )
         return dict(zip(joints, found[0], strict=True))
 
-    def _order(self, motion: Motion) -> list[int]:
+    def _joint_order(self, motion: Motion) -> list[int]:
         """Columns of the motion's joints in the motors' order."""
         places = self.motor_places()
         return sorted(range(len(motion.joint_names)), key=lambda k: places[motion.joint_names[k]])
 
-    def _gains(self, name: str, order: list[int]) -> Array:
+    def _motor_gains(self, name: str, order: list[int]) -> Array:
         """Gains by column of the motion, ``(n_joints,)``."""
         text, cap = self.word(name), _GAINS[name]
         if text == MODEL:

@@ -220,7 +220,7 @@ def payload_for(load: WeighedLoad, robot: Robot, format: str, flange: str | None
             remedy="see whether lengths of the description are metres",
         )
     body = pin.Inertia(body.mass, body.lever, inertia)
-    text = _render(body, form)
+    text = _render_load(body, form)
     back = read_payload(text, format)
     if not np.allclose(back.toDynamicParameters(), body.toDynamicParameters(), rtol=1e-5, atol=1e-5):
         raise InputError("does not come back as it was written", source=format, field="load")
@@ -243,7 +243,7 @@ def _find_flange(robot: Robot, form: PayloadFormat, asked: str | None) -> tuple[
     return name, frames[name]
 
 
-def _render(body: pin.Inertia, form: PayloadFormat) -> str:
+def _render_load(body: pin.Inertia, form: PayloadFormat) -> str:
     moments, axes = np.linalg.eigh(body.inertia)
     axes[:, 2] *= np.linalg.det(axes)
     turn = pin.Quaternion(axes)
@@ -257,14 +257,14 @@ def _render(body: pin.Inertia, form: PayloadFormat) -> str:
     }
     return form.text.format(
         **{
-            name: _number(value)
+            name: _format_number(value)
             for names, row in values.items()
             for name, value in zip(names.split(), row, strict=True)
         }
     )
 
 
-def _number(value: float) -> str:
+def _format_number(value: float) -> str:
     """A number without an exponent, which not every controller reads."""
     text = f"{round(value, 6) + 0.0:.6f}".rstrip("0")
     return text + "0" * text.endswith(".")

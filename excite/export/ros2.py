@@ -73,13 +73,13 @@ def write_bag(motion: Motion, folder: Path, command: str = "") -> None:
 
     store = get_typestore(Stores.ROS2_HUMBLE)
     joints = motion.joint_positions(), goal_velocities(motion), motion.joint_accelerations()
-    messages = [(TOPIC, JOINT_TRAJECTORY, [_trajectory(store, motion, motion.joint_names, *joints)])]
+    messages = [(TOPIC, JOINT_TRAJECTORY, [_trajectory_arrays(store, motion, motion.joint_names, *joints)])]
     if motion.floating:
         messages.append((BASE_TOPIC, BASE_TRAJECTORY, [_base_trajectory(store, motion)]))
     if motion.contacts:
         flags = np.column_stack(list(motion.contacts.values())).astype(float)
         messages.append(
-            (CONTACTS, JOINT_TRAJECTORY, [_trajectory(store, motion, list(motion.contacts), flags)])
+            (CONTACTS, JOINT_TRAJECTORY, [_trajectory_arrays(store, motion, list(motion.contacts), flags)])
         )
     if command:
         messages.append((command, JOINT_STATE, _joint_states(store, motion)))
@@ -110,7 +110,7 @@ def _message_header(store: Any, frame: str = "", stamp: Any = None) -> Any:
     return store.types["std_msgs/msg/Header"](stamp or at_once, frame)
 
 
-def _trajectory(store: Any, motion: Motion, names: Sequence[str], *values: Array) -> Any:
+def _trajectory_arrays(store: Any, motion: Motion, names: Sequence[str], *values: Array) -> Any:
     """Positions, velocities and accelerations ``(n, n_names)``, as many of them as there are."""
     point, nothing = store.types["trajectory_msgs/msg/JointTrajectoryPoint"], np.empty(0)
     rows = zip(*map(np.ascontiguousarray, values), _message_times(store, motion), strict=True)

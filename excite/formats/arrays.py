@@ -13,11 +13,17 @@ from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 from excite.errors import InputError
-from excite.formats.file import DAMAGED, MAX_FILE_BYTES, MAX_NUMBERS, check_file, check_size, unreadable
+from excite.formats.file import (
+    DAMAGED,
+    MAX_FILE_BYTES,
+    MAX_NUMBERS,
+    MAX_TEXT_BYTES,
+    check_file,
+    check_size,
+    unreadable,
+)
 from excite.formats.format import ColumnFormat, Content
 
-# Ten minutes of sixty channels, thrice, at 200 samples a second are 170 MB.
-MAX_NPZ_BYTES = 256 * 1024 * 1024
 # Names that a text array holds are names of files, joints and units.
 _LONGEST_TEXT = 255
 _KINDS = "fiubU"
@@ -58,7 +64,7 @@ def read_npz(
     path: str | Path,
     known: Container[str] | None = None,
     *,
-    limit: int = MAX_NPZ_BYTES,
+    limit: int = MAX_TEXT_BYTES,
     longest_text: int = _LONGEST_TEXT,
     others_empty: bool = False,
     remedy: str = "write it again",

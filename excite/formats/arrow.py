@@ -149,18 +149,18 @@ def table_arrays(table: pa.Table) -> dict[str, Any]:
         column = table[name].combine_chunks()
         if isinstance(column, pa.ChunkedArray):
             column = column.chunk(0) if column.num_chunks else pa.array([])
-        _collect(name, column, found)
+        _collect_column(name, column, found)
     return found
 
 
-def _collect(name: str, column: pa.Array, found: dict[str, Any]) -> None:
+def _collect_column(name: str, column: pa.Array, found: dict[str, Any]) -> None:
     """The numbers and texts of a column by name; of records their fields, of lists of records an array a field."""
     if pa.types.is_dictionary(column.type):
         column = column.dictionary_decode()
     kind = column.type
     if pa.types.is_struct(kind):
         for field, inner in zip(kind, column.flatten(), strict=True):
-            _collect(f"{name}/{field.name}", inner, found)
+            _collect_column(f"{name}/{field.name}", inner, found)
     elif pa.types.is_list(kind) or pa.types.is_large_list(kind) or pa.types.is_fixed_size_list(kind):
         _collect_lists(name, column, found)
     elif pa.types.is_timestamp(kind):
@@ -177,7 +177,7 @@ def _collect_lists(name: str, column: pa.Array, found: dict[str, Any]) -> None:
     if not len(column) or not len(flat) or len(flat) % len(column):
         return
     inside: dict[str, Any] = {}
-    _collect(name, flat, inside)
+    _collect_column(name, flat, inside)
     for key, values in inside.items():
         if values.ndim == 1:
             rows = values.reshape(len(column), -1)

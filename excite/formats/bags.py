@@ -72,7 +72,7 @@ def open_bag(path: Path, error: type[InputError] = InputError, *, indexed: bool 
     store = get_typestore(Stores.ROS2_HUMBLE)
     types: dict[str, Any] = {}
     for name, text in _DEFINITIONS.items():
-        types |= get_types_from_msg(_definition(text), name)
+        types |= get_types_from_msg(_message_definition(text), name)
     store.register(types)
     reader = AnyReader([path], default_typestore=store)
     with reader as bag:
@@ -179,16 +179,16 @@ _POINT, _MANY = "trajectory_msgs/JointTrajectoryPoint", "trajectory_msgs/MultiDO
 _NAMES = "std_msgs/Header header\nstring[] joint_names\n"
 
 
-def _points(kind: str, *names: str) -> str:
+def _point_fields(kind: str, *names: str) -> str:
     return "".join(f"{kind} {name}\n" for name in names)
 
 
-_HUMBLE = _NAMES + _points(_POINT, "desired", "actual", "error")
+_HUMBLE = _NAMES + _point_fields(_POINT, "desired", "actual", "error")
 _IRON = (
     _NAMES
-    + _points(_POINT, "reference", "feedback", "error", "output")
+    + _point_fields(_POINT, "reference", "feedback", "error", "output")
     + "string[] multi_dof_joint_names\n"
-    + _points(_MANY, "multi_dof_reference", "multi_dof_feedback", "multi_dof_error", "multi_dof_output")
+    + _point_fields(_MANY, "multi_dof_reference", "multi_dof_feedback", "multi_dof_error", "multi_dof_output")
 )
 _LAYOUTS = (_IRON + "float64 speed_scaling_factor\n", _IRON, _HUMBLE)
 
@@ -216,7 +216,7 @@ def _register_state(store: Any, raw: bytes) -> bool:
     return False
 
 
-def _definition(text: str) -> str:
+def _message_definition(text: str) -> str:
     """The definition of a message, a field a line, of fields of one type behind it."""
     parts = (part.split(maxsplit=1) for part in text.split(";"))
     return "\n".join(f"{kind} {name.strip()}" for kind, names in parts for name in names.split(","))

@@ -218,12 +218,12 @@ def _check_counts(parameters: Iterator[tuple[tuple[int, str], bytes]], header: _
     records = dict(parameters)
     groups = {name.decode("latin-1"): number for (number, key), name in records.items() if not key}
 
-    def integer(group: str, name: str) -> int:
+    def read_integer(group: str, name: str) -> int:
         data = records.get((groups.get(group, 0), name), b"")
         return int(struct.unpack(f"{header.order}H", data)[0]) if len(data) == 2 else -1
 
     used, frames, plates = (
-        integer(*place) for place in (("POINT", "USED"), ("POINT", "FRAMES"), ("FORCE_PLATFORM", "USED"))
+        read_integer(*place) for place in (("POINT", "USED"), ("POINT", "FRAMES"), ("FORCE_PLATFORM", "USED"))
     )
     if used not in (-1, header.points):
         raise _Refused(f"is {used}, and {header.points} in the header", "POINT:USED")

@@ -16,7 +16,7 @@ from typing import Any
 from excite.errors import ExciteError, InputError
 from excite.kill_with_parent import die_with_parent
 
-_MAIN = "from excite.formats.child import answer; answer()"
+_MAIN = "from excite.formats.child import answer_task; answer_task()"
 
 
 def in_child(
@@ -69,13 +69,13 @@ def in_child(
                 remedy="it is damaged: export it again",
             )
         answered.seek(0)
-        kind, value = pickle.load(answered)  # noqa: S301  (written by answer() below, in our own child)
+        kind, value = pickle.load(answered)  # noqa: S301  (written by answer_task() below, in our own child)
     if kind == "raised":
         raise value
     return value
 
 
-def answer() -> None:
+def answer_task() -> None:
     """Run in the child: read a task from stdin, write what came of it to stdout."""
     out = os.fdopen(os.dup(1), "wb")
     # What native code prints shall not be taken for the answer.

@@ -20,12 +20,10 @@ from pydantic import BaseModel, ValidationError
 
 from excite.errors import InputError
 from excite.finding import list_names
-from excite.formats.file import MAX_DESCRIPTION_BYTES, read_bytes, read_text
+from excite.formats.file import MAX_DESCRIPTION_BYTES, MAX_TEXT_BYTES, read_bytes, read_text
 
 # JSON files as objects, strictly: what a document says twice, or says in numbers that are none, is refused.
 
-# The largest document that is written here, the identification of a humanoid from 2000 motions, has 6 MB.
-MAX_JSON_BYTES = 256 * 1024 * 1024
 
 # Missing fields that are named in one line.
 _MOST_NAMED = 12
@@ -70,7 +68,7 @@ def read_json(
             or its schema is another.
     """
     path = Path(path)
-    text = read_text(path, limit=MAX_JSON_BYTES, error=error)
+    text = read_text(path, limit=MAX_TEXT_BYTES, error=error)
     try:
         content = parse_json(text)
     except RecursionError as reason:

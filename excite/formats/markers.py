@@ -10,11 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.errors import InputError
-from excite.formats.file import check_unique, read_text
+from excite.formats.file import MAX_TEXT_BYTES, check_unique, read_text
 from excite.formats.tables import numbers_of_words, read_table
 
-# Ten minutes of sixty markers at 200 Hz have 250 MB; as numbers of Python's they take five times as much.
-_MAX_TRC_BYTES = 256 * 1024 * 1024
 _END = "endheader"
 
 
@@ -37,7 +35,7 @@ class Trc:
 
 def read_trc(path: Path, error: type[InputError] = InputError) -> Trc:
     """Header of five lines, then frame, time and three coordinates a marker between tabs; raises ``error``."""
-    lines = read_text(path, limit=_MAX_TRC_BYTES, error=error).splitlines()
+    lines = read_text(path, limit=MAX_TEXT_BYTES, error=error).splitlines()
     if len(lines) < 6 or not lines[0].startswith("PathFileType"):
         raise error("is no TRC file", source=path, remedy="export the markers as TRC")
     keys, values = lines[1].split("\t"), lines[2].split("\t")

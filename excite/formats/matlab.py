@@ -10,11 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.errors import InputError
-from excite.formats.file import first_bytes
+from excite.formats.file import DEEPEST, first_bytes
 from excite.formats.hdf5 import hdf5_arrays
 
-# Structs within structs; Simulink's logs have four.
-_DEEPEST = 8
 # Fields by which structs call themselves: name, label, jointName, joint_name.
 _NAMES = re.compile(r"(?:^|[^A-Za-z])(?:name|label)(?![a-z])|(?:Name|Label)(?![a-z])|^(?:NAME|LABEL)$")
 
@@ -45,7 +43,7 @@ def read_mat(path: Path, error: type[InputError] = InputError) -> dict[str, NDAr
 
 
 def _collect_variables(name: str, value: object, found: dict[str, NDArray[Any]], depth: int) -> None:
-    if depth > _DEEPEST:
+    if depth > DEEPEST:
         return
     if isinstance(value, dict):
         for key, inner in value.items():

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from excite.errors import InputError
 from excite.formats.arrow import arrow_table, numpy_columns
 from excite.formats.file import (
+    BLOCK,
     MAX_COLUMNS,
     MAX_FILE_BYTES,
     check_file,
@@ -38,7 +39,6 @@ from excite.formats.format import ColumnFormat, Content
 # Lines that are looked at to find the table's dress; headers of data loggers have some dozen lines.
 _LOOKED_AT = 200
 _MOST_COMMENTS = 1000
-_BLOCK = 1 << 20
 # What stands where a number is missing; infinities of a recording are of channels that its logger did not have.
 _MISSING = ["", "nan", "NaN", "NAN", "NA", "null", "None", "-nan"]
 _INFINITIES = ["inf", "-inf", "Inf"]
@@ -151,8 +151,8 @@ def read_table(
     """
     path = check_file(path, limit=limit, error=error)
     with unreadable(path, error):
-        encoding = _encoding(path)
-        lines = _head(path, encoding, strict=strict, error=error)
+        encoding = _find_encoding(path)
+        lines = _read_head(path, encoding, strict=strict, error=error)
         above = (
             next((k for k, line in enumerate(lines, 1) if line.strip().lower() == below), 0) if below else 0
         )
@@ -164,9 +164,9 @@ def read_table(
             return Table({}, {}, tuple(lines), Dress(",", ".", 0, (), (), False))
         dress = _with_numbers_as_names(dress, own) if strict else dress
         written_names = dress.names
-        dress = _checked(dress, above, path, error) if strict else dress
+        dress = _check_names(dress, above, path, error) if strict else dress
         dress = replace(dress, skip=above + dress.skip)
-        columns = _columns(path, dress, encoding, strict=strict, error=error)
+        columns = _parse_columns(path, dress, encoding, strict=strict, error=error)
     units = dict(zip(dress.names, dress.units or ("",) * len(dress.names), strict=True))
     return Table(columns, units, tuple(lines), dress, written_names)
 
@@ -231,7 +231,7 @@ def _with_numbers_as_names(dress: Dress, lines: Sequence[str]) -> Dress:
     )
 
 
-def _checked(dress: Dress, above: int, path: Path, error: type[InputError]) -> Dress:
+def _check_names(dress: Dress, above: int, path: Path, error: type[InputError]) -> Dress:
     """The dress of a table with names, each once, units in brackets behind them taken off; raises ``error``."""
     check_size(0, len(dress.names), path, error)
     if not dress.named and dress.misfit:
@@ -255,7 +255,7 @@ def _checked(dress: Dress, above: int, path: Path, error: type[InputError]) -> D
     )
 
 
-def _head(path: Path, encoding: str, *, strict: bool, error: type[InputError]) -> list[str]:
+def _read_head(path: Path, encoding: str, *, strict: bool, error: type[InputError]) -> list[str]:
     """The first lines, comments above the table not counted."""
     # A recording that lies on its side has a line a channel.
     longest = 50 * MAX_COLUMNS if strict else MAX_FILE_BYTES
@@ -275,7 +275,7 @@ def _head(path: Path, encoding: str, *, strict: bool, error: type[InputError]) -
     return found
 
 
-def _encoding(path: Path) -> str:
+def _find_encoding(path: Path) -> str:
     """Of the file: what says so itself, else UTF-8 where all of it is, else that of Western European Windows."""
     decoder = codecs.getincrementaldecoder("utf-8")()
     with path.open("rb") as stream:
@@ -283,7 +283,7 @@ def _encoding(path: Path) -> str:
             return "utf-16"
         stream.seek(0)
         try:
-            while block := stream.read(_BLOCK):
+            while block := stream.read(BLOCK):
                 decoder.decode(block)
             decoder.decode(b"", final=True)
         except UnicodeDecodeError:
@@ -291,23 +291,23 @@ def _encoding(path: Path) -> str:
     return "utf-8-sig"
 
 
-def _columns(
+def _parse_columns(
     path: Path, dress: Dress, encoding: str, *, strict: bool, error: type[InputError]
 ) -> dict[str, NDArray[Any]]:
     """Columns of the rows: numbers, or words where a column does not hold numbers alone."""
-    start = first_bytes(path, _BLOCK)
+    start = first_bytes(path, BLOCK)
     of_carriage_returns = b"\r" in start and b"\n" not in start
     rewritten = dress.separator == " " or encoding == "utf-16" or of_carriage_returns
     separator = ";" if dress.separator == " " else dress.separator
     width = len(dress.names)
     bad: list[pa.csv.InvalidRow] = []
 
-    def judge(row: pa.csv.InvalidRow) -> str:
+    def judge_column(row: pa.csv.InvalidRow) -> str:
         if not bad and not row.text.lstrip().startswith(COMMENTS) and row.text.strip(separator + ' "'):
             bad.append(row)
         return "skip"
 
-    with _rewritten(path, dress, encoding, separator) if rewritten else path.open("rb") as stream:
+    with _rewrite_rows(path, dress, encoding, separator) if rewritten else path.open("rb") as stream:
         extra = 0
         if not rewritten:
             for _ in range(dress.skip):
@@ -329,7 +329,7 @@ def _columns(
             ),
             pa.csv.ParseOptions(
                 delimiter=separator,
-                invalid_row_handler=judge,
+                invalid_row_handler=judge_column,
                 newlines_in_values=dress.folded,
                 ignore_empty_lines=True,
             ),
@@ -351,7 +351,7 @@ def _columns(
     return {name: found[name] for name in dress.names}
 
 
-def _rewritten(path: Path, dress: Dress, encoding: str, separator: str) -> BinaryIO:
+def _rewrite_rows(path: Path, dress: Dress, encoding: str, separator: str) -> BinaryIO:
     """Rows in UTF-8 with one separator between cells: of tables in columns of blanks, and of UTF-16."""
     width, rows = len(dress.names), []
     with path.open(encoding=encoding, errors="replace") as stream:
@@ -412,23 +412,23 @@ def find_dress(
     folded = len(lines)
     lines = _whole_lines(lines) if arrays else lines
     folded -= len(lines)
-    for separator, decimal in _candidates(lines):
+    for separator, decimal in _list_separators(lines):
         split = [split_line(line, separator) for line in lines]
         first = _first_row(split, decimal)
         if first is None:
             continue
-        width = _width(split, first)
+        width = _count_columns(split, first)
         if width < 2:
             continue
         names, units, above = _names_and_units(lines, split, first, width, separator, is_unit, strict=strict)
-        misfit = 0 if names or first == 0 else _misfit(split[first - 1], width)
+        misfit = 0 if names or first == 0 else _misfit_cells(split[first - 1], width)
         text = f"{MISFIT} has {misfit} cells and its rows have {width}, so that the names are not believed"
         # Strictly, all below the names is rows; else those of what was not seen hold their time alone.
         first = above if strict and names else first
         while names and first > above and _is_sparse_row(lines[first - 1], split[first - 1], width):
             first -= 1
         named, names = bool(names), names or [f"column{k + 1}" for k in range(width)]
-        unique = names if strict else _unique(names)
+        unique = names if strict else _unique_names(names)
         return Dress(
             separator,
             decimal,
@@ -466,7 +466,7 @@ def _single_column(lines: list[str]) -> Dress | None:
     return Dress(" ", ".", first, (above[0] if above else "column1",), (), bool(above))
 
 
-def _misfit(above: list[str], width: int) -> int:
+def _misfit_cells(above: list[str], width: int) -> int:
     """Cells of a line of names right above rows of another number of cells; 0 where it is no such line."""
     words = [cell for cell in above if re.match(r"[A-Za-zµ]", cell)]
     return 0 if len(words) < 2 or len(words) < len(above) or len(above) == width else len(above)
@@ -485,7 +485,7 @@ def _whole_lines(lines: list[str]) -> list[str]:
     return found[:-1] if opened else found
 
 
-def _candidates(lines: list[str]) -> list[tuple[str, str]]:
+def _list_separators(lines: list[str]) -> list[tuple[str, str]]:
     """Separators with decimal signs, the likelier first: what stands oftenest in lines of numbers, evenly."""
     rows = [line for line in lines if line and not line.lstrip().startswith(COMMENTS)][-50:]
     if any(";" in line or "\t" in line for line in rows) and any(re.search(r"\d,\d", line) for line in rows):
@@ -542,7 +542,7 @@ def _first_row(split: list[list[str]], decimal: str) -> int | None:
     )
 
 
-def _width(split: list[list[str]], first: int) -> int:
+def _count_columns(split: list[list[str]], first: int) -> int:
     """Columns of a table: many writers end each line by a separator, and a column may be empty to begin with."""
     width = len(split[first])
     if any(cells[-1] != "" for cells in split[first:] if len(cells) == width):
@@ -625,7 +625,7 @@ def _with_headings(names: list[str], above: list[str], separator: str) -> list[s
     return found
 
 
-def _unique(names: list[str]) -> list[str]:
+def _unique_names(names: list[str]) -> list[str]:
     found: list[str] = []
     # How many of those found have a name, or begin with it and a tilde: some files have ten thousands of columns.
     taken: Counter[str] = Counter()
@@ -673,7 +673,7 @@ def seconds(cells: Sequence[str]) -> NDArray[Any] | None:
     form = next((form for form in _FORMS if any(form.fullmatch(str(c).strip()) for c in cells[:20])), None)
     if form is None:
         return None
-    found = np.array([_seconds(form.fullmatch(str(cell).strip())) for cell in cells])
+    found = np.array([_stamp_seconds(form.fullmatch(str(cell).strip())) for cell in cells])
     if np.isfinite(found).mean() <= 0.5:
         return None
     if "Y" not in form.groupindex and "h" in form.groupindex:
@@ -682,7 +682,7 @@ def seconds(cells: Sequence[str]) -> NDArray[Any] | None:
     return found
 
 
-def _seconds(match: re.Match[str] | None) -> float:
+def _stamp_seconds(match: re.Match[str] | None) -> float:
     if match is None:
         return float("nan")
     part = match.groupdict()

@@ -15,12 +15,10 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.formats.file import MAX_NUMBERS
-
-_DEEPEST = 8
+from excite.formats.file import DEEPEST, MAX_NUMBERS
 
 
-def _tensor(storage: Any, offset: int, size: Any, stride: Any, *_: Any) -> Any:
+def _make_tensor(storage: Any, offset: int, size: Any, stride: Any, *_: Any) -> Any:
     size, stride = tuple(int(n) for n in size), tuple(int(n) for n in stride)
     last = offset + sum((n - 1) * step for n, step in zip(size, stride, strict=True) if n)
     if min((*size, *stride, offset), default=0) < 0 or (np.prod(size) and last >= len(storage)):
@@ -34,7 +32,7 @@ def _tensor(storage: Any, offset: int, size: Any, stride: Any, *_: Any) -> Any:
 # What a file may name, and what is taken in its place: types of numbers for storages of tensors.
 _KNOWN: dict[str, Any] = {
     "collections.OrderedDict": OrderedDict,
-    "torch._utils._rebuild_tensor_v2": _tensor,
+    "torch._utils._rebuild_tensor_v2": _make_tensor,
     "torch._utils._rebuild_parameter": lambda data, *_: data,
 }
 _STORAGES = {"Double": "<f8", "Float": "<f4", "Half": "<f2", "Long": "<i8", "Int": "<i4", "Short": "<i2"}
@@ -73,13 +71,13 @@ def read_torch(path: Path) -> dict[str, NDArray[Any]]:
             raise ValueError("the archive holds no data.pkl")
         with archive.open(names[0]) as stream:
             content = _TensorUnpickler(stream, archive, names[0].removesuffix("data.pkl")).load()
-    return _flatten("", content, 0)
+    return _flatten_arrays("", content, 0)
 
 
-def _flatten(name: str, value: Any, depth: int) -> dict[str, NDArray[Any]]:
+def _flatten_arrays(name: str, value: Any, depth: int) -> dict[str, NDArray[Any]]:
     """Arrays within dictionaries by their paths."""
-    if isinstance(value, dict) and depth <= _DEEPEST:
-        inner = (_flatten(f"{name}/{key}".lstrip("/"), one, depth + 1) for key, one in value.items())
+    if isinstance(value, dict) and depth <= DEEPEST:
+        inner = (_flatten_arrays(f"{name}/{key}".lstrip("/"), one, depth + 1) for key, one in value.items())
         return {path: array for arrays in inner for path, array in arrays.items()}
     numbers = isinstance(value, list) and value and isinstance(value[0], int | float)
     plain = numbers or isinstance(value, np.ndarray | int | float | str)

@@ -91,7 +91,7 @@ def without_terms(problem: IdentificationProblem, terms: Sequence[str]) -> Ident
     return problem.with_drives([name for name in problem.parameter_names if _term_name(name) not in terms])
 
 
-def candidates(
+def list_candidates(
     log: Log, settings: ProblemSettings | None, own: AdaptiveSettings
 ) -> tuple[ProblemSettings | None, Candidates]:
     """Settings of a problem with the columns of all terms that an arm may have, and which of these are in question.
@@ -165,7 +165,9 @@ def evident_spreads(matrix: Array, target: Array, in_question: NDArray[np.bool_]
         own, pull = _without_itself(columns, measured, variance)
         usable = own > np.finfo(float).eps * (columns**2).sum(axis=0)
         best = np.where(usable, np.maximum(pull**2 - own, 0.0) / np.where(usable, own, 1.0) ** 2, 0.0)
-        gain = np.where(variance == best, 0.0, _evidence(best, own, pull) - _evidence(variance, own, pull))
+        gain = np.where(
+            variance == best, 0.0, _log_evidence_of(best, own, pull) - _log_evidence_of(variance, own, pull)
+        )
         gain[~usable & (variance > 0.0)] = np.inf
         place = int(np.argmax(gain))
         if gain[place] < _SAME_EVIDENCE:
@@ -191,7 +193,7 @@ def _without_itself(columns: Array, measured: Array, variance: Array) -> tuple[A
     return own, pull
 
 
-def _evidence(variance: Array, own: Array, pull: Array) -> Array:
+def _log_evidence_of(variance: Array, own: Array, pull: Array) -> Array:
     """Logarithm of the evidence of each parameter's variance, all others fixed, less that of a variance of zero."""
     grown = 1.0 + variance * own
     return np.asarray(0.5 * (variance * pull**2 / grown - np.log(grown)))
@@ -336,7 +338,7 @@ def beats_nominal(
     """
     # What the nominal model leaves is the measure: of few rows the estimator's own residual is too small.
     std = np.sqrt(plain.residual_variances(problem.prior))[problem.channel]
-    block, left = _blocks(problem), np.empty((2, _BLOCKS))
+    block, left = _assign_blocks(problem), np.empty((2, _BLOCKS))
     for b in range(_BLOCKS):
         out = block == b
         try:
@@ -387,7 +389,7 @@ class _Trial:
         """Logarithm of the mean square left over in each block by what the others say, ``(n_blocks,)``."""
         squares = np.full(len(self.factors), np.inf)
         for block, judged in enumerate(self.factors):
-            rows = self._rows(np.delete(self.factors, block, axis=0), terms)
+            rows = self._join_blocks(np.delete(self.factors, block, axis=0), terms)
             try:
                 parameters = self.estimator.solve(rows, settings).parameters
             except (NoSolutionError, LinAlgError):
@@ -396,7 +398,7 @@ class _Trial:
             squares[block] = np.sum(misfit**2)
         return np.asarray(np.log(squares))
 
-    def _rows(self, factors: Array, terms: tuple[str, ...]) -> Regression:
+    def _join_blocks(self, factors: Array, terms: tuple[str, ...]) -> Regression:
         """Blocks together, with some of the terms that may be added."""
         problem = _at_zero(self.problem, set(self.addable) - set(terms))
         joined = np.array([square_factor(np.vstack(list(parts))) for parts in factors.transpose(1, 0, 2, 3)])
@@ -413,7 +415,7 @@ def _at_zero(problem: IdentificationProblem, terms: set[str]) -> IdentificationP
 
 def _block_triangles(problem: IdentificationProblem) -> Array:
     """Triangles of the rows of each block and channel; blocks are stretches of time of equal numbers of rows."""
-    block = _blocks(problem)
+    block = _assign_blocks(problem)
     width, channels = problem.n_params + 1, len(problem.channel_names)
     factors = np.zeros((_BLOCKS, channels, width, width))
     for b in range(_BLOCKS):
@@ -424,7 +426,7 @@ def _block_triangles(problem: IdentificationProblem) -> Array:
     return factors
 
 
-def _blocks(problem: IdentificationProblem) -> NDArray[np.int64]:
+def _assign_blocks(problem: IdentificationProblem) -> NDArray[np.int64]:
     """Which block each row belongs to, ``(n_rows,)``."""
     place = np.empty(problem.n_rows, dtype=np.int64)
     place[np.lexsort((problem.time, problem.trial))] = np.arange(problem.n_rows)

@@ -122,12 +122,12 @@ def find_changes(rows: Regression, noise: NoiseModel, *, bodies_alone: bool = Fa
     # One more level is looked at after the first that brings nothing: two bodies can need each other.
     fruitless = 0
     while fruitless <= 1 and len(beam[0]) < len(search.candidates):
-        beam = search.grown(beam)
+        beam = search.grow_sets(beam)
         if search.criterion(beam[0]) < search.criterion(best):
             best, fruitless = beam[0], 0
         else:
             fruitless += 1
-    return search.result(search.exchanged(best))
+    return search.result(search.exchange_members(best))
 
 
 class _Search:
@@ -144,7 +144,7 @@ class _Search:
         others = np.delete(factor, np.s_[problem.n_inertial : n], axis=1)
         drives = factor[:, problem.n_inertial : n]
         if drives.shape[1]:
-            u = _range(drives)
+            u = _span_basis(drives)
             others = others - u @ (u.T @ others)
         matrix, target = others[:, :-1], others[:, -1]
         body = prior_std(problem, 1.0)[: problem.n_inertial]
@@ -166,7 +166,7 @@ class _Search:
             c for c, place in enumerate(self.places) if np.linalg.norm(matrix[:, place]) > 0.0
         )
         # Only what some change of parameters could explain is of interest here.
-        u = _range(matrix * self.scales)
+        u = _span_basis(matrix * self.scales)
         self.rank = u.shape[1]
         self.matrix, self.target = u.T @ matrix, u.T @ target
         self._known: dict[tuple[int, ...], float] = {}
@@ -175,7 +175,7 @@ class _Search:
         """Whitened residual power that the full model would remove and the set does not, and its changes' own."""
         key = tuple(sorted(chosen))
         if key not in self._known:
-            columns, change = self._columns(key), self._changes(key)[0]
+            columns, change = self._columns_of(key), self._solve_changes(key)[0]
             rest, size = self.target - self.matrix[:, columns] @ change, change / self.prior[columns]
             self._known[key] = float(rest @ rest + size @ size)
         return self._known[key]
@@ -189,12 +189,12 @@ class _Search:
         penalty = (10 * k + t) * np.log(b) + 2.0 * sets + 2.0 * _LEAST_EVIDENCE * k
         return float(b * np.log(variance) + gap / variance + penalty)
 
-    def grown(self, beam: list[tuple[int, ...]]) -> list[tuple[int, ...]]:
+    def grow_sets(self, beam: list[tuple[int, ...]]) -> list[tuple[int, ...]]:
         """The best sets with one member more than those of the beam, best first."""
         sets = {tuple(sorted((*chosen, s))) for chosen in beam for s in self.candidates if s not in chosen}
         return sorted(sets, key=lambda key: (self.criterion(key), key))[:_BEAM]
 
-    def exchanged(self, chosen: tuple[int, ...]) -> tuple[int, ...]:
+    def exchange_members(self, chosen: tuple[int, ...]) -> tuple[int, ...]:
         """Replace or drop members, one at a time, while that improves the criterion."""
         while chosen:
             sets = list(combinations(chosen, len(chosen) - 1))
@@ -207,20 +207,20 @@ class _Search:
 
     def result(self, chosen: tuple[int, ...]) -> Changes:
         key = tuple(sorted(chosen))
-        found = [self._segment(key, s) for s in key if s < self.n_segments]
+        found = [self._describe_segment(key, s) for s in key if s < self.n_segments]
         nothing = self.gap(())
         return Changes(
             segments=tuple(sorted(found, key=lambda item: (-item.evidence, item.link))),
             explained=1.0 - self.gap(key) / nothing if nothing > 0.0 else 0.0,
             dispersion=self.gap(key) / self.rank,
-            beside=tuple(self._beside(key, c) for c in key if c >= self.n_segments),
+            beside=tuple(self._describe_term(key, c) for c in key if c >= self.n_segments),
         )
 
-    def _segment(self, key: tuple[int, ...], s: int) -> ChangedSegment:
+    def _describe_segment(self, key: tuple[int, ...], s: int) -> ChangedSegment:
         best = self.criterion(key)
         others = tuple(t for t in key if t != s)
-        body, spread = self._averaged(key, s)
-        centre, centre_std = _centre(body, spread)
+        body, spread = self._average_sets(key, s)
+        centre, centre_std = _locate_centre(body, spread)
         ties = [c for c in self.candidates if c not in key and self.criterion((*others, c)) < best + _TIE]
         segment = self.rows.problem.robot.segments
         return ChangedSegment(
@@ -235,7 +235,7 @@ class _Search:
             tied_terms=tuple(self.terms[c - self.n_segments] for c in ties if c >= self.n_segments),
         )
 
-    def _averaged(self, key: tuple[int, ...], s: int) -> tuple[Array, Array]:
+    def _average_sets(self, key: tuple[int, ...], s: int) -> tuple[Array, Array]:
         """Mass and first moments of a body's change and their covariance over sets that differ by one term."""
         terms = [c for c in self.candidates if c >= self.n_segments]
         sets = [key, *(tuple(sorted({*key} ^ {c})) for c in terms)]
@@ -244,7 +244,7 @@ class _Search:
         weights /= weights.sum()
         means, covariances = [], []
         for one in sets:
-            change, covariance = self._changes(one)
+            change, covariance = self._solve_changes(one)
             own = slice(10 * one.index(s), 10 * one.index(s) + 4)
             means.append(change[own])
             covariances.append(max(1.0, self.gap(one) / self.rank) * covariance[own, own])
@@ -253,9 +253,9 @@ class _Search:
         within = np.einsum("s,sij->ij", weights, np.array(covariances))
         return mean, within + (apart * weights[:, None]).T @ apart
 
-    def _beside(self, key: tuple[int, ...], c: int) -> BesideTerm:
-        change, covariance = self._changes(key)
-        place = len(self._columns(tuple(one for one in key if one < c)))
+    def _describe_term(self, key: tuple[int, ...], c: int) -> BesideTerm:
+        change, covariance = self._solve_changes(key)
+        place = len(self._columns_of(tuple(one for one in key if one < c)))
         std = np.sqrt(max(1.0, self.gap(key) / self.rank) * covariance[place, place])
         name, value = self.terms[c - self.n_segments], float(change[place])
         if name.startswith("gain."):
@@ -263,12 +263,12 @@ class _Search:
             value, std = value / (1.0 - value), std / (1.0 - value) ** 2
         return BesideTerm(name, value, float(std))
 
-    def _columns(self, key: tuple[int, ...]) -> NDArray[np.int64]:
+    def _columns_of(self, key: tuple[int, ...]) -> NDArray[np.int64]:
         return np.concatenate([np.zeros(0, dtype=np.int64), *(self.places[c] for c in key)])
 
-    def _changes(self, key: tuple[int, ...]) -> tuple[Array, Array]:
+    def _solve_changes(self, key: tuple[int, ...]) -> tuple[Array, Array]:
         """Changes of a set's parameters and their covariance."""
-        columns = self._columns(key)
+        columns = self._columns_of(key)
         matrix = np.vstack([self.matrix[:, columns], np.diag(1.0 / self.prior[columns])])
         target = np.concatenate([self.target, np.zeros(len(columns))])
         scaled = matrix * self.scales[columns]
@@ -302,7 +302,7 @@ def _log_binomial(n: int, k: int) -> float:
     return lgamma(n + 1) - lgamma(k + 1) - lgamma(n - k + 1)
 
 
-def _centre(body: Array, covariance: Array) -> tuple[Point | None, Point | None]:
+def _locate_centre(body: Array, covariance: Array) -> tuple[Point | None, Point | None]:
     """Where the centre of a change of mass and first moments ``(4,)`` lies, and its standard deviations [m]."""
     if abs(body[0]) < _SURE * np.sqrt(covariance[0, 0]):
         return None, None
@@ -313,7 +313,7 @@ def _centre(body: Array, covariance: Array) -> tuple[Point | None, Point | None]
     return (x[0], y[0], z[0]), (x[1], y[1], z[1])
 
 
-def _range(matrix: Array) -> Array:
+def _span_basis(matrix: Array) -> Array:
     """Orthonormal basis of the columns' span, ``(n_rows, rank)``."""
     q, r, _ = qr(matrix, mode="economic", pivoting=True, check_finite=False)
     diagonal = np.abs(np.diag(r))

@@ -21,8 +21,8 @@ from excite.identification.adaptation import (
     adapt_problem,
     adaptation_finding,
     beats_nominal,
-    candidates,
     drives_finding,
+    list_candidates,
     predicts_better,
     with_shown_drives,
     without_terms,
@@ -120,7 +120,7 @@ def identify(
         log, asked = chart.log, Candidates()
         with equations_of(log):
             if isinstance(own, AdaptiveSettings):
-                problem_settings, asked = candidates(log, problem_settings, own)
+                problem_settings, asked = list_candidates(log, problem_settings, own)
             problem = build_problem(robot, log, problem_settings, role="identification")
             validation = None
             if log.role("validation"):
@@ -156,7 +156,7 @@ def identify_problem(
     """
     robot = problem.robot
     settings = own_settings(estimator, settings)
-    boxes, notes = _boxes(robot, settings)
+    boxes, notes = _find_com_boxes(robot, settings)
     if isinstance(settings, BoxSettings):
         settings = replace(settings, com_boxes=boxes)
     names = problem.parameter_names[problem.n_inertial :]
@@ -271,7 +271,7 @@ def _too_few_instants(problem: IdentificationProblem, rank: int) -> tuple[Findin
     return (Finding("too_few_instants", text, {"instants": float(instants), "base_parameters": float(rank)}),)
 
 
-def _boxes(robot: Robot, settings: EstimatorSettings) -> tuple[Array, tuple[Finding, ...]]:
+def _find_com_boxes(robot: Robot, settings: EstimatorSettings) -> tuple[Array, tuple[Finding, ...]]:
     """Boxes of the centres of mass that are stated, else from the geometry, else from the nominal inertias."""
     if isinstance(settings, BoxSettings) and settings.com_boxes is not None:
         return settings.com_boxes, ()

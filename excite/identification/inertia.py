@@ -11,6 +11,8 @@ ROWS = np.array([0, 0, 1, 0, 1, 2])
 COLUMNS = np.array([0, 1, 1, 2, 2, 2])
 # From pinocchio's order to the files' order Ixx, Iyy, Izz, Ixy, Ixz, Iyz.
 FILE_ORDER = (0, 2, 5, 1, 3, 4)
+# What rounding leaves of a number that should not be negative (eigenvalue, bound), in SI or as share of the largest.
+ROUNDING = 1e-9
 
 
 def inertia_matrices(parameters: Array) -> Array:

@@ -13,7 +13,12 @@ from excite.display import percent, span
 from excite.identification.constraints.linear import measured_total_mass
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.identified_parameters import IdentifiedParameters
-from excite.identification.inertia import central_inertia_matrices, inertia_matrices, pseudo_inertia_matrices
+from excite.identification.inertia import (
+    ROUNDING,
+    central_inertia_matrices,
+    inertia_matrices,
+    pseudo_inertia_matrices,
+)
 from excite.identification.noise import NoiseModel
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import Regression
@@ -21,8 +26,6 @@ from excite.logs.columns import WRENCH_AXES
 from excite.results import ADDED, Name, Positive, Seconds, Stated, Unbounded, UnboundedPositive, named, stated
 
 # Whether identified parameters are those of bodies that can exist.
-
-_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -71,11 +74,11 @@ def check_consistency(parameters: Array, names: tuple[str, ...]) -> Consistency:
     slack = principal[:, 0] + principal[:, 1] - principal[:, 2]
     pseudo = np.linalg.eigvalsh(pseudo_inertia_matrices(parameters))
     # Rounding is relative to the body: a hand's inertia is a millionth of a trunk's.
-    bad = pseudo[:, 0] < -_ROUNDING * np.abs(pseudo).max(axis=1)
+    bad = pseudo[:, 0] < -ROUNDING * np.abs(pseudo).max(axis=1)
     return Consistency(
         mass_positive=bool((masses > 0.0).all()),
         inertia_positive_definite=bool((inertia[:, 0] > 0.0).all()),
-        triangle_inequality=bool(known.all() and (slack >= -_ROUNDING * principal[:, 2]).all()),
+        triangle_inequality=bool(known.all() and (slack >= -ROUNDING * principal[:, 2]).all()),
         pseudo_inertia_min_eigenvalue=float(pseudo[:, 0].min()),
         inconsistent=tuple(name for name, flag in zip(names, bad, strict=True) if flag),
     )
@@ -133,24 +136,20 @@ def channel_fit(unit: str, measured: Array, predicted: Array, nominal: Array) ->
     """Agreement of a measured signal ``(n,)`` with what two models predict."""
     return ChannelFit(
         unit=unit,
-        rmse=_rms(measured - predicted),
-        cc=correlation(measured, predicted),
-        reference_rmse=_rms(measured - nominal),
-        reference_cc=correlation(measured, nominal),
+        rmse=float(np.sqrt(np.mean((measured - predicted) ** 2))),
+        cc=correlate_signals(measured, predicted),
+        reference_rmse=float(np.sqrt(np.mean((measured - nominal) ** 2))),
+        reference_cc=correlate_signals(measured, nominal),
         std=float(measured.std()),
     )
 
 
-def correlation(a: Array, b: Array) -> float | None:
+def correlate_signals(a: Array, b: Array) -> float | None:
     """Pearson's correlation coefficient of two signals ``(n,)``, None where one of them does not vary."""
     da, db = a - a.mean(), b - b.mean()
     scale = float(np.sqrt((da @ da) * (db @ db)))
     floor = 1e-12 * len(a) * max(float(np.abs(a).max()), 1e-30) * max(float(np.abs(b).max()), 1e-30)
     return None if scale <= floor else float(np.clip(da @ db / scale, -1.0, 1.0))
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2)))
 
 
 @dataclass(frozen=True)

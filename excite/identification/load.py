@@ -93,9 +93,9 @@ def load_runs(
     factors, counts = [], []
     for run, problem in enumerate(problems):
         carried = [run == load for load in range(1, len(problems))]
-        for block in _stretches(problem):
+        for block in _cut_stretches(problem):
             masks = [block & (problem.channel == c) for c in range(len(joints))]
-            factors.append([_triangle(problem, mask, own, c, carried) for c, mask in enumerate(masks)])
+            factors.append([_joint_triangle(problem, mask, own, c, carried) for c, mask in enumerate(masks)])
             counts.append([int(mask.sum()) for mask in masks])
     currents = np.concatenate([problem.y for problem in problems])
     channel = np.concatenate([problem.channel for problem in problems])
@@ -104,7 +104,7 @@ def load_runs(
     return LoadRuns(joints, np.array(factors), np.array(counts), len(own), len(loaded), np.array(signal))
 
 
-def _stretches(problem: IdentificationProblem) -> list[NDArray[np.bool_]]:
+def _cut_stretches(problem: IdentificationProblem) -> list[NDArray[np.bool_]]:
     """Rows cut into stretches of time, trial by trial."""
     n = max(1, _BLOCKS // len(problem.trial_names))
     masks = []
@@ -117,7 +117,7 @@ def _stretches(problem: IdentificationProblem) -> list[NDArray[np.bool_]]:
     return masks
 
 
-def _triangle(
+def _joint_triangle(
     problem: IdentificationProblem,
     rows: NDArray[np.bool_],
     own: NDArray[np.int64],

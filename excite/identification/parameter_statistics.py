@@ -54,7 +54,9 @@ def base_parameter_table(
         parameters: the answer.
     """
     values, half = statistics.base.values(parameters), statistics.half_width()
-    return _described(problem, statistics, range(len(values)), values, statistics.std, half.tolist())
+    return _describe_parameters(
+        problem, statistics, range(len(values)), values, statistics.std, half.tolist()
+    )
 
 
 def essential_parameter_table(
@@ -62,10 +64,12 @@ def essential_parameter_table(
 ) -> tuple[BaseParameter, ...]:
     """What :func:`essential_parameters` leaves of them."""
     found = essential_parameters(statistics)
-    return _described(problem, statistics, found.kept, found.values, found.std, [None] * len(found.kept))
+    return _describe_parameters(
+        problem, statistics, found.kept, found.values, found.std, [None] * len(found.kept)
+    )
 
 
-def _described(
+def _describe_parameters(
     problem: IdentificationProblem,
     statistics: BaseStatistics,
     places: Iterable[int],
@@ -147,47 +151,74 @@ class EssentialParameters:
         removed: indices in the order of their removal.
         values: ``(n_essential,)`` re-estimated values [SI].
         std: ``(n_essential,)`` their standard deviations.
+        factor: ``R`` of the rows on those kept, ``(n_essential, n_essential)``.
+        rotated: ``(n_essential,)`` ``Qᵀ`` of the measurement.
+        squares: sum of squares that they leave.
     """
 
     kept: NDArray[np.int64]
     removed: tuple[int, ...]
     values: Array
     std: Array
+    factor: Array
+    rotated: Array
+    squares: float
 
 
-def essential_parameters(
-    statistics: Solved, *, share_below: float = SHARE_BELOW, rsd_above: float = RSD_ABOVE
-) -> EssentialParameters:
-    """Remove, one at a time and re-estimating, the worst of the small and poorly determined parameters.
+def essential_parameters(statistics: Solved) -> EssentialParameters:
+    """Base parameters without those that add little to the channels and are poorly known.
 
-    A parameter is a candidate while what it adds to the weighted channels, ``‖column‖·|value|``, is below
-    ``share_below`` of what all add together, and its RSD above ``rsd_above`` percent (Xu et al. 2020: a value below
-    0.01 and 40 %); of the candidates the one of greatest RSD goes.
+    Little is ``‖column‖·|value|`` below :data:`SHARE_BELOW` of what all add to the weighted channels together (Xu et
+    al. 2020: a value below 0.01).
 
     Args:
         statistics: least squares on base parameters.
-        share_below: share of the channels below which a parameter may go.
-        rsd_above: relative standard deviation above which it may go [percent].
     """
     # The value with which a parameter alone would make all of the signal.
     lengths = np.maximum(np.linalg.norm(statistics.factor, axis=0), np.finfo(float).tiny)
-    least = share_below * np.linalg.norm(statistics.rotated) / lengths
-    kept = np.arange(len(statistics.estimate))
+    least = SHARE_BELOW * np.linalg.norm(statistics.rotated) / lengths
+    return eliminate_parameters(statistics.factor, statistics.rotated, least, statistics.meat)
+
+
+def eliminate_parameters(
+    factor: Array,
+    rotated: Array,
+    least: Array,
+    meat: Array,
+    squares: float = 0.0,
+    n_rows: int = 0,
+) -> EssentialParameters:
+    """Remove, one at a time and re-estimating, the worst of the small and poorly determined parameters.
+
+    A parameter is a candidate while its value is small and its RSD above 40 percent (Xu et al. 2020, end of II.A); of
+    the candidates the one of greatest RSD goes.
+
+    Args:
+        factor: ``R`` of the rows, ``(n_base, n_base)``.
+        rotated: ``Qᵀ`` of the measurement, ``(n_base,)``.
+        least: ``(n_base,)`` below which each value is small.
+        meat: middle of the sandwich covariance, ``(n_base, n_base)``; of white noise the identity (eq. 7).
+        squares: sum of squares that all parameters leave.
+        n_rows: number of rows with white noise, whose variance follows from ``squares``; 0 where ``meat`` has it.
+    """
+    kept = np.arange(len(rotated))
     removed: list[int] = []
-    factor, rotated, meat = statistics.factor, statistics.rotated, statistics.meat
     while True:
         values = solve_triangular(factor, rotated)
         inverse = solve_triangular(factor, np.eye(len(kept)))
-        std = np.sqrt(np.einsum("ij,jk,ik->i", inverse, meat, inverse, optimize=True))
+        variance = squares / max(n_rows - len(kept), 1) if n_rows else 1.0
+        std = np.sqrt(variance * np.einsum("ij,jk,ik->i", inverse, meat, inverse, optimize=True))
         rsd = relative_percent(std, values)
-        candidates = (np.abs(values) < least[kept]) & (rsd > rsd_above)
+        candidates = (np.abs(values) < least[kept]) & (rsd > RSD_ABOVE)
         if not candidates.any() or len(kept) == 1:
-            return EssentialParameters(kept, tuple(removed), values, std)
+            return EssentialParameters(kept, tuple(removed), values, std, factor, rotated, squares)
         worst = int(np.argmax(np.where(candidates, rsd, -1.0)))
         removed.append(int(kept[worst]))
         kept = np.delete(kept, worst)
-        rotation, factor = np.linalg.qr(np.delete(factor, worst, axis=1))
-        rotated, meat = rotation.T @ rotated, rotation.T @ meat @ rotation
+        rotation, factor = np.linalg.qr(np.delete(factor, worst, axis=1), mode="complete")
+        rotated, factor = rotation.T @ rotated, factor[:-1]
+        squares, rotated = squares + float(rotated[-1]) ** 2, rotated[:-1]
+        meat = (rotation.T @ meat @ rotation)[:-1, :-1]
 
 
 # How well each standard parameter is known from the data and the nominal model together.

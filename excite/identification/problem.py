@@ -29,9 +29,9 @@ NEVER_NEGATIVE = ("viscous", "coulomb", "armature")
 """Terms of drives that take power out, and rotors: below zero is no robot."""
 
 
-def row_blocks(n_rows: int, size: int = 4096) -> Iterator[slice]:
+def row_blocks(n_rows: int) -> Iterator[slice]:
     """Parts of many rows, so that what is computed of them needs no second copy of all."""
-    return (slice(start, start + size) for start in range(0, n_rows, size))
+    return (slice(start, start + 4096) for start in range(0, n_rows, 4096))
 
 
 @dataclass(frozen=True, eq=False)
@@ -242,12 +242,14 @@ def advance_torques(trial: Trial, delay_s: float) -> Trial:
         return trial
     wanted = np.clip(trial.time + delay_s, trial.time[0], trial.time[-1])
 
-    def shifted(values: Array) -> Array:
+    def shift_rows(values: Array) -> Array:
         return resample_noisy(trial.time, values, wanted)
 
     changed: dict[str, Any] = {
-        name: shifted(getattr(trial, name)) for name in ("tau", "current") if getattr(trial, name) is not None
+        name: shift_rows(getattr(trial, name))
+        for name in ("tau", "current")
+        if getattr(trial, name) is not None
     }
-    wrenches = {name: shifted(reading) for name, reading in trial.wrenches.items()}
+    wrenches = {name: shift_rows(reading) for name, reading in trial.wrenches.items()}
     beyond = None if trial.beyond is None else flags_at(trial.time, trial.beyond, wanted)
     return replace(trial, **changed, wrenches=wrenches, beyond=beyond)

@@ -102,19 +102,18 @@ def condense_problem(problem: IdentificationProblem) -> Regression:
 
 
 @one_blas_thread
-def iterate_weights(rows: Regression, *, iterations: int = 10, tolerance: float = 1e-3) -> Regression:
+def iterate_weights(rows: Regression, *, iterations: int = 10) -> Regression:
     """Weight each channel by one over the standard deviation of its own least-squares residual.
 
     Where least squares leave fewer numbers than they take, the residual of the most probable parameters says it.
 
-    Starts from the weights that the problem states; stops when no weight moves by more than ``tolerance``.
+    Starts from the weights that the problem states; stops when no weight moves by more than a thousandth.
     The noise model of the final residuals comes with the result, scaled up for the degrees of freedom that
     the fit has taken.
 
     Args:
         rows: condensed rows.
         iterations: rounds at most; 0 keeps the stated weights.
-        tolerance: largest relative change of a weight at which the rounds end.
     """
     problem = rows.problem
     std = stated_std(problem)
@@ -130,7 +129,7 @@ def iterate_weights(rows: Regression, *, iterations: int = 10, tolerance: float 
         new = np.maximum(new, 1e-6 * max(float(new.max()), 1e-12))
         change = np.max(np.abs(new - std) / std)
         std = new
-        if change < tolerance:
+        if change < 1e-3:
             break
     rows = rows.weighted(std)
     parameters = _most_probable(rows)[0] if scarce else least_squares(rows.factor)

@@ -267,19 +267,22 @@ class Identification(Tabled, Stated):
         """What a careful reader should know, one sentence each."""
         return tuple(finding.text for finding in self.findings)
 
-    def _has(self, *kinds: str) -> list[Finding]:
+    def _findings_of(self, *kinds: str) -> list[Finding]:
         return [found for found in self.findings if found.kind in kinds]
 
     @property
     def impossible_changes(self) -> frozenset[str]:
         """Links named as changed whose change no body can have: something else is wrong there."""
-        return frozenset(link for found in self._has("weightless", "overweight") for link in found.places)
+        return frozenset(
+            link for found in self._findings_of("weightless", "overweight") for link in found.places
+        )
 
     @property
     def in_unknown_unit(self) -> bool:
         """Whether the torques of all joints are in a unit that is not known, and with them every parameter."""
         return any(
-            len(found.places) == len(self.fit) and not found.repaired for found in self._has("torque_scale")
+            len(found.places) == len(self.fit) and not found.repaired
+            for found in self._findings_of("torque_scale")
         )
 
     def summary(self) -> str:
@@ -315,7 +318,7 @@ class Identification(Tabled, Stated):
         if not self.changes.segments:
             said = "none found that stands out; all parameters are estimated anew"
             return [
-                f"changed segments: {'not looked for' if self._has('too_few_instants') else said}",
+                f"changed segments: {'not looked for' if self._findings_of('too_few_instants') else said}",
                 *torques,
             ]
         lines = ["changed segments:"]
@@ -381,13 +384,13 @@ def find_doubts(estimate: Estimate, statistics: BaseStatistics, spread: Array) -
         spread: expected spread of each segment's mass about nominal, as share of it, ``(n_segments,)``.
     """
     return (
-        *_unexcited(estimate, statistics, spread),
-        *_conflict(estimate, statistics),
+        *_unexcited_directions(estimate, statistics, spread),
+        *_find_conflict(estimate, statistics),
         *_constraints_reached(estimate.active),
     )
 
 
-def _unexcited(estimate: Estimate, statistics: BaseStatistics, spread: Array) -> Iterator[Finding]:
+def _unexcited_directions(estimate: Estimate, statistics: BaseStatistics, spread: Array) -> Iterator[Finding]:
     """Directions of base parameters in which the data know less than the nominal model.
 
     Generalised eigenvalues of the estimate's covariance against that of parameters scattered about the
@@ -415,7 +418,7 @@ def _unexcited(estimate: Estimate, statistics: BaseStatistics, spread: Array) ->
         yield Finding("unexcited", text, figures, names)
 
 
-def _conflict(estimate: Estimate, statistics: BaseStatistics) -> Iterator[Finding]:
+def _find_conflict(estimate: Estimate, statistics: BaseStatistics) -> Iterator[Finding]:
     """Base parameters that constraints or the nominal model have moved far beyond their own uncertainty."""
     base = statistics.base
     moved = np.abs(base.values(estimate.parameters) - statistics.estimate)
@@ -499,7 +502,7 @@ def _of_solution(result: Identification) -> Iterator[Finding]:
             "of links that the sensors do not see"
         )
         yield Finding("outside_bounds", text, {"parameters": float(len(names))}, names)
-    yield from _impossible(result)
+    yield from _impossible_changes(result)
     dispersion = result.changes.dispersion
     if result.changes.segments and dispersion > _LARGE_DISPERSION:
         text = (
@@ -509,7 +512,7 @@ def _of_solution(result: Identification) -> Iterator[Finding]:
         yield Finding("unexplained", text, {"dispersion": dispersion})
 
 
-def _impossible(result: Identification) -> Iterator[Finding]:
+def _impossible_changes(result: Identification) -> Iterator[Finding]:
     """Changed segments that no body can be: a scapegoat for something else.
 
     They weigh less than nothing, or gain more than the known total mass has gained and other named ones have lost.

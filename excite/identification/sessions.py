@@ -19,7 +19,7 @@ from excite.atomic import write_text
 from excite.display import Shown, span
 from excite.errors import InputError, LogError
 from excite.identification.estimators.settings import EstimatorSettings
-from excite.identification.inertia import COLUMNS, FILE_ORDER, ROWS, pseudo_inertia_matrices
+from excite.identification.inertia import COLUMNS, FILE_ORDER, ROUNDING, ROWS, pseudo_inertia_matrices
 from excite.identification.problem import NEVER_NEGATIVE, IdentificationProblem, build_problem
 from excite.identification.regression import (
     RANK_TOLERANCE,
@@ -198,7 +198,7 @@ def _parameter_interval(values: Array, variances: Array, level: float, *, of_nex
 def _profile_tau(y: Array, v: Array, wanted: Array) -> Array:
     """τ² at which ``Q`` is ``wanted``, zero where it is smaller for every τ², ``(n_quantiles, k)``."""
 
-    def excess(between: Array) -> Array:
+    def excess_q(between: Array) -> Array:
         w = 1.0 / (v[:, None, :] + between)
         mean = (w * y[:, None, :]).sum(axis=0) / w.sum(axis=0)
         return np.asarray((w * (y[:, None, :] - mean) ** 2).sum(axis=0) - wanted)
@@ -207,7 +207,7 @@ def _profile_tau(y: Array, v: Array, wanted: Array) -> Array:
     low, high = np.zeros(shape), np.broadcast_to((y**2).sum(axis=0) / wanted, shape).copy()
     for _ in range(_BISECTIONS):
         middle = 0.5 * (low + high)
-        above = excess(middle) > 0.0
+        above = excess_q(middle) > 0.0
         low, high = np.where(above, middle, low), np.where(above, high, middle)
     return np.asarray(0.5 * (low + high))
 
@@ -225,9 +225,6 @@ def _mixture_quantile(mean: Array, std: Array, probability: float) -> Array:
 
 # Between which ends a base parameter of any robot lies, whatever its bodies and drives are.
 
-# An eigenvalue this far below zero, of the largest, is rounding, and so is a coefficient of that size.
-_ROUNDING = 1e-9
-
 
 def possible_ends(base: BaseParameters, names: Sequence[str], n_inertial: int) -> Array:
     """Lower and upper end of each base parameter, 0 or infinite, ``(2, n_base)``.
@@ -244,7 +241,7 @@ def possible_ends(base: BaseParameters, names: Sequence[str], n_inertial: int) -
     """
     # What rounding left of a column that is none of the combination's is nothing.
     largest = np.abs(base.matrix).max(axis=1, keepdims=True, initial=1e-300)
-    matrix = np.where(np.abs(base.matrix) > _ROUNDING * largest, base.matrix, 0.0)
+    matrix = np.where(np.abs(base.matrix) > ROUNDING * largest, base.matrix, 0.0)
     unit = pseudo_inertia_matrices(np.eye(10).reshape(-1))
     upper = np.triu_indices(4)
     # Entries off the diagonal stand twice in the trace.
@@ -257,8 +254,8 @@ def possible_ends(base: BaseParameters, names: Sequence[str], n_inertial: int) -
     positive = np.array([name.partition(".")[0] in NEVER_NEGATIVE for name in names[n_inertial:]], dtype=bool)
     drives = matrix[:, n_inertial:]
     free = (drives[:, ~positive] == 0.0).all(axis=1)
-    low = free & (values >= -_ROUNDING * size).all(axis=(1, 2)) & (drives[:, positive] >= 0.0).all(axis=1)
-    high = free & (values <= _ROUNDING * size).all(axis=(1, 2)) & (drives[:, positive] <= 0.0).all(axis=1)
+    low = free & (values >= -ROUNDING * size).all(axis=(1, 2)) & (drives[:, positive] >= 0.0).all(axis=1)
+    high = free & (values <= ROUNDING * size).all(axis=(1, 2)) & (drives[:, positive] <= 0.0).all(axis=1)
     return np.array([np.where(low, 0.0, -np.inf), np.where(high, 0.0, np.inf)])
 
 
@@ -377,16 +374,16 @@ def _of_link(
     steps = _STEP * prior
     slopes = np.stack(
         [
-            (_quantities(ten + step) - _quantities(ten - step)) / (2.0 * size)
+            (_link_quantities(ten + step) - _link_quantities(ten - step)) / (2.0 * size)
             for step, size in zip(np.diag(steps), steps, strict=True)
         ],
         axis=1,
     )
     std = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", slopes, covariance, slopes), 0.0))
     loose = np.sqrt(slopes**2 @ prior**2)
-    middle = _quantities(ten)
+    middle = _link_quantities(ten)
     floor = np.full(len(_QUANTITIES), -np.inf)
-    floor[_POSITIVE] = _LEAST_SHARE * np.abs(_quantities(nominal)[_POSITIVE])
+    floor[_POSITIVE] = _LEAST_SHARE * np.abs(_link_quantities(nominal)[_POSITIVE])
     middle = np.maximum(middle, floor)
     wide = np.array([middle - quantile * std, middle + quantile * std])
     low, middle, high = _of_a_body(np.maximum(wide[0], floor), middle, wide[1])
@@ -427,7 +424,7 @@ def _of_a_body(low: Array, middle: Array, high: Array) -> _Ends:
     return _Ends(low, middle, high)
 
 
-def _quantities(ten: Array) -> Array:
+def _link_quantities(ten: Array) -> Array:
     """Mass, centre of mass, and inertia about it, xx yy zz xy xz yz, ``(10,)``."""
     center = ten[1:4] / ten[0]
     shift = ten[0] * (float(center @ center) * np.eye(3) - np.outer(center, center))

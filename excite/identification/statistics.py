@@ -62,7 +62,7 @@ class BaseStatistics:
     @cached_property
     def covariance(self) -> Array:
         """Covariance of ``estimate``, ``(n_base, n_base)``."""
-        return _sandwich(self.factor, self.meat)
+        return _sandwich_covariance(self.factor, self.meat)
 
     @property
     def std(self) -> Array:
@@ -101,13 +101,13 @@ def base_statistics(rows: Regression, base: BaseParameters | None = None) -> Bas
     factor, rotated = r[: base.rank, : base.rank], r[: base.rank, base.rank]
     estimate = solve_triangular(factor, rotated)
     weight = 1.0 / rows.std[problem.channel]
-    q = _orthonormal(problem.Y, columns, weight, factor)
+    q = _orthonormal_columns(problem.Y, columns, weight, factor)
     residual = problem.y * weight - q @ (factor @ estimate)
     if rows.noise is not None and not leaves_freedom(rows):
         # The residual is none of the noise's; what the weights say of it stays.
         meat = float(rows.noise.inflation.max()) * np.eye(base.rank)
         ones = np.ones(base.rank)
-        white = np.sqrt(np.diag(_sandwich(factor, np.eye(base.rank))))
+        white = np.sqrt(np.diag(_sandwich_covariance(factor, np.eye(base.rank))))
         return BaseStatistics(base, estimate, factor, meat, rotated, rows.noise, white, ones)
     bands = noise_bands(problem, rows.grids, q, residual, factor)
     variance = float(residual @ residual) / max(problem.n_rows - base.rank, 1)
@@ -118,7 +118,7 @@ def base_statistics(rows: Regression, base: BaseParameters | None = None) -> Bas
         meat=bands.meat,
         rotated=rotated,
         noise=bands.model(problem, rows.grids, rows.std),
-        white_std=np.sqrt(variance * np.diag(_sandwich(factor, np.eye(base.rank)))),
+        white_std=np.sqrt(variance * np.diag(_sandwich_covariance(factor, np.eye(base.rank)))),
         degrees_of_freedom=bands.degrees_of_freedom,
     )
 
@@ -130,7 +130,7 @@ def parameter_labels(problem: IdentificationProblem) -> tuple[str, ...]:
     return (*labels, *(f"{term}({joint})" for term, _, joint in drives))
 
 
-def _orthonormal(matrix: Array, columns: NDArray[np.int64], weight: Array, factor: Array) -> Array:
+def _orthonormal_columns(matrix: Array, columns: NDArray[np.int64], weight: Array, factor: Array) -> Array:
     """``W X R⁻¹``, ``(n_rows, n_base)``, block by block so that there is only one copy."""
     q = np.empty((len(matrix), len(columns)))
     for rows in row_blocks(len(matrix)):
@@ -139,7 +139,7 @@ def _orthonormal(matrix: Array, columns: NDArray[np.int64], weight: Array, facto
     return q
 
 
-def _sandwich(factor: Array, meat: Array) -> Array:
+def _sandwich_covariance(factor: Array, meat: Array) -> Array:
     inverse = solve_triangular(factor, np.eye(len(factor)))
     return np.asarray(inverse @ meat @ inverse.T)
 
@@ -232,7 +232,7 @@ def noise_bands(
     power = moments.start() * shared
     meat = moments.meat(power)
     for _ in range(_ROUNDS):
-        before, power = power, moments.improved(power, meat) * shared
+        before, power = power, moments.improve_power(power, meat) * shared
         meat = moments.meat(power)
         if (np.abs(power - before) <= _SETTLED * _own_size(power)).all():
             break
@@ -253,14 +253,16 @@ class _Moments:
             spilled_power(trial, band, self.n_bands)[:, :, None, None] * trial.counts
             for trial, band in zip(trials, self.band, strict=True)
         )
-        for b, trial, part in self._parts(audible=True):
+        for b, trial, part in self._iterate_parts(audible=True):
             inverse = trial.bins.weight[part] / trial.bins.colour[part]
             self.observed[b] += np.einsum("f,fhc,fhd->cd", inverse, trial.r[part], trial.r[part])
-            self.crossed[b] += _channel_products(_scaled(trial.q[part], trial.bins.weight[part]))
+            self.crossed[b] += _channel_products(_scale_columns(trial.q[part], trial.bins.weight[part]))
         self.numbers = np.einsum("bbcd->bcd", self.spilled)
         self.freedom = np.maximum(np.einsum("bcc->bc", self.numbers - self.crossed), 1.0)
 
-    def _parts(self, *, audible: bool = False) -> Iterator[tuple[int, TransformedTrial, NDArray[np.int64]]]:
+    def _iterate_parts(
+        self, *, audible: bool = False
+    ) -> Iterator[tuple[int, TransformedTrial, NDArray[np.int64]]]:
         """Band, trial, and places of some of its frequencies there: all, or those to learn from."""
         for trial, band in zip(self.trials, self.band, strict=True):
             for b in range(self.n_bands):
@@ -277,13 +279,13 @@ class _Moments:
         """``QᵀΣQ``."""
         k = self.trials[0].q.shape[3]
         meat, roots = np.zeros((k, k)), [_psd_root(one) for one in power]
-        for b, trial, part in self._parts():
+        for b, trial, part in self._iterate_parts():
             weight = trial.bins.weight[part] * trial.bins.colour[part]
-            z = (roots[b].T @ _scaled(trial.q[part], weight)).reshape(-1, k)
+            z = (roots[b].T @ _scale_columns(trial.q[part], weight)).reshape(-1, k)
             meat += z.T @ z
         return meat
 
-    def improved(self, power: Array, meat: Array) -> Array:
+    def improve_power(self, power: Array, meat: Array) -> Array:
         """One step towards powers whose expected residual is the one observed.
 
         The residual is ``(I − QQᵀ) e``: of the noise's power in a band the fit takes twice what ``QQᵀ``
@@ -293,9 +295,9 @@ class _Moments:
         expected = np.einsum("abcd,bcd->acd", self.spilled, power)
         given = self.crossed @ power
         expected -= given + given.transpose(0, 2, 1)
-        for b, trial, part in self._parts(audible=True):
+        for b, trial, part in self._iterate_parts(audible=True):
             weight = trial.bins.weight[part] / trial.bins.colour[part]
-            expected[b] += _channel_products(_scaled(_multiply_last_axis(trial.q[part], root), weight))
+            expected[b] += _channel_products(_scale_columns(_multiply_last_axis(trial.q[part], root), weight))
         own, wanted = np.einsum("bcc->bc", expected), np.einsum("bcc->bc", self.observed)
         ratio = np.sqrt(np.clip(wanted / np.maximum(own, _TINY), 0.25, 4.0))
         both = ratio[:, :, None] * ratio[:, None, :]
@@ -306,7 +308,7 @@ class _Moments:
         """What each band and channel adds to the variances of ``R⁻¹Qᵀe``, ``(bands, channels, k)``."""
         inverse = np.asarray(np.linalg.solve(factor, np.eye(len(factor))), dtype=float)
         shares = np.zeros((*power.shape[:2], len(factor)))
-        for b, trial, part in self._parts():
+        for b, trial, part in self._iterate_parts():
             x = _multiply_last_axis(trial.q[part], inverse.T)
             weight = trial.bins.weight[part] * trial.bins.colour[part]
             squared = np.einsum("f,fhck->ck", weight, np.square(x, out=x))
@@ -314,7 +316,7 @@ class _Moments:
         return shares
 
 
-def _scaled(x: Array, weight: Array) -> Array:
+def _scale_columns(x: Array, weight: Array) -> Array:
     """Transformed columns ``(n_frequencies, …)`` by the root of a weight of each frequency."""
     return np.asarray(x * np.sqrt(weight)[:, None, None, None])
 
@@ -436,7 +438,7 @@ def transformed_trial(
     n_channels, k = len(problem.channel_names), q.shape[1]
     bins = trial_bins(problem, grid, next_fast_len(2 * grid.n_samples, real=True))
 
-    def transform(columns: Array) -> Array:
+    def transform_columns(columns: Array) -> Array:
         spread = grid.spread(columns[grid.rows], problem.channel, n_channels)
         found = np.fft.rfft(spread, bins.n_fft, axis=0)[bins.kept]
         return np.stack([found.real, found.imag], axis=1)
@@ -444,10 +446,10 @@ def transformed_trial(
     x = np.empty((len(bins.kept), 2, n_channels, k))
     for start in range(0, k, COLUMNS_AT_ONCE):
         part = slice(start, start + COLUMNS_AT_ONCE)
-        x[:, :, :, part] = transform(q[:, part])
+        x[:, :, :, part] = transform_columns(q[:, part])
     mask = grid.spread(np.ones(len(grid.rows)), problem.channel, n_channels)
     counts = mask.T @ mask if problem.freedom is None else np.diag(problem.numbers(grid.rows))
-    return TransformedTrial(bins, x, transform(residual), counts, grid.n_samples)
+    return TransformedTrial(bins, x, transform_columns(residual), counts, grid.n_samples)
 
 
 def band_edges(trials: tuple[TransformedTrial, ...]) -> Array:
@@ -492,7 +494,7 @@ def alike_bands(power: Array, counts: Array, taken: Array) -> Array:
     # One power for each channel, and the place of the cut.
     price = 0.5 * (power.shape[1] + 1.0) * np.log(max(float(counts.sum()), 2.0))
 
-    def cost(low: int, high: int) -> float:
+    def band_cost(low: int, high: int) -> float:
         level, total, lost = (one[low:high].sum(axis=0) for one in (power, counts, taken))
         seen = total > 0.0
         free = (total - lost)[seen]
@@ -500,17 +502,17 @@ def alike_bands(power: Array, counts: Array, taken: Array) -> Array:
             return np.inf
         return float(0.5 * (free * np.log(np.maximum(level[seen] / free, _TINY))).sum() + price)
 
-    def best(low: int, high: int) -> tuple[float, list[int]]:
-        whole = cost(low, high)
+    def best_bands(low: int, high: int) -> tuple[float, list[int]]:
+        whole = band_cost(low, high)
         if high - low == 1:
             return whole, [low]
         middle = (low + high) // 2
-        left, right = best(low, middle), best(middle, high)
+        left, right = best_bands(low, middle), best_bands(middle, high)
         halves = left[0] + right[0]
         # With nothing to learn from on one side, the whole is the only choice.
         return (halves, left[1] + right[1]) if halves < whole else (whole, [low])
 
-    return np.array(best(0, len(power))[1])
+    return np.array(best_bands(0, len(power))[1])
 
 
 def spilled_power(trial: TransformedTrial, band: NDArray[np.int64], n_bands: int) -> Array:

@@ -127,20 +127,20 @@ def estimate_torque_delay(
     channels = np.eye(len(problem.channel_names))[problem.channel]
     channels = channels / np.linalg.norm(channels, axis=0)
 
-    def shifted(shift: int) -> Array:
+    def shift_rows(shift: int) -> Array:
         if shift not in cache:
             cache[shift] = measured.at(shift * step)
         return cache[shift]
 
-    def correlation(shift: int) -> Shifted:
-        y = shifted(shift)
-        change = (shifted(shift + 1) - shifted(shift - 1)) / (2.0 * step)
+    def correlate_at(shift: int) -> Shifted:
+        y = shift_rows(shift)
+        change = (shift_rows(shift + 1) - shift_rows(shift - 1)) / (2.0 * step)
         residual, slope = (values - basis @ (basis.T @ values) for values in (y, change))
         varying = y - channels @ (channels.T @ y)
         share = float(residual @ residual) / max(float(varying @ varying), 1e-300)
         return Shifted(float(np.sqrt(max(0.0, 1.0 - share))), residual, slope)
 
-    lag = find_peak(correlation, _STEPS, 1.0 / step)
+    lag = find_peak(correlate_at, _STEPS, 1.0 / step)
     return replace(lag, lag_s=lag.lag_s + settings.torque_delay_s)
 
 

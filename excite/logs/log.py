@@ -179,21 +179,21 @@ class Trial:
     def rows(self, which: NDArray[np.bool_] | NDArray[np.intp]) -> Trial:
         """The trial with some of its rows, by mask or in the order of their indices."""
 
-        def taken(values: Array | None) -> Array | None:
+        def take_rows(values: Array | None) -> Array | None:
             return None if values is None else values[which]
 
         return replace(
             self,
             time=self.time[which],
             q=self.q[which],
-            tau=taken(self.tau),
-            current=taken(self.current),
-            q_cmd=taken(self.q_cmd),
-            tau_cmd=taken(self.tau_cmd),
-            v=taken(self.v),
-            a=taken(self.a),
-            base=taken(self.base),
-            imu=taken(self.imu),
+            tau=take_rows(self.tau),
+            current=take_rows(self.current),
+            q_cmd=take_rows(self.q_cmd),
+            tau_cmd=take_rows(self.tau_cmd),
+            v=take_rows(self.v),
+            a=take_rows(self.a),
+            base=take_rows(self.base),
+            imu=take_rows(self.imu),
             wrenches={name: values[which] for name, values in self.wrenches.items()},
             contacts={name: flags[which] for name, flags in self.contacts.items()},
             beyond=None if self.beyond is None else self.beyond[which],

@@ -197,7 +197,7 @@ def _densest_stretch(number: Array) -> slice:
         cells *= 4
 
 
-def _band(count: Array, rest: Array) -> float:
+def _band_width(count: Array, rest: Array) -> float:
     """How far levels lie apart across the line along which they lie nearest together [cells].
 
     Rounding moves each by half a cell at most: a sensor's lie within one cell of some line. What least squares leaves
@@ -227,7 +227,7 @@ def _fit_period(number: Array, few: Array, period: float) -> float:
             period, start = np.polyfit(count, inside, 1)
         if (np.diff(count) < 1.0).any():
             return 0.0
-        if _band(count, inside - start - period * count) > 1.0:
+        if _band_width(count, inside - start - period * count) > 1.0:
             return 0.0
         if len(inside) == len(number):
             return float(period)

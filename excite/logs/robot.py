@@ -340,7 +340,7 @@ def _header_limits(model: pin.Model, header: LogHeader) -> dict[str, Any]:
     """The URDF's limits of the joints in the log; wide ones where it has none, or none that a joint can keep."""
     index = [model.joints[model.getJointId(joint)].idx_v for joint in header.joints]
 
-    def positive(values: Array) -> dict[str, float]:
+    def positive_limits(values: Array) -> dict[str, float]:
         usable = np.where(np.isfinite(values[index]) & (values[index] > 0.0), values[index], 1e3)
         return {joint: float(value) for joint, value in zip(header.joints, usable, strict=True)}
 
@@ -355,8 +355,8 @@ def _header_limits(model: pin.Model, header: LogHeader) -> dict[str, Any]:
     unbounded = {joint: (-2.0 * np.pi, 2.0 * np.pi) for joint in header.joints if joint not in position}
     return {
         "position": {"joints": position | unbounded, "source": "URDF"},
-        "velocity": {"joints": positive(model.velocityLimit), "source": "URDF"},
-        "torque": {"joints": positive(model.effortLimit), "source": "URDF"},
+        "velocity": {"joints": positive_limits(model.velocityLimit), "source": "URDF"},
+        "torque": {"joints": positive_limits(model.effortLimit), "source": "URDF"},
         "acceleration": {"default": 1e3, "source": _UNSTATED},
         "jerk": {"default": 1e5, "source": _UNSTATED},
     }

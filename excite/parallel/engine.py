@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from excite.errors import ExciteError
 from excite.parallel.jobs import AtMost, Executor, Jobs, at_once, check_jobs
-from excite.parallel.worker import Answer, Shared, begin, perform
+from excite.parallel.worker import Answer, Shared, begin_worker, perform_task
 from excite.progress import Progress, silent
 from excite.threads import one_blas_thread
 
@@ -73,15 +73,17 @@ def in_order(
     common = shared if isinstance(shared, Shared) else Shared(shared)
     processes = at_once(jobs)
     if isinstance(processes, int) and (processes == 1 or (total is not None and total < 2)):
-        results = _here(function, tasks, common.value)
+        results = _run_here(function, tasks, common.value)
     elif isinstance(jobs, AtMost):
         results = _begun_here(function, tasks, common, jobs, total, stage)
     else:
-        results = _elsewhere(function, tasks, common, processes, total, stage)
-    return _told(results, total, stage, progress)
+        results = _run_elsewhere(function, tasks, common, processes, total, stage)
+    return _report_progress(results, total, stage, progress)
 
 
-def _told(results: Iterator[Result], total: int | None, stage: str, progress: Progress) -> Iterator[Result]:
+def _report_progress(
+    results: Iterator[Result], total: int | None, stage: str, progress: Progress
+) -> Iterator[Result]:
     done = 0
     for result in results:
         done += 1
@@ -89,13 +91,15 @@ def _told(results: Iterator[Result], total: int | None, stage: str, progress: Pr
         yield result
 
 
-def _here(function: Callable[[Any, Task], Result], tasks: Iterable[Task], shared: Any) -> Iterator[Result]:
+def _run_here(
+    function: Callable[[Any, Task], Result], tasks: Iterable[Task], shared: Any
+) -> Iterator[Result]:
     call = one_blas_thread(function)
     for task in tasks:
         yield call(shared, task)
 
 
-def _elsewhere(
+def _run_elsewhere(
     function: Callable[[Any, Task], Result],
     tasks: Iterable[Task],
     shared: Shared[Any],
@@ -119,16 +123,16 @@ def _begun_here(
     source, seconds = iter(tasks), list[float]()
     for task in source:
         left = None if total is None else total - len(seconds)
-        if _are_ready(jobs.processes, left) or _pays(seconds, left, jobs.processes):
-            yield from _elsewhere(function, chain([task], source), shared, jobs.processes, left, stage)
+        if _are_ready(jobs.processes, left) or _is_worth_starting(seconds, left, jobs.processes):
+            yield from _run_elsewhere(function, chain([task], source), shared, jobs.processes, left, stage)
             return
         begun = time.process_time()
-        result = next(_here(function, [task], shared.value))
+        result = next(_run_here(function, [task], shared.value))
         seconds.append(time.process_time() - begun)
         yield result
 
 
-def _pays(seconds: list[float], left: int | None, processes: int) -> bool:
+def _is_worth_starting(seconds: list[float], left: int | None, processes: int) -> bool:
     """Whether tasks that are left would be done sooner by others that have yet to be started.
 
     Where nobody knows how many are left, there are as many as there were, the best guess of somebody who does not know.
@@ -167,7 +171,7 @@ _ENVIRONMENT = {
 _IDLE: dict[int, ProcessPoolExecutor] = {}
 
 
-def _numbers(jobs: int, total: int | None) -> tuple[int, int]:
+def _worker_numbers(jobs: int, total: int | None) -> tuple[int, int]:
     """Workers for so many tasks, and how many there may be at most."""
     jobs = min(jobs, _WORKERS_A_CORE * (os.cpu_count() or 1))
     return jobs if total is None else max(1, min(jobs, total)), jobs
@@ -175,7 +179,7 @@ def _numbers(jobs: int, total: int | None) -> tuple[int, int]:
 
 def _are_ready(jobs: int, total: int | None) -> bool:
     """Whether workers wait that such a round of work would take."""
-    least, most = _numbers(jobs, total)
+    least, most = _worker_numbers(jobs, total)
     waiting = _IDLE.get(os.getpid())
     return waiting is not None and least <= waiting._max_workers <= most
 
@@ -190,7 +194,7 @@ def _take_workers(jobs: int, total: int | None) -> ProcessPoolExecutor:
     waiting = _IDLE.pop(os.getpid(), None)
     if waiting is not None and fit:
         return waiting
-    _kill(waiting)
+    _kill_workers(waiting)
     from joblib.externals.loky import ProcessPoolExecutor
     from joblib.externals.loky.backend import resource_tracker
 
@@ -205,9 +209,9 @@ def _take_workers(jobs: int, total: int | None) -> ProcessPoolExecutor:
     # What is registered last runs first: after the import of loky it is before multiprocessing waits for workers.
     _end_at_exit(os.getpid())
     return ProcessPoolExecutor(
-        max_workers=_numbers(jobs, total)[0],
+        max_workers=_worker_numbers(jobs, total)[0],
         timeout=_IDLE_S,
-        initializer=begin,
+        initializer=begin_worker,
         initargs=(os.getpid(),),
         env=_ENVIRONMENT,
     )
@@ -215,16 +219,16 @@ def _take_workers(jobs: int, total: int | None) -> ProcessPoolExecutor:
 
 @cache
 def _end_at_exit(process: int) -> None:
-    atexit.register(lambda: _kill(_IDLE.pop(os.getpid(), None)))
+    atexit.register(lambda: _kill_workers(_IDLE.pop(os.getpid(), None)))
 
 
 @cache
-def _starter(process: int) -> ThreadPoolExecutor:
+def _starter_thread(process: int) -> ThreadPoolExecutor:
     """A thread that lasts as long as the process: Linux ends workers with the thread that started them."""
     return ThreadPoolExecutor(1, thread_name_prefix=f"excite-starter-{process}")
 
 
-def _kill(workers: ProcessPoolExecutor | None) -> None:
+def _kill_workers(workers: ProcessPoolExecutor | None) -> None:
     """End workers at once, whatever they do.
 
     From outside, as if the system had done it: of ``shutdown(kill_workers=True)`` the thread that manages them ends
@@ -271,35 +275,35 @@ class _Round:
         self._window: deque[_Entry] = deque()
         self._local = isinstance(jobs, int)
         self._in_flight = (
-            _IN_FLIGHT_A_WORKER * _numbers(jobs, total)[0] if isinstance(jobs, int) else _IN_FLIGHT
+            _IN_FLIGHT_A_WORKER * _worker_numbers(jobs, total)[0] if isinstance(jobs, int) else _IN_FLIGHT
         )
 
     def results(self, tasks: Iterable[Any]) -> Iterator[Any]:
         """What the tasks return, in order."""
         source = enumerate(tasks)
         try:
-            self._fill(source)
+            self._fill_window(source)
             while self._window:
-                answer = self._answer(self._window[0])
+                answer = self._await_answer(self._window[0])
                 self._window.popleft()
-                self._fill(source)
+                self._fill_window(source)
                 yield answer.given()
             if self._workers is not None:
-                _kill(_IDLE.pop(os.getpid(), None))
+                _kill_workers(_IDLE.pop(os.getpid(), None))
                 _IDLE[os.getpid()], self._workers = self._workers, None
         finally:
-            self._end()
+            self._end_workers()
 
-    def _end(self) -> None:
+    def _end_workers(self) -> None:
         """End the workers; of an executor take back what has not begun."""
         if self._local:
             workers, self._workers = self._workers, None
-            _kill(workers)
+            _kill_workers(workers)
         else:
             for entry in self._window:
                 entry.future.cancel()
 
-    def _fill(self, source: Iterator[tuple[int, Any]]) -> None:
+    def _fill_window(self, source: Iterator[tuple[int, Any]]) -> None:
         for following in islice(source, self._in_flight - len(self._window)):
             entry = _Entry(*following)
             self._window.append(entry)
@@ -307,27 +311,27 @@ class _Round:
 
     def _hand_over(self, entry: _Entry) -> None:
         try:
-            entry.future = self._submit(perform, *self._call, entry.task)
+            entry.future = self._submit_task(perform_task, *self._call, entry.task)
         except (RuntimeError, OSError) as error:
             # Workers that died while they waited: what executors raise then is a RuntimeError.
             entry.future = Future()
             entry.future.set_exception(error)
 
-    def _submit(self, *call: Any) -> Any:
+    def _submit_task(self, *call: Any) -> Any:
         if not isinstance(self._jobs, int):
             return self._jobs.submit(*call)
         if self._workers is None:
             self._workers = _take_workers(self._jobs, self._total)
         # Workers start with a task.
-        return _starter(os.getpid()).submit(self._workers.submit, *call).result()
+        return _starter_thread(os.getpid()).submit(self._workers.submit, *call).result()
 
-    def _answer(self, entry: _Entry) -> Answer:
+    def _await_answer(self, entry: _Entry) -> Answer:
         """The answer of the first task of the window, whatever it takes."""
-        while (trouble := self._ask(entry)) is not None:
-            self._recover(entry, trouble)
+        while (trouble := self._ask_future(entry)) is not None:
+            self._recover_workers(entry, trouble)
         return cast(Answer, entry.answer)
 
-    def _ask(self, entry: _Entry) -> Exception | None:
+    def _ask_future(self, entry: _Entry) -> Exception | None:
         """Wait for an answer; returns the executor's trouble if there is none."""
         try:
             entry.answer = entry.answer or entry.future.result()
@@ -335,23 +339,23 @@ class _Round:
             return error
         return None
 
-    def _recover(self, first: _Entry, trouble: Exception) -> None:
+    def _recover_workers(self, first: _Entry, trouble: Exception) -> None:
         """Replace broken workers and hand over again what they had."""
         lost = [first]
         if self._local:
             if not isinstance(trouble, BrokenExecutor):
                 # A task or a result that cannot be sent.
                 raise trouble
-            lost = [entry for entry in self._window if self._ask(entry) is not None]
-            self._end()
+            lost = [entry for entry in self._window if self._ask_future(entry) is not None]
+            self._end_workers()
         for entry in lost:
             self._count_death(entry, trouble)
         for entry in lost:
             if entry.deaths >= _SUSPECT and self._local:
                 # With nothing beside it.
                 self._hand_over(entry)
-                if (again := self._ask(entry)) is not None:
-                    self._end()
+                if (again := self._ask_future(entry)) is not None:
+                    self._end_workers()
                     self._count_death(entry, again)
         for entry in lost:
             if entry.answer is None:

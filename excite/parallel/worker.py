@@ -45,7 +45,7 @@ class Answer:
         return self.value
 
 
-def perform(function: Callable[[Any, Any], Any], shared: SharedFile | None, task: Any) -> Answer:
+def perform_task(function: Callable[[Any, Any], Any], shared: SharedFile | None, task: Any) -> Answer:
     """Do a task with one BLAS thread; what it raises comes back as an answer.
 
     What an executor raises is then its own trouble (a process that was killed, a connection that broke).
@@ -54,10 +54,10 @@ def perform(function: Callable[[Any, Any], Any], shared: SharedFile | None, task
         with _TURN:
             return Answer(one_blas_thread(function)(None if shared is None else load_shared(shared), task))
     except Exception as error:  # noqa: BLE001  (raised again where the result is asked for)
-        return Answer(error=_portable(error))
+        return Answer(error=_make_portable(error))
 
 
-def _portable(error: Exception) -> Exception:
+def _make_portable(error: Exception) -> Exception:
     """The error, with where it was raised, in a form that reaches other processes."""
     if isinstance(error, ExciteError):
         return error
@@ -71,7 +71,7 @@ def _portable(error: Exception) -> Exception:
     return error
 
 
-def begin(parent: int) -> None:
+def begin_worker(parent: int) -> None:
     """Begin the life of a worker process of this machine."""
     # Ctrl-C reaches the whole group of processes; what becomes of the work is the parent's affair.
     signal.signal(signal.SIGINT, signal.SIG_IGN)

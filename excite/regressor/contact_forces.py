@@ -17,13 +17,13 @@ from excite.arrays import Array, distinct_rows
 from excite.regressor.kernels import Placements, forward_kinematics, inverse_dynamics, joint_torque_regressor
 from excite.regressor.tree import FREE_FLYER, PRISMATIC, KinematicTree, read_tree
 from excite.robot.joint_values import per_joint
+from excite.robot.mechanisms.closures import SINGULAR
 from excite.robot.robot import Foot, Robot
 
 # Length that makes moments comparable with forces: the distance between feet [m].
 _LENGTH = 0.3
-# Singular values below this share of the largest count as zero: two point feet transmit no moment about the line
-# between them, to rounding; anything that contacts do transmit is far above.
-_SINGULAR = 1e-6
+# Singular values below the share SINGULAR of the largest count as zero: two point feet transmit no moment about the
+# line between them, to rounding; anything that contacts do transmit is far above.
 
 
 def contact_elimination(robot: Robot, q: Array, closed: NDArray[np.bool_]) -> Array:
@@ -140,7 +140,7 @@ def _eliminate_contacts(maps: Array, weight: Array) -> Array:
     base[:, 3:] /= _LENGTH
     u, s, vt = np.linalg.svd(base)
     rank_s = np.zeros((n, k))
-    rank_s[:, : s.shape[1]] = np.where(s > _SINGULAR * s[:, :1], s, 0.0)
+    rank_s[:, : s.shape[1]] = np.where(s > SINGULAR * s[:, :1], s, 0.0)
     known = rank_s > 0.0
     inverse = np.where(known, 1.0 / np.where(known, rank_s, 1.0), 0.0)
     width = s.shape[1]
@@ -150,7 +150,7 @@ def _eliminate_contacts(maps: Array, weight: Array) -> Array:
     pinv[:, :, 3:] /= _LENGTH
     inner = weight[:, None] * (joints @ (vt.transpose(0, 2, 1) * ~known[:, None, :]))
     left, size, _ = np.linalg.svd(inner, full_matrices=False)
-    left = left * (size > _SINGULAR * weight.max())[:, None, :]
+    left = left * (size > SINGULAR * weight.max())[:, None, :]
     free = np.eye(nv - 6) - left @ left.transpose(0, 2, 1)
     free = free * weight / weight[:, None]
     return np.asarray(np.concatenate([-free @ joints @ pinv, free], axis=2))

@@ -80,7 +80,7 @@ def _and_more(n: int, what: str) -> str:
     return f", and {count(n, what)}" if n > 0 else ""
 
 
-def _listed(names: Sequence[str], rest: str) -> str:
+def _list_some(names: Sequence[str], rest: str) -> str:
     return ", ".join(names[:NAMED]) + (rest if len(names) > NAMED else "")
 
 
@@ -118,7 +118,7 @@ def of_campaign(campaign: Document, findings: Findings) -> Conclusion:
     if campaign["targets_met"]:
         return Conclusion(f"{found}: the targets are met.", True, *model_command(findings))
     missed, helped = last["not_met"], last["helped"]
-    found += f"; not enough for {_listed(missed, f' and {len(missed) - NAMED} more')}"
+    found += f"; not enough for {_list_some(missed, f' and {len(missed) - NAMED} more')}"
     if helped == []:
         said = f"{found}, and more motion would help none of them, see Certainty for why."
         identified = findings.identification
@@ -371,7 +371,9 @@ def of_plan(plan: Document, findings: Findings) -> Conclusion:
     )
     unsafe = [m["motion"] for m in (findings.check or {"motions": ()})["motions"] if not m["safe"]]
     if unsafe:
-        found += f"; but {len(unsafe)} do not pass the independent check: do not run {_listed(unsafe, '')}."
+        found += (
+            f"; but {len(unsafe)} do not pass the independent check: do not run {_list_some(unsafe, '')}."
+        )
         return Conclusion(
             found, False, ("check", robot_words(findings), findings.folder), "see where and when"
         )
@@ -393,7 +395,9 @@ def of_check(check: Document, findings: Findings) -> Conclusion:
     motions = check["motions"]
     unsafe, n = [motion["motion"] for motion in motions if not motion["safe"]], count(len(motions), "motion")
     if unsafe or not motions:
-        found = f"{len(unsafe)} of {n} do not pass the independent check: do not run {_listed(unsafe, ' …')}."
+        found = (
+            f"{len(unsafe)} of {n} do not pass the independent check: do not run {_list_some(unsafe, ' …')}."
+        )
         return Conclusion(found, False, purpose="see Violations for what, where and when, and plan them anew")
     held = {"the model is true": None, **{one: None for m in motions for one in m.get("as_far_as", ())}}
     found = f"All of {n} pass the independent check: safe to run{conditions(held)}."

@@ -186,7 +186,7 @@ def data_island(identifier: str, content: Any, title: str = "") -> str:
     return f'<script type="application/json" id="{identifier}"{named}>{text}</script>'
 
 
-def interactive(moving: str, still: str, *islands: str) -> str:
+def interactive_block(moving: str, still: str, *islands: str) -> str:
     """What moves with its data, and ``still`` where no script runs or nothing can be drawn, and in print."""
     return f'<div class="interactive">{moving}<div class="still">{still}</div>{"".join(islands)}</div>'
 
@@ -203,7 +203,7 @@ def live_replay(identifier: str, robot: Any, tracks: Mapping[str, Any], still: s
     scene, names = f"{identifier}-robot", [f"{identifier}-{i}" for i in range(len(tracks))]
     data = [data_island(name, *pair[::-1]) for name, pair in zip(names, tracks.items(), strict=True)]
     moving = f'<div class="moving replay" data-replay="{scene}" data-tracks="{" ".join(names)}"></div>'
-    return interactive(moving, still, data_island(scene, robot), *data)
+    return interactive_block(moving, still, data_island(scene, robot), *data)
 
 
 def body_scripts(body: str) -> str:

@@ -170,10 +170,10 @@ def to_png(figure: Figure, dpi: int = 150) -> bytes:
     return buffer.getvalue()
 
 
-def save_png(figure: Figure, path: str | Path, dpi: int = 150) -> Path:
+def save_png(figure: Figure, path: str | Path) -> Path:
     """Write the figure as a PNG, which appears only when complete."""
     with atomic_path(Path(path)) as temporary:
-        temporary.write_bytes(to_png(figure, dpi))
+        temporary.write_bytes(to_png(figure))
     return Path(path)
 
 

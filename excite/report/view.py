@@ -72,7 +72,9 @@ def record_page(thing: Thing, path: Path) -> Path:
     return write_text(Path(path), page_text(thing))
 
 
-def serve(thing: Thing, port: int, ready: Callable[[str], None], *, seconds: float | None = None) -> None:
+def serve_page(
+    thing: Thing, port: int, ready: Callable[[str], None], *, seconds: float | None = None
+) -> None:
     """Serve the page to browsers of this machine.
 
     Args:

@@ -403,6 +403,6 @@ def read_description(path: Path) -> RobotDescription:
         raise robot_error(path, field, f"{said}{found}{more}", str(remedy)) from error
 
 
-def _shorten_value(value: object, length: int = 60) -> str:
+def _shorten_value(value: object) -> str:
     text = " ".join(repr(value).split())
-    return text if len(text) <= length else text[: length - 1] + "…"
+    return text if len(text) <= 60 else text[:59] + "…"

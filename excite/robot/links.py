@@ -78,35 +78,35 @@ def read_foot(model: pin.Model, description: RobotDescription, name: str, path: 
 
 def _edge_axes(corners: Array, link: Array) -> Array | None:
     """Axes of an edge, x along it and z as near to the link's z (or y) as that allows; None without length."""
-    along = _direction(corners[1] - corners[0])
+    along = _unit_vector(corners[1] - corners[0])
     if along is None:
         return None
-    up = _direction(_across(link[:, 2] if abs(link[:, 2] @ along) < 0.9 else link[:, 1], along))
+    up = _unit_vector(_part_across(link[:, 2] if abs(link[:, 2] @ along) < 0.9 else link[:, 1], along))
     return None if up is None else np.column_stack([along, np.cross(up, along), up])
 
 
 def _sole_axes(corners: Array, link: Array) -> Array | None:
     """Axes of a sole, z along its normal and x along the link's; None where its corners lie on a line."""
-    normal = _direction(np.cross(corners[1] - corners[0], corners[2] - corners[1]))
+    normal = _unit_vector(np.cross(corners[1] - corners[0], corners[2] - corners[1]))
     if normal is None:
         # The first three lie on a line: twice the polygon's area.
         spokes = corners - corners.mean(axis=0)
-        normal = _direction(np.cross(spokes, np.roll(spokes, -1, axis=0)).sum(axis=0))
+        normal = _unit_vector(np.cross(spokes, np.roll(spokes, -1, axis=0)).sum(axis=0))
     if normal is None:
         return None
     if normal @ link[:, 2] < -0.5:
         normal = -normal
-    level = _across(link[:, 0], normal)
-    along = _direction(level if np.linalg.norm(level) >= 1e-6 else _across(link[:, 1], normal))
+    level = _part_across(link[:, 0], normal)
+    along = _unit_vector(level if np.linalg.norm(level) >= 1e-6 else _part_across(link[:, 1], normal))
     return None if along is None else np.column_stack([along, np.cross(normal, along), normal])
 
 
-def _across(vector: Array, axis: Array) -> Array:
+def _part_across(vector: Array, axis: Array) -> Array:
     """The part of a vector at right angles to an axis of length one."""
     return np.asarray(vector - (vector @ axis) * axis)
 
 
-def _direction(vector: Array) -> Array | None:
+def _unit_vector(vector: Array) -> Array | None:
     length = float(np.linalg.norm(vector))
     return vector / length if length > 1e-9 else None
 

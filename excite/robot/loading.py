@@ -223,7 +223,7 @@ def model_file(robot: Robot) -> Path:
 
 def portable_description(robot: Robot) -> str:
     """Text of a robot's ``robot.yaml`` that can be written anywhere: it names the URDF by its whole path."""
-    return _portable(robot, read_description(robot.source))
+    return _portable_text(robot, read_description(robot.source))
 
 
 def limited_description(robot: Robot, file: Path) -> str:
@@ -259,10 +259,10 @@ def limited_description(robot: Robot, file: Path) -> str:
     names = {what: [*joints] for what, joints in changed.items()}
     said = assumed_limits({file.name: with_tables(names, found.tables)})
     content["assumed"] = [*content.get("assumed", []), *(one.to_json() for one in said)]
-    return _portable(robot, RobotDescription.model_validate(content))
+    return _portable_text(robot, RobotDescription.model_validate(content))
 
 
-def _portable(robot: Robot, description: RobotDescription) -> str:
+def _portable_text(robot: Robot, description: RobotDescription) -> str:
     path = str(model_file(robot).resolve())
     changed: dict[str, Any] = {"model": description.model.model_copy(update={"path": path, "package": None})}
     stated = description.uncertainty
@@ -338,7 +338,7 @@ def without_motors(
     passive = np.isin(np.arange(len(names)), mechanism.passive - first)
     followers = [name for name, follows in zip(names, passive, strict=True) if follows]
 
-    def without(block: Block, *fields: str) -> Block:
+    def without_followers(block: Block, *fields: str) -> Block:
         zeros = dict.fromkeys(followers, 0.0)
         own = {field: one for field in fields if (one := getattr(block, field)) is not None}
         update = {f: one.model_copy(update={"joints": {**one.joints, **zeros}}) for f, one in own.items()}
@@ -360,8 +360,8 @@ def without_motors(
             limits[field] = said.model_copy(update={"joints": joints})
     return description.model_copy(
         update={
-            "controller": without(description.controller, "kp", "kd"),
-            "drives": without(description.drives, "viscous", "coulomb", "armature"),
+            "controller": without_followers(description.controller, "kp", "kd"),
+            "drives": without_followers(description.drives, "viscous", "coulomb", "armature"),
             "limits": description.limits.model_copy(update=limits),
         }
     )

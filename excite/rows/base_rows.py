@@ -119,12 +119,12 @@ class BaseRows:
         measured = self._measured(trial, k)
         unseen = [10 * segment + i for segment in self.unmeasured for i in range(10)]
 
-        def source(part: slice) -> Array:
+        def rows_of(part: slice) -> Array:
             body = base_link_regressor(self.robot.model, k.q[part], k.v[part], k.a[part])
             body[:, :, unseen] = 0.0
             return np.concatenate([body, measured[part, :, None]], axis=2)
 
-        return filtered_rows(source, k, self.filters, np.repeat(k.valid[:, None], 6, axis=1))
+        return filtered_rows(rows_of, k, self.filters, np.repeat(k.valid[:, None], 6, axis=1))
 
     def measurement(self, trial: Trial, k: TrialKinematics) -> TrialRows:
         """Only the measured side of :meth:`rows`, ``values`` ``(m, 6, 1)``, for kinematics ``k``."""

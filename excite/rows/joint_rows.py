@@ -113,11 +113,11 @@ class JointRows:
         k = k.at_rest() if k.standing else k
         torque = forces_on_grid(trial.time, self.torque(trial), k.time)
         rate = np.gradient(torque, k.time, axis=0)
-        joints = self._joints()
+        joints = self._joints_of()
 
         closed = closed_on_grid(self.robot, trial, k.time) if self.robot.floating else None
 
-        def source(part: slice) -> Array:
+        def rows_of(part: slice) -> Array:
             body = motor_regressor(self.robot, k.q[part], k.v[part], k.a[part])
             samples = JointSamples(
                 self.robot,
@@ -132,7 +132,7 @@ class JointRows:
             out = None
             here = closed[part] if closed is not None and self.robot.feet else None
             if here is not None:
-                out = self._elimination(k.q[part], here)
+                out = self._contact_elimination_of(k.q[part], here)
                 body = out @ body
             drives = []
             for term in self.terms:
@@ -146,10 +146,10 @@ class JointRows:
                 return np.concatenate([body[:, joints], *drives, measured], axis=2)
             return np.concatenate([body, *drives, out[:, :, joints] @ measured], axis=2)
 
-        rows = filtered_rows(source, k, self.filters, self._usable(trial, k, joints))
+        rows = filtered_rows(rows_of, k, self.filters, self._usable_samples(trial, k, joints))
         if closed is not None and self.robot.feet:
-            rows = replace(rows, freedom=self._freedom(rows, k, closed))
-        return self._weighed(away_from_changes(rows, k, closed), k)
+            rows = replace(rows, freedom=self._row_freedom(rows, k, closed))
+        return self._weigh_standing(away_from_changes(rows, k, closed), k)
 
     def _of_offsets(self, samples: JointSamples, torque: Array, closed: NDArray[np.bool_]) -> Array:
         """Change of rows per unit of encoder offset, ``(m, n_channels, n_joints)``: contacts move with their legs.
@@ -158,38 +158,38 @@ class JointRows:
         acts on forces as large as the robot's weight.
         """
 
-        def left(q: Array) -> Array:
+        def rows_left(q: Array) -> Array:
             forces = motor_torques(self.robot, q, samples.v, samples.a)
             forces[:, samples.joints] -= torque
-            return np.asarray(np.einsum("mcv,mv->mc", self._elimination(q, closed), forces))
+            return np.asarray(np.einsum("mcv,mv->mc", self._contact_elimination_of(q, closed), forces))
 
-        at_hand, columns = left(samples.q), []
+        at_hand, columns = rows_left(samples.q), []
         for joint in samples.joints:
             q = samples.q.copy()
             q[:, joint + samples.q.shape[1] - samples.v.shape[1]] += _TURN
-            columns.append((left(q) - at_hand) / _TURN)
+            columns.append((rows_left(q) - at_hand) / _TURN)
         return np.stack(columns, axis=2)
 
-    def _freedom(self, rows: TrialRows, k: TrialKinematics, closed: NDArray[np.bool_]) -> Array:
+    def _row_freedom(self, rows: TrialRows, k: TrialKinematics, closed: NDArray[np.bool_]) -> Array:
         """Share of each row that contacts leave it: the diagonal of what projects their forces out."""
         at = np.searchsorted(k.time, rows.time)
-        out = self._elimination(k.q[at], closed[at])[:, :, self._joints()]
+        out = self._contact_elimination_of(k.q[at], closed[at])[:, :, self._joints_of()]
         return np.asarray(np.einsum("ncc->nc", out))
 
     def measurement(self, trial: Trial, k: TrialKinematics) -> TrialRows:
         """Only the measured side of :meth:`rows`, ``values`` ``(m, n_joints, 1)``, for kinematics ``k``."""
-        torque, joints = forces_on_grid(trial.time, self.torque(trial), k.time), self._joints()
+        torque, joints = forces_on_grid(trial.time, self.torque(trial), k.time), self._joints_of()
         closed = closed_on_grid(self.robot, trial, k.time) if self.robot.floating else None
 
-        def source(part: slice) -> Array:
+        def rows_of(part: slice) -> Array:
             if closed is None or not self.robot.feet:
                 return torque[part, :, None]
-            return self._elimination(k.q[part], closed[part])[:, :, joints] @ torque[part, :, None]
+            return self._contact_elimination_of(k.q[part], closed[part])[:, :, joints] @ torque[part, :, None]
 
-        rows = filtered_rows(source, k, self.filters, self._usable(trial, k, joints))
-        return self._weighed(away_from_changes(rows, k, closed), k)
+        rows = filtered_rows(rows_of, k, self.filters, self._usable_samples(trial, k, joints))
+        return self._weigh_standing(away_from_changes(rows, k, closed), k)
 
-    def _elimination(self, q: Array, closed: NDArray[np.bool_]) -> Array:
+    def _contact_elimination_of(self, q: Array, closed: NDArray[np.bool_]) -> Array:
         """What takes unmeasured contact forces out, ``(n, n_channels, nv)``; raises LogError if a torque is missing."""
         silent = [joint for joint in self.robot.driven_names if joint not in self.channel_names]
         if silent:
@@ -207,10 +207,10 @@ class JointRows:
         coupling = self.header.coupling
         return coupling_matrix(self.channel_names, coupling) if coupling else None
 
-    def _joints(self) -> list[int]:
+    def _joints_of(self) -> list[int]:
         return [self.robot.n_base_v + self.robot.joint_index(name) for name in self.channel_names]
 
-    def _usable(self, trial: Trial, k: TrialKinematics, joints: list[int]) -> NDArray[np.bool_]:
+    def _usable_samples(self, trial: Trial, k: TrialKinematics, joints: list[int]) -> NDArray[np.bool_]:
         """Samples inside the motion with known torques at which the joint moves: where it stands, stiction rules."""
         # What takes contact forces out of the rows mixes all joints.
         mixing = np.ones((len(joints),) * 2) if self.robot.floating and self.robot.feet else self.motors
@@ -223,7 +223,7 @@ class JointRows:
             use &= ~long_standstill(k.v[:, joints], self.settings.standstill_velocity, shortest)
         return use
 
-    def _weighed(self, rows: TrialRows, k: TrialKinematics) -> TrialRows:
+    def _weigh_standing(self, rows: TrialRows, k: TrialKinematics) -> TrialRows:
         """Rows of a trial that stands are one, their mean, where dry friction holds the joints.
 
         It holds them with one torque for as long as they stand: more rows of that posture say no more of its weight,

@@ -166,10 +166,10 @@ class _Track:
             friction = data.efc_type == self.friction_type
             self.coulomb[row, self.joint_of_dof[data.efc_id[friction]]] = data.efc_force[friction]
         if self.forces:
-            self._contact(data, row)
+            self._note_contacts(data, row)
         self.count += 1
 
-    def _contact(self, data: mujoco.MjData, row: int) -> None:
+    def _note_contacts(self, data: mujoco.MjData, row: int) -> None:
         """Note which soles the ground pushes, where, and how hard."""
         contact = data.contact
         soles = np.flatnonzero(contact.efc_address >= 0)
@@ -282,8 +282,8 @@ class Machine:
         """Compile the robot; ``watch`` says whether it is to be known which of its shapes overlap."""
         period = 1.0 / virtual.robot.description.sensors.rate_hz
         self.virtual, self.step = virtual, period / _steps_a_sample(virtual, period)
-        self.model = self._compiled(shapes=False)
-        self._watch = _Watch(self._compiled(shapes=True)) if watch else None
+        self.model = self._compile_model(shapes=False)
+        self._watch = _Watch(self._compile_model(shapes=True)) if watch else None
         self._settled: tuple[Beginning, Any] | None = None
 
     def touching(self, qpos: Array) -> int:
@@ -300,7 +300,7 @@ class Machine:
         """Keep the state in which a run that began as ``start`` says has settled: most motions begin at rest."""
         self._settled = (start, copy.copy(data))
 
-    def _compiled(self, *, shapes: bool) -> Any:
+    def _compile_model(self, *, shapes: bool) -> Any:
         import mujoco
 
         virtual = self.virtual

@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ import pyarrow.parquet as parquet
 import pytest
 from typer.testing import CliRunner
 
-from excite.cli.main import _run, app
+from excite.cli.main import _run_command, app
 from excite.logs.vocabulary import EFFECTS
 
 COMMANDS = "robots effects init-robot plan check rank export simulate identify campaign report demo".split()
@@ -45,6 +46,21 @@ def planned(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+Here = Callable[..., tuple[int, str]]
+
+
+@pytest.fixture
+def here(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Here:
+    """Runs a command in this process, which has loaded what every command would load for itself: exit code, stdout."""
+
+    def run(*arguments: object, cwd: Path) -> tuple[int, str]:
+        monkeypatch.chdir(cwd)
+        code = _run_command([*map(str, arguments)])
+        return code, capfd.readouterr().out
+
+    return run
+
+
 @pytest.mark.parametrize("command", COMMANDS)
 def test_every_command_has_help_and_the_common_options(command: str) -> None:
     done = CliRunner().invoke(app, [command, "--help"], env={"COLUMNS": "200"})
@@ -53,15 +69,15 @@ def test_every_command_has_help_and_the_common_options(command: str) -> None:
         assert option in done.stdout
 
 
-def test_robots_lists_every_bundled_robot(tmp_path: Path) -> None:
-    document = json.loads(excite("robots", "--json", cwd=tmp_path).stdout)
+def test_robots_lists_every_bundled_robot(here: Here, tmp_path: Path) -> None:
+    document = json.loads(here("robots", "--json", cwd=tmp_path)[1])
     assert {"g1", "talos", "panda", "ur10", "human", "iiwa14"} <= {
         robot["name"] for robot in document["robots"]
     }
 
 
-def test_effects_are_those_that_a_log_may_call_modelled(tmp_path: Path) -> None:
-    document = json.loads(excite("effects", "--json", "--out", "kept", cwd=tmp_path).stdout)
+def test_effects_are_those_that_a_log_may_call_modelled(here: Here, tmp_path: Path) -> None:
+    document = json.loads(here("effects", "--json", "--out", "kept", cwd=tmp_path)[1])
     assert json.loads((tmp_path / "kept" / "effects.json").read_text()) == document
     # An asymmetry is a form of the bias.
     assert {e["name"] for e in document["effects"]} == {*EFFECTS} - {"coulomb_asymmetry"}
@@ -80,36 +96,29 @@ def test_paths_in_the_plan_are_relative_to_out(planned: Path) -> None:
     assert (planned / "plan" / "report.html").read_text().startswith("<!doctype html>")
 
 
-def test_check_rank_export_simulate_identify(
-    planned: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(planned)
-
-    def here(*arguments: object) -> tuple[int, str]:
-        """The command in this process, which has loaded what every command would load for itself."""
-        code = _run([*map(str, arguments)])
-        return code, capfd.readouterr().out
-
-    code, checked = here("check", "ur10", "plan", "--json", "--jobs", 1)
+def test_check_rank_export_simulate_identify(planned: Path, here: Here) -> None:
+    code, checked = here("check", "ur10", "plan", "--json", "--jobs", 1, cwd=planned)
     assert code == 0 and json.loads(checked)["safe"] is True
-    code, ranked = here("rank", "ur10", "plan", "--json")
+    code, ranked = here("rank", "ur10", "plan", "--json", cwd=planned)
     assert code == 0 and json.loads(ranked)["conditioning"]["n_base_parameters"] == 48
-    code, exported = here("export", "plan", "--format", "ros2", "--rate", 100, "--out", "ros", "--json")
+    code, exported = here(
+        "export", "plan", "--format", "ros2", "--rate", 100, "--out", "ros", "--json", cwd=planned
+    )
     assert code == 0
     assert all((planned / "ros" / file).exists() for file in json.loads(exported)["files"])
-    assert here("simulate", "ur10", "plan", "--out", "log", "--json", "--jobs", 1)[0] == 0
+    assert here("simulate", "ur10", "plan", "--out", "log", "--json", "--jobs", 1, cwd=planned)[0] == 0
     one = json.loads((planned / "plan" / "plan.json").read_text())["selected"][0]["motion"]
-    assert here("simulate", "ur10", f"plan/{one}", "--out", "one", "--json", "--jobs", 1)[0] == 0
-    identified = excite("identify", "ur10", "log", "--json", "--out", "id", cwd=planned)
-    assert identified.returncode == 0, identified.stderr
-    document = json.loads(identified.stdout)
+    assert here("simulate", "ur10", f"plan/{one}", "--out", "one", "--json", "--jobs", 1, cwd=planned)[0] == 0
+    code, identified = here("identify", "ur10", "log", "--json", "--out", "id", cwd=planned)
+    assert code == 0
+    document = json.loads(identified)
     assert document == json.loads((planned / "id" / "identification.json").read_text())
     for parameter in document["base_parameters"]:
         assert {"expression", "value", "std", "rsd_percent"} <= set(parameter)
-    assert here("report", "id")[0] == 0 and (planned / "id" / "report.html").is_file()
+    assert here("report", "id", cwd=planned)[0] == 0 and (planned / "id" / "report.html").is_file()
 
 
-def test_an_unsafe_motion_ends_with_1_and_says_where(planned: Path, tmp_path: Path) -> None:
+def test_an_unsafe_motion_ends_with_1_and_says_where(planned: Path, here: Here, tmp_path: Path) -> None:
     source = next((planned / "plan" / "motions").glob("*.parquet"))
     table = parquet.read_table(source)
     names = table.column_names
@@ -118,9 +127,9 @@ def test_an_unsafe_motion_ends_with_1_and_says_where(planned: Path, tmp_path: Pa
     parquet.write_table(
         pa.table(columns).replace_schema_metadata(table.schema.metadata), tmp_path / "bad.parquet"
     )
-    done = excite("check", "ur10", "bad.parquet", "--json", cwd=tmp_path)
-    assert done.returncode == 1
-    violations = json.loads(done.stdout)["motions"][0]["violations"]
+    code, said = here("check", "ur10", "bad.parquet", "--json", cwd=tmp_path)
+    assert code == 1
+    violations = json.loads(said)["motions"][0]["violations"]
     assert ("joint_position", "elbow_joint") in {(item["kind"], item["where"]) for item in violations}
 
 
@@ -155,7 +164,7 @@ def test_bad_input_is_one_line_and_4(
     monkeypatch.chdir(tmp_path)
     before = sorted(tmp_path.iterdir())
     for case in cases:
-        code = _run([*map(str, case), "--out", "out"])
+        code = _run_command([*map(str, case), "--out", "out"])
         said = capfd.readouterr()
         assert code == 4, (case, code, said.err[-500:])
         assert said.out == "" and said.err.count("\n") == 1, (case, said.err)

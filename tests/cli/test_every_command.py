@@ -16,7 +16,7 @@ import typer
 import excite
 from excite.campaign.schemas import schema_names
 from excite.campaign.searches import SEARCHES
-from excite.cli.main import _run, app
+from excite.cli.main import _run_command, app
 from excite.cli.options import EXAMPLES
 from excite.cli.output import command_line, emit_result
 from excite.excitation.selection import SELECTIONS
@@ -44,7 +44,7 @@ LINES = [line for lines in EXAMPLES.values() for line, _ in lines]
 
 
 def help_of(name: str, capsys: pytest.CaptureFixture[str]) -> str:
-    assert _run([*name.split(), "--help"]) == 0
+    assert _run_command([*name.split(), "--help"]) == 0
     return capsys.readouterr().out
 
 
@@ -72,7 +72,7 @@ def test_an_example_is_accepted_as_written(
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_a_failure_with_json_is_a_document(name: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert _run([*name.split(), "--no-such-option", "--json"]) == 2
+    assert _run_command([*name.split(), "--no-such-option", "--json"]) == 2
     said = capsys.readouterr()
     error = json.loads(said.out)["error"]
     assert error["code"] == 2 and "--no-such-option" in error["message"]
@@ -111,7 +111,7 @@ def test_a_file_or_name_that_is_not_there_ends_in_one_line_and_a_document(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert _run([*line.split(), "--json"]) == 4
+    assert _run_command([*line.split(), "--json"]) == 4
     said = capsys.readouterr()
     error = json.loads(said.out)["error"]
     assert error["code"] == 4 and error["message"] and error["remedy"]
@@ -159,7 +159,7 @@ def test_the_next_command_is_one_that_exists(
         (tmp_path / "arm").mkdir(exist_ok=True)
         excite.save_motion(motion, tmp_path / "arm" / f"{motion.name}.parquet")
     for line in ("check ur10 arm", "rank ur10 arm", "simulate ur10 arm --jobs 1 --out log", "doctor log"):
-        assert _run(line.split()) == 0
+        assert _run_command(line.split()) == 0
         (then,) = re.findall(r"^then: excite (.*)$", capsys.readouterr().out, flags=re.MULTILINE)
         name, *arguments = shlex.split(then)
         COMMANDS[name].make_context(name, arguments).close()
@@ -178,9 +178,9 @@ def test_the_next_command_names_the_robot_whatever_a_file_says_of_it(
     reads = []
     monkeypatch.setattr(files, "read_motion", lambda *given: reads.append(given) or read_motion(*given))
     for name in ("known.parquet", "mine.csv"):
-        assert _run(["rank", "ur10", name]) == 0
+        assert _run_command(["rank", "ur10", name]) == 0
         (then,) = re.findall(r"^then: excite (.*)$", capsys.readouterr().out, flags=re.MULTILINE)
         assert then == f"export {name} --robot ur10 --format csv --out commands"
     # Each is read once.
     assert len(reads) == 2
-    assert _run(shlex.split(then)) == 0
+    assert _run_command(shlex.split(then)) == 0

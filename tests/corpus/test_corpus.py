@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 import tests.corpus
-from excite.cli.main import _run
+from excite.cli.main import _run_command
 from excite.cli.outcome import EXIT_BAD_INPUT, EXIT_USAGE
 from tests.corpus.case import Case
 
@@ -43,7 +43,7 @@ def test_one_line_and_nothing_written(
     arguments = case.build(tmp_path)
     before = sorted(tmp_path.rglob("*"))
     start = time.monotonic()
-    code = _run(arguments)
+    code = _run_command(arguments)
     seconds = time.monotonic() - start
     said = capfd.readouterr().err
     lines = said.splitlines()

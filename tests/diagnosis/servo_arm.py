@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -57,7 +58,8 @@ def arm_log(
         machine: what it has, as :class:`_Machine` says.
     """
     robot, made = load_robot(name), _Machine(**machine)
-    trials = [_trial(robot, k, made, delay) for k in SEEDS]
+    # Of several logs of one machine, each moves once; what cuts torques off has its own copy.
+    trials = [replace(t, tau=t.tau.copy()) for t in (_trial(name, k, made, delay) for k in SEEDS)]
     joint, share = clipped
     if share:
         most = np.quantile(np.abs(np.concatenate([t.tau[:, joint] for t in trials])), 1.0 - share)
@@ -78,7 +80,9 @@ def arm_log(
     return load_log(save_log(log, folder))
 
 
-def _trial(robot, seed: int, machine: _Machine, delay: float) -> Trial:
+@cache
+def _trial(name: str, seed: int, machine: _Machine, delay: float) -> Trial:
+    robot = load_robot(name)
     nominal, model, n = robot.model, robot.model.copy(), robot.n_joints
     low, high = robot.limits.position_lower, robot.limits.position_upper
     middle = np.clip(0.5 * (low + high), low + 0.3, high - 0.3)

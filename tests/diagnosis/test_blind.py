@@ -134,7 +134,7 @@ def test_detectability_grows_with_the_effect_and_falls_with_noise() -> None:
     assert none < 1e-6
 
 
-@pytest.mark.slow
+@pytest.mark.battery
 def test_a_wave_that_never_repeats_in_the_record_is_no_ripple(tmp_path) -> None:
     plan = Draft("jaco2", "unknown", (("unknown", "stop"),), False, 1.0, (), False)
     log, answer = build_case(plan, np.random.default_rng(11))

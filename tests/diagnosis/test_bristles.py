@@ -114,7 +114,7 @@ def test_damped_bristles_are_no_gap(tmp_path: Path):
     assert diagnose(recorded(tmp_path, breakaway=2e-3, damping=0.5, excess=0.0)).verdict == "none"
 
 
-@pytest.mark.parametrize("breakaway", [6e-4, 2e-3])
+@pytest.mark.parametrize("breakaway", [pytest.param(6e-4, marks=pytest.mark.battery), 2e-3])
 def test_static_friction_is_told_from_bristles_that_bend(tmp_path: Path, breakaway: float):
     result = diagnose(recorded(tmp_path, breakaway=breakaway, damping=0.5, excess=45.0))
     assert (result.verdict, result.effect) == ("effect", "stribeck")

@@ -138,6 +138,7 @@ def test_shares_of_every_channel_add_up_to_one(tmp_path: Path, modelled: tuple[s
         assert all(low <= item.share <= high for item in channel.effects for low, high in [item.interval90])
 
 
+@pytest.mark.battery
 def test_many_effects_at_once_are_named(gap_dir: Path) -> None:
     """A lag, friction that grows with the load, offsets and bristles on seven joints; shares as the simulator's."""
     together = diagnose(gap_dir / "many" / "case_006")

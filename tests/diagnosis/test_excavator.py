@@ -62,6 +62,7 @@ def ball(mass: float, at: tuple[float, float, float]) -> pin.Inertia:
     return pin.Inertia.FromSphere(mass, 0.15).se3Action(pin.SE3(np.eye(3), np.array(at)))
 
 
+@pytest.mark.battery
 def test_a_load_at_the_end_of_a_long_stick_is_one_body(tmp_path: Path) -> None:
     """Held within 0.6 m of its joint, it was told as gains of two joints, a lighter stick, backlash and more."""
     found = diagnosed(tmp_path, (3, ball(12.0, (0.9, 0.0, 0.0))), moving=(1, 2))

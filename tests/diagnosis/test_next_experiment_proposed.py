@@ -222,7 +222,7 @@ def test_shapes_that_touch_in_the_record_get_no_motion_but_what_to_do(robot: Rob
     assert not (tmp_path / FILE).exists()
 
 
-@pytest.mark.slow
+@pytest.mark.battery
 def test_the_motion_proposed_settles_the_doubt_when_the_robot_runs_it(tmp_path: Path):
     done = outcome(RECIPES[0], np.random.default_rng(3), tmp_path)
     assert done.eligible, done.first

@@ -114,7 +114,7 @@ def test_a_constant_force_on_a_slide_is_sized_and_said_to_have_two_names(tmp_pat
     assert result.simulation.after["slide"] < 0.5 * result.simulation.before["slide"]
 
 
-@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize("side", [1.0, pytest.param(-1.0, marks=pytest.mark.battery)])
 def test_a_stop_is_not_taken_for_a_spring(tmp_path: Path, side: float) -> None:
     """What pushes back beyond an edge alone has no name; where it sets in and how hard it is is said."""
 
@@ -132,7 +132,7 @@ def test_a_stop_is_not_taken_for_a_spring(tmp_path: Path, side: float) -> None:
     assert "N/m" in told
 
 
-@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize("side", [1.0, pytest.param(-1.0, marks=pytest.mark.battery)])
 def test_a_spring_that_is_slack_on_one_side_is_named(tmp_path: Path, side: float) -> None:
     """What pulls back over half of the travel is no stop."""
 

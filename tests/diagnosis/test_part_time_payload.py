@@ -58,7 +58,7 @@ def diagnosed(
     return diagnose(save_log(Log(LogHeader.model_validate(header), trials, robot_text=URDF), folder))
 
 
-@pytest.mark.parametrize("body", ["rigid_body", "rigid_body_fixed"])
+@pytest.mark.parametrize("body", ["rigid_body", pytest.param("rigid_body_fixed", marks=pytest.mark.battery)])
 def test_a_load_in_some_trials_is_weighed_and_these_are_named(tmp_path: Path, body: str) -> None:
     result = diagnosed(tmp_path, (0.0, MASS, 0.0, MASS, MASS, 0.0), body)
     assert (result.verdict, result.effect, result.location) == ("effect", "payload", "lower")

@@ -120,6 +120,7 @@ def test_a_gear_that_hardens_so_much_that_no_linear_one_fits(tmp_path: Path) -> 
     assert result.effects[0].parameters["hardening_at"].value == pytest.approx(0.02, rel=0.1)
 
 
+@pytest.mark.battery
 def test_a_gear_nearly_slack_at_rest_is_no_play(tmp_path: Path) -> None:
     """It is told by its law: play with flanks as soft as it is wide comes near."""
 

@@ -85,7 +85,9 @@ def test_a_velocity_as_slow_as_may_be_is_how_a_joint_sticks(sign: SignChange, sl
     ]
 
 
-@pytest.mark.parametrize(("velocity", "exponent"), [(0.6, 2.0), (0.45, 1.0)])
+@pytest.mark.parametrize(
+    ("velocity", "exponent"), [(0.6, 2.0), pytest.param(0.45, 1.0, marks=pytest.mark.battery)]
+)
 def test_friction_that_falls_over_most_speeds_is_named(
     tmp_path: Path, velocity: float, exponent: float
 ) -> None:

@@ -12,7 +12,7 @@ import pytest
 from excite.campaign.journal import CampaignSettings
 from excite.campaign.loop import campaign
 from excite.campaign.plan import plan
-from excite.cli.main import _run
+from excite.cli.main import _run_command
 from excite.export.export import export_motions, robot_beside
 from excite.motion.files import save_motion
 from excite.report.view import read_thing
@@ -78,7 +78,7 @@ def test_the_sheet_of_a_plan_is_written_by_the_robots_name(tmp_path: Path, monke
     elsewhere = tmp_path / "elsewhere"
     elsewhere.mkdir()
     monkeypatch.chdir(elsewhere)
-    assert _run(["capture", "mine", str(plan)]) == 0
+    assert _run_command(["capture", "mine", str(plan)]) == 0
     assert (plan / "capture.md").is_file()
     # So does the next command, which knows nothing of the plan's folder.
     assert f"--robot {plan / 'robot' / 'robot.yaml'}" in " ".join(capsys.readouterr().out.split())

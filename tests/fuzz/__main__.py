@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from excite.cli.main import _run
+from excite.cli.main import _run_command
 from excite.motion.collection import library_folder
 from excite.motion.files import load_motion, save_motion
 from excite.robot.loading import load_robot
@@ -145,7 +145,7 @@ def complaint(arguments: list[str]) -> str | None:
     """What is wrong with the end of a command; None where nothing is."""
     said, started = io.StringIO(), time.monotonic()
     with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(said):
-        code = _run(arguments)
+        code = _run_command(arguments)
     lines, seconds = said.getvalue().splitlines(), time.monotonic() - started
     if code not in _CODES:
         return f"exit code {code}: {' '.join(lines)[:300]}"

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
+import excite
 from excite.cli.main import app
 
 pytestmark = pytest.mark.slow
@@ -37,7 +37,8 @@ def test_a_load_is_named_beside_the_factor_that_explains_the_rest(case, tmp_path
     injected += [f"torque_gain:{factor[0]}:{factor[1]}"] if factor else []
     options = [part for one in injected for part in ("--inject", one)]
     run("simulate", robot, MOTIONS / robot / "motions", "--nominal", *options, "--out", tmp_path, "--jobs", 1)
-    document = json.loads(run("identify", robot, tmp_path, "--json"))
+    found = excite.identify(robot, tmp_path)
+    document = found.to_json()
     named = document["changed_segments"]
     # One body at most, and one that a load at that place can be: a factor is no body.
     assert len(named) == (1 if load else 0) and {item["link"] for item in named} <= links
@@ -50,4 +51,4 @@ def test_a_load_is_named_beside_the_factor_that_explains_the_rest(case, tmp_path
         assert set(beside) == {f"gain.{factor[0]}"}
         item = beside[f"gain.{factor[0]}"]
         assert abs(item["value"] - (factor[1] - 1.0)) < 3.0 * item["std"]
-        assert f"gain.{factor[0]}" in run("identify", robot, tmp_path)
+        assert f"gain.{factor[0]}" in found.summary()

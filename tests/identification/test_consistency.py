@@ -10,7 +10,7 @@ from excite.identification.constraints.linear import LinearConstraints, stack_co
 from excite.identification.estimators.hqp import icosphere_corners, quadratic_rows
 from excite.identification.estimators.projection import distance_to_optimum
 from excite.identification.inertia import inertia_matrices, pseudo_inertia_matrices
-from excite.identification.judgement import check_consistency, correlation
+from excite.identification.judgement import check_consistency, correlate_signals
 from tests.identification.dual_active_set import project
 
 
@@ -89,8 +89,8 @@ class TestProjection:
 
 
 def test_correlation_of_a_constant_is_not_known():
-    assert correlation(np.full(10, 3.0), np.arange(10.0)) is None
-    assert correlation(np.arange(10.0), -2.0 * np.arange(10.0)) == pytest.approx(-1.0)
+    assert correlate_signals(np.full(10, 3.0), np.arange(10.0)) is None
+    assert correlate_signals(np.arange(10.0), -2.0 * np.arange(10.0)) == pytest.approx(-1.0)
 
 
 def test_links_between_the_axes_of_a_joint_are_no_bodies():

@@ -142,11 +142,11 @@ def test_best_point_of_cls1_keeps_its_bounds(standing):
 @pytest.mark.parametrize("kind", [LeastSquares, WeightedLeastSquares, MaximumAPosteriori])
 def test_closed_forms_without_numbers_are_no_answer(kind, monkeypatch):
     problem = arm_problem(load_robot("panda"), seed=0, duration=2.0)
-    ridge = map_module.ridge
+    ridge = map_module.build_ridge
     for module in (ls, wls):
         monkeypatch.setattr(module, "least_squares", lambda factor, **_: np.full(factor.shape[1] - 1, np.nan))
     monkeypatch.setattr(
-        map_module, "ridge", lambda *rows: replace(ridge(*rows), target=np.nan * ridge(*rows).target)
+        map_module, "build_ridge", lambda *rows: replace(ridge(*rows), target=np.nan * ridge(*rows).target)
     )
     with pytest.raises(NoSolutionError, match="not finite") as caught:
         estimated(kind(), problem, **SETTINGS)
@@ -173,7 +173,7 @@ SOLVERS = {
 STEPS = {
     "ls": (ls, "least_squares", broken),
     "wls": (wls, "least_squares", broken),
-    "map": (map_module, "ridge", broken),
+    "map": (map_module, "build_ridge", broken),
     "physical": (feasible_set, "solve_cone_program", no_point),
 }
 

@@ -23,7 +23,7 @@ from excite.identification.estimators.estimator import (
 )
 from excite.identification.estimators.hqp import HqpSettings
 from excite.identification.estimators.registry import ESTIMATORS
-from excite.identification.estimators.scaled_problem import Ridge, ridge, scaled_parameters
+from excite.identification.estimators.scaled_problem import Ridge, build_ridge, scaled_parameters
 from excite.identification.estimators.settings import EstimatorSettings, PullSettings
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import Regression, condense_problem, iterate_weights, prior_std
@@ -49,7 +49,7 @@ SETTINGS = PullSettings(alpha=2.5, prior_spread=0.3)
 
 @pytest.fixture(scope="module")
 def objective(rows) -> Ridge:
-    return ridge(rows, SETTINGS)
+    return build_ridge(rows, SETTINGS)
 
 
 def some_parameters(problem: IdentificationProblem, seed: int) -> np.ndarray:

@@ -23,7 +23,7 @@ from excite.identification.estimators.conic import (
     refine_answer,
 )
 from excite.identification.estimators.estimator import Estimate, SolveStatus, estimate_at
-from excite.identification.estimators.scaled_problem import Ridge, ridge
+from excite.identification.estimators.scaled_problem import Ridge, build_ridge
 from excite.identification.estimators.settings import PullSettings
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import Regression, condense_problem, iterate_weights
@@ -104,7 +104,7 @@ def weighted(arm) -> Regression:
 
 @pytest.fixture(scope="module")
 def objective(weighted) -> Ridge:
-    return ridge(weighted, PullSettings())
+    return build_ridge(weighted, PullSettings())
 
 
 def heavier(arm: IdentificationProblem, kg: float) -> LinearConstraints:

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from excite.cli.main import _run
+from excite.cli.main import _run_command
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS, SKILLS = ROOT / "docs", ROOT / "skills"
@@ -73,7 +73,7 @@ def _run_shell(text: str, where: str) -> None:
     for line in text.replace("\\\n", " ").splitlines():
         if line.startswith("excite "):
             # Results are the same whatever the number of processes; starting them costs more than they save here.
-            code = _run([*_words(line.removeprefix("excite ")), "--jobs", "1"])
+            code = _run_command([*_words(line.removeprefix("excite ")), "--jobs", "1"])
             said = re.search(r"# exit code (\d)", line)
             expected = int(said[1]) if said else 0
             if code != expected:

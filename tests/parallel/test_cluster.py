@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from excite.campaign.assessment import check
-from excite.cli.main import _run
+from excite.cli.main import _run_command
 from excite.errors import InputError
 from excite.motion.generators.mixture import plan_candidates, plan_proposals
 from excite.parallel.engine import in_order
@@ -111,7 +111,7 @@ def test_a_command_plans_on_a_cluster_to_the_same_bytes(
     there = _excite(*arguments, "--cluster", cluster.scheduler_address, "--out", "there", cwd=tmp_path)
     assert there.returncode == 0, there.stderr
     monkeypatch.chdir(tmp_path)
-    assert _run([*arguments, "--jobs", "1", "--out", "here"]) == 0
+    assert _run_command([*arguments, "--jobs", "1", "--out", "here"]) == 0
     names = sorted(path.name for path in (tmp_path / "here" / "motions").iterdir())
     assert names == sorted(path.name for path in (tmp_path / "there" / "motions").iterdir())
     for name in names:

@@ -21,7 +21,7 @@ from excite.report.plots.postures import (
     draw_posture,
     draw_snapshots,
     hull_outline,
-    project,
+    project_points,
 )
 from excite.report.replay.scene import shape_triangles
 from excite.report.sections.identified import draw_masses, plot_rsd
@@ -128,7 +128,7 @@ def test_rsd_points_fall_where_they_belong():
 def test_a_picture_stands_on_the_ground_with_its_mass_over_its_feet(g1):
     drawn = draw_posture(g1, g1.rest, frozenset(foot.name for foot in g1.feet))
     com = pin.centerOfMass(g1.model, g1.model.createData(), g1.rest) * [1.0, 1.0, 0.0]
-    np.testing.assert_allclose(drawn.com, project((com - [*g1.rest[:2], 0.0])[None])[0])
+    np.testing.assert_allclose(drawn.com, project_points((com - [*g1.rest[:2], 0.0])[None])[0])
     low, high = drawn.support.min(axis=0), drawn.support.max(axis=0)
     assert (low < drawn.com).all() and (drawn.com < high).all()
     assert len(drawn.soles) == 2 and len(drawn.hulls) > 15

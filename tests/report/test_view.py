@@ -10,13 +10,13 @@ from urllib.request import urlopen
 import numpy as np
 import pytest
 
-from excite.cli.main import _run
+from excite.cli.main import _run_command
 from excite.errors import ExciteError
 from excite.logs.files import load_log
 from excite.motion.collection import load_motions
 from excite.motion.files import save_motion
 from excite.report.comparisons import ReportData, save_report_data
-from excite.report.view import page_text, read_thing, record_page, serve
+from excite.report.view import page_text, read_thing, record_page, serve_page
 from excite.results import write_json
 from excite.robot.loading import load_robot
 from tests.report.diagnosed import two_joints_diagnosed
@@ -33,7 +33,7 @@ def motion(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def log(tmp_path_factory: pytest.TempPathFactory, motion: Path) -> Path:
     folder = tmp_path_factory.mktemp("recorded") / "log"
-    assert _run(["simulate", "ur10", str(motion), "--out", str(folder)]) == 0
+    assert _run_command(["simulate", "ur10", str(motion), "--out", str(folder)]) == 0
     return folder
 
 
@@ -104,7 +104,7 @@ def test_the_page_needs_nothing_and_holds_the_motion(motion: Path, tmp_path: Pat
 def test_the_command_writes_the_page(
     motion: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert _run(["view", str(motion), "--record", "one.html", "--out", str(tmp_path), "--json"]) == 0
+    assert _run_command(["view", str(motion), "--record", "one.html", "--out", str(tmp_path), "--json"]) == 0
     said = json.loads(capsys.readouterr().out)
     assert said.pop("made")["command"] == f"excite view {motion} --record one.html"
     assert said == {
@@ -126,7 +126,7 @@ def test_what_cannot_be_watched_is_one_line(
     (tmp_path / "text.parquet").write_text("no motion")
     (tmp_path / "broken" / "diagnosis.json").write_text("{")
     write_json(two_joints_diagnosed().to_json(), tmp_path / "nameless" / "diagnosis.json")
-    assert _run(["view", str(tmp_path / what), "--record", str(tmp_path / "page.html")]) == 4
+    assert _run_command(["view", str(tmp_path / what), "--record", str(tmp_path / "page.html")]) == 4
     said = capsys.readouterr().err
     assert said.startswith("excite: ") and said.count("\n") == 1 and ";" in said
     assert not (tmp_path / "page.html").exists()
@@ -144,7 +144,7 @@ def test_it_is_served_until_it_is_told_to_end(motion: Path, capsys: pytest.Captu
             assert address != f"http://127.0.0.1:{port}"
             pages.append(urlopen(address).read().decode("utf-8"))
 
-        serve(thing, port, read, seconds=0.1)
+        serve_page(thing, port, read, seconds=0.1)
     assert pages == [page_text(thing)]
     said = capsys.readouterr()
     assert said.out == said.err == ""

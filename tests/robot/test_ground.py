@@ -16,7 +16,7 @@ from excite.robot.init_robot.files import write_scaffold
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.robot.shapes.collision import TABLE, collision_shapes
-from excite.robot.shapes.shape import bottom
+from excite.robot.shapes.shape import bottom_points
 from excite.safety.check import check_motion
 from tests.robot.test_scaffold import biped
 
@@ -109,5 +109,5 @@ def test_what_is_held_up_reaches_no_ground(tmp_path: Path) -> None:
         q = rng.uniform(robot.limits.position_lower, robot.limits.position_upper)
         pin.forwardKinematics(robot.model, data, q)
         own = [shape for shape in collision_shapes(robot) if shape.link != TABLE and shape.joint]
-        lowest = min(lowest, *(bottom(shape, data.oMi[shape.joint])[:, 2].min() for shape in own))
+        lowest = min(lowest, *(bottom_points(shape, data.oMi[shape.joint])[:, 2].min() for shape in own))
     assert ground is not None and lowest - 0.5 < ground < lowest - 0.1

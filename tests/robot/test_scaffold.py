@@ -26,7 +26,7 @@ from excite.robot.shapes.collision import (
     geometry_data,
     pair_distance,
 )
-from excite.robot.shapes.shape import bottom
+from excite.robot.shapes.shape import bottom_points
 from tests.robot.small import ARM
 from tests.simulation.motions import replay_motion, standing
 
@@ -151,7 +151,9 @@ def test_a_belly_is_kept_off_the_ground(tmp_path: Path) -> None:
     data = robot.model.createData()
     pin.forwardKinematics(robot.model, data, robot.rest)
     trunk = [
-        bottom(shape, data.oMi[shape.joint]) for shape in collision_shapes(robot) if shape.link == "trunk"
+        bottom_points(shape, data.oMi[shape.joint])
+        for shape in collision_shapes(robot)
+        if shape.link == "trunk"
     ]
     assert min(points[:, 2].min() for points in trunk) > robot.description.collision.margin + 0.02
 

@@ -77,7 +77,7 @@ def _joint_table(values: Mapping[str, float], indent: str) -> str:
     return "\n".join(f"{indent}{re.escape(name)!r}: {float(value)!r}," for name, value in values.items())
 
 
-def _start(subject: Subject, end: str) -> dict[str, str]:
+def _start_state(subject: Subject, end: str) -> dict[str, str]:
     """Where a free base and the joints stand at first, for a template."""
     robot = subject.robot
     pos = f"pos={tuple(float(v) for v in robot.rest[:3])!r},{end}" if robot.floating else ""
@@ -155,7 +155,7 @@ class IsaacLabFormat(UsdaFormat):
         given.append("            friction=DYNAMIC_FRICTION,")
         if delayed:
             given += ["            min_delay=DELAY_STEPS,", "            max_delay=DELAY_STEPS,"]
-        tables["REST"] = _start(subject, "")["rest"].replace("            ", "    ")
+        tables["REST"] = _start_state(subject, "")["rest"].replace("            ", "    ")
         return _add_configuration(
             super().render(subject),
             subject,
@@ -165,7 +165,7 @@ class IsaacLabFormat(UsdaFormat):
             older="effort_limit" if delayed else "effort_limit_sim",
             actuator="DelayedPDActuatorCfg" if delayed else "ImplicitActuatorCfg",
             tables="\n".join(f"{key} = {{\n{rows}\n}}" for key, rows in tables.items()),
-            pos=_start(subject, " ")["pos"],
+            pos=_start_state(subject, " ")["pos"],
             arguments="\n".join(given),
         )
 
@@ -264,7 +264,7 @@ class MjlabFormat(MjcfFormat):
             ground=GROUND,
             late=late,
             joints="\n".join(f"    {name!r}: dict({', '.join(row)})," for name, row in names),
-            **_start(subject, "\n        "),
+            **_start_state(subject, "\n        "),
         )
 
     def read(self, subject: Subject, rendered: Rendered, states: States) -> Reading:

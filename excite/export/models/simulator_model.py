@@ -116,7 +116,7 @@ def prove_taken(model_format: ModelFormat, subject: Subject, rendered: Rendered)
     robot, states = subject.robot, random_states(subject.robot, subject.parameters)
     read = model_format.read(subject, rendered, states)
     names = [f"{segment.link}.{name}" for segment in robot.segments for name in PARAMETERS]
-    off = np.abs(read.inertial - subject.parameters) > 10.0 * model_format.tolerance * _sizes(subject)
+    off = np.abs(read.inertial - subject.parameters) > 10.0 * model_format.tolerance * _segment_sizes(subject)
     if not model_format.exact(subject):
         off &= np.repeat((subject.parameters != subject.found.nominal).reshape(-1, 10).any(axis=1), 10)
     wrong, felt = [name for name, is_off in zip(names, off, strict=True) if is_off], len(names)
@@ -151,7 +151,7 @@ def prove_taken(model_format: ModelFormat, subject: Subject, rendered: Rendered)
     )
 
 
-def _sizes(subject: Subject) -> Array:
+def _segment_sizes(subject: Subject) -> Array:
     """Mass, first moment and inertia that a body of each segment's mass and extent has, ``(10·n_segments,)``.
 
     Infinite of a segment without mass: what moves in a simulator is given a little.
@@ -455,7 +455,7 @@ def write_models(
     refused: list[str] = []
     urdf, mjcf = folder / "identified.urdf", folder / "identified.xml"
 
-    def attempt(path: Path, write: Callable[..., WrittenModel], **options: Any) -> WrittenModel | None:
+    def try_write(path: Path, write: Callable[..., WrittenModel], **options: Any) -> WrittenModel | None:
         try:
             return write(robot, identification, path, drives=drives, **options)
         except InconsistentModelError as error:
@@ -473,8 +473,8 @@ def write_models(
         return ModelFiles(differences, None, None, (f"{said}; state the unit and identify again",))
     return ModelFiles(
         differences,
-        attempt(urdf, write_urdf, force=force),
-        attempt(mjcf, write_mjcf, template=template),
+        try_write(urdf, write_urdf, force=force),
+        try_write(mjcf, write_mjcf, template=template),
         tuple(refused),
         _write_uncertainty(identification, folder / "uncertainty.npz"),
     )

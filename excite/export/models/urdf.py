@@ -84,7 +84,7 @@ class UrdfFormat(ModelFormat):
         for joint in text.root.findall("joint"):
             values = drive_attributes(found, str(joint.get("name")), self.held, notes)
             if values:
-                _part(joint, "dynamics").attrib.update(values)
+                _ensure_part(joint, "dynamics").attrib.update(values)
         for mesh in text.root.iter("mesh"):
             move_attribute(mesh, "filename", file.parent, subject.folder)
         held = held_joints(robot)
@@ -129,7 +129,7 @@ def _segment_members(robot: Robot, links: Mapping[str, Element], file: Path) -> 
     return members
 
 
-def _part(element: Element, tag: str) -> Element:
+def _ensure_part(element: Element, tag: str) -> Element:
     """The part of an element that is called so, put in where it is missing."""
     found = element.find(tag)
     if found is None:
@@ -140,8 +140,8 @@ def _part(element: Element, tag: str) -> Element:
 
 def _set_inertial(link: Element, parameters: Array, name: str) -> None:
     body, turn = centred_body(parameters, name), np.eye(3)
-    inertial = _part(link, "inertial")
-    origin = _part(inertial, "origin")
+    inertial = _ensure_part(link, "inertial")
+    origin = _ensure_part(inertial, "origin")
     if "rpy" in origin.keys():
         # Read before with the robot: three numbers.
         turn = pin.rpy.rpyToMatrix(*map(float, origin.get("rpy", "").split()))

@@ -166,32 +166,31 @@ class MujocoPlaces:
         return qpos, qvel
 
 
-def mujoco_places(robot: Robot, model: mujoco.MjModel, source: object = "MuJoCo model") -> MujocoPlaces:
+def mujoco_places(robot: Robot, model: mujoco.MjModel) -> MujocoPlaces:
     """Find the robot's joints in a MuJoCo model.
 
     Args:
         robot: the robot.
         model: the model.
-        source: what to name in errors.
 
     Raises:
         InputError: a joint, or the free joint of a base that floats, is not there.
     """
     import mujoco
 
-    def joint(name: str) -> int:
+    def joint_id(name: str) -> int:
         return int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name))
 
-    start, rows = np.array(model.qpos0), [joint(name) for name in robot.joint_names]
+    start, rows = np.array(model.qpos0), [joint_id(name) for name in robot.joint_names]
     for name, value in held_joints(robot).items():
-        if joint(name) >= 0:
-            start[model.jnt_qposadr[joint(name)]] += value
+        if joint_id(name) >= 0:
+            start[model.jnt_qposadr[joint_id(name)]] += value
     free = [] if not robot.floating else np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE).tolist()
     lacking = [f"joint {name!r}" for name, row in zip(robot.joint_names, rows, strict=True) if row < 0]
     lacking += ["free joint"] * (robot.floating and not free)
     if lacking:
         remedy = "give a model of the same robot, its joints called alike"
-        raise InputError(f"has no {lacking[0]} of robot {robot.name!r}", source=source, remedy=remedy)
+        raise InputError(f"has no {lacking[0]} of robot {robot.name!r}", source="MuJoCo model", remedy=remedy)
     q, v = [model.jnt_qposadr[row] for row in rows], [model.jnt_dofadr[row] for row in rows]
     if free:
         base = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, robot.base_link)

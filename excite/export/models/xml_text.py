@@ -35,10 +35,10 @@ class XmlText:
         self._read: dict[ElementTree.Element, tuple[int, dict[str, str]]] = {}
         builder, parser = ElementTree.TreeBuilder(), expat.ParserCreate()
 
-        def opened(tag: str, attributes: dict[str, str]) -> None:
+        def note_element(tag: str, attributes: dict[str, str]) -> None:
             self._read[builder.start(tag, attributes)] = parser.CurrentByteIndex, dict(attributes)
 
-        parser.StartElementHandler = opened
+        parser.StartElementHandler = note_element
         parser.EndElementHandler = builder.end
         parser.Parse(content, True)
         self.root: ElementTree.Element = builder.close()

@@ -109,7 +109,7 @@ def listed_rows(n_params: int, entries: Iterable[Entry], n_equal: int = 0) -> Li
     return LinearConstraints(matrix, bound, tuple(label for _, _, label in listed), n_equal)
 
 
-def between(factors: Mapping[int, float], low: float, high: float, label: str) -> tuple[Entry, Entry]:
+def bound_between(factors: Mapping[int, float], low: float, high: float, label: str) -> tuple[Entry, Entry]:
     """Entries of ``low ≤ factors · θ ≤ high``."""
     return (factors, low, label), ({column: -factor for column, factor in factors.items()}, -high, label)
 
@@ -364,14 +364,14 @@ def stated_bounds(
                 # A mass has no such part.
                 part = max(place - 4, 0)
                 reach = (least[part], greatest[part]) if place else (0.0, 0.0)
-                entries += between({column: 1.0}, low + reach[0], high + reach[1], label)
+                entries += bound_between({column: 1.0}, low + reach[0], high + reach[1], label)
     names = problem.parameter_names
     for name, pair in known.drives.items():
         if name in names:
-            entries += between({names.index(name): 1.0}, *pair, f"stated:{name}")
+            entries += bound_between({names.index(name): 1.0}, *pair, f"stated:{name}")
     if known.total_mass is not None:
         total = dict.fromkeys(range(0, problem.n_inertial, 10), 1.0)
-        entries += between(total, *known.total_mass, "stated:total_mass")
+        entries += bound_between(total, *known.total_mass, "stated:total_mass")
     return listed_rows(problem.n_params, entries)
 
 
@@ -445,7 +445,7 @@ def symmetric_pairs(
         for axis, (middle, size) in enumerate(zip(nominal, sizes, strict=True)):
             factors = {10 * index + k: -float(mirror[axis, k]) for k in range(4)}
             factors[10 * other + axis] = factors.get(10 * other + axis, 0.0) + 1.0
-            pair = between(factors, middle - tolerance * size, middle + tolerance * size, label)
+            pair = bound_between(factors, middle - tolerance * size, middle + tolerance * size, label)
             entries += pair if tolerance > 0.0 else pair[:1]
     return listed_rows(problem.n_params, entries, len(entries) if tolerance == 0.0 else 0)
 

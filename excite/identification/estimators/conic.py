@@ -44,7 +44,7 @@ from excite.identification.estimators.estimator import (
     checked_estimate,
     no_solution,
 )
-from excite.identification.estimators.scaled_problem import Ridge, pullback_metric, ridge
+from excite.identification.estimators.scaled_problem import Ridge, build_ridge, pullback_metric
 from excite.identification.estimators.settings import (
     BodySettings,
     EstimatorSettings,
@@ -54,7 +54,7 @@ from excite.identification.estimators.settings import (
     SymmetrySettings,
     stated,
 )
-from excite.identification.inertia import pseudo_inertia_matrices
+from excite.identification.inertia import ROUNDING, pseudo_inertia_matrices
 from excite.identification.physical.cone_program import solve_clarabel
 from excite.identification.physical.default_bounds import bound_rows, default_bounds
 from excite.identification.problem import IdentificationProblem
@@ -242,8 +242,6 @@ def conic_distance(problem: ConicProblem, answer: ConicAnswer) -> float:
 
 # From an objective, constraints and a conic solver to an estimate that has been checked.
 
-# What rounding may leave of a pseudo-inertia that must be positive semidefinite (kg, kg·m, kg·m²).
-EIGENVALUE_TOLERANCE = 1e-9
 _RAY = 1e-6
 
 
@@ -264,7 +262,7 @@ class Program:
     total_mass: float | None = None
 
 
-def _program(
+def _make_program(
     problem: IdentificationProblem,
     objective: Ridge,
     parts: list[LinearConstraints],
@@ -356,7 +354,7 @@ def consistent_or_raised(best: Estimate) -> Estimate:
     least = np.linalg.eigvalsh(pseudo_inertia_matrices(best.parameters[: best.regression.problem.n_inertial]))
     moving = np.ones(len(least), dtype=bool)
     moving[list(best.regression.problem.unmeasured)] = False
-    if least[moving, 0].min(initial=0.0) < -EIGENVALUE_TOLERANCE:
+    if least[moving, 0].min(initial=0.0) < -ROUNDING:
         raise no_solution(SolveStatus.VIOLATED, replace(best, status=SolveStatus.VIOLATED))
     return best
 
@@ -437,7 +435,7 @@ class Adaptive(ConicEstimator[AdaptiveSettings]):
             prior_spread=settings.prior_spread, segment_spread=settings.segment_spread, alpha=alpha
         )
         cones = (pseudo_inertia_cones(problem, settings.inertia_floor),)
-        return _program(problem, ridge(rows, pull), [], cones, known_total_mass(rows, settings))
+        return _make_program(problem, build_ridge(rows, pull), [], cones, known_total_mass(rows, settings))
 
 
 # Physically feasible inertias within bounds of mass and first moment (CLS-2 of Golluccio et al. 2020).
@@ -471,8 +469,8 @@ class PhysicallyFeasible(ConicEstimator[Cls2Settings]):
         """See :meth:`ConicEstimator.program`."""
         problem = rows.problem
         parts = [non_negative_masses(problem), bound_rows(rows, settings, MASS_AND_FIRST_MOMENT)]
-        return _program(
-            problem, ridge(rows, settings), parts, (feasibility_cones(problem, settings.inertia_floor),)
+        return _make_program(
+            problem, build_ridge(rows, settings), parts, (feasibility_cones(problem, settings.inertia_floor),)
         )
 
 
@@ -534,7 +532,9 @@ class DensityRealisable(ConicEstimator[Cls3Settings]):
         if settings.bounds is not None:
             parts.append(stated_bounds(problem, settings.bounds, default_bounds(problem.robot, settings)))
         cones = (pseudo_inertia_cones(problem, settings.inertia_floor), com_in_ellipsoids(problem, centers))
-        return _program(problem, ridge(rows, settings), parts, cones, known_total_mass(rows, settings))
+        return _make_program(
+            problem, build_ridge(rows, settings), parts, cones, known_total_mass(rows, settings)
+        )
 
 
 # The constrained quadratic program of eq. (4), Jovic et al., Humanoids 2015.
@@ -571,7 +571,9 @@ class QuadraticProgram(ConicEstimator[QpSettings]):
         problem = rows.problem
         parts = [model_constraints(problem, settings)]
         cones = (inertia_cones(problem, settings.inertia_floor),)
-        return _program(problem, ridge(rows, settings), parts, cones, known_total_mass(rows, settings))
+        return _make_program(
+            problem, build_ridge(rows, settings), parts, cones, known_total_mass(rows, settings)
+        )
 
 
 # Physically consistent parameters: every pseudo-inertia positive definite, as a cone program.
@@ -618,6 +620,6 @@ class PhysicallyConsistent(ConicEstimator[LmiSettings]):
             metric = pullback_metric(problem, spreads, prior_std(problem, spreads))
         parts = [model_constraints(problem, settings)]
         cones = (pseudo_inertia_cones(problem, settings.inertia_floor),)
-        return _program(
-            problem, ridge(rows, settings, metric), parts, cones, known_total_mass(rows, settings)
+        return _make_program(
+            problem, build_ridge(rows, settings, metric), parts, cones, known_total_mass(rows, settings)
         )

@@ -190,7 +190,7 @@ def no_solution(status: SolveStatus, best: Estimate) -> NoSolutionError:
 # first stretch meets them too, and the objective falls along it.
 
 _HALVINGS = 50
-_FEASIBLE = 1e-8
+FEASIBLE = 1e-8
 
 
 def best_feasible(
@@ -210,7 +210,7 @@ def best_feasible(
     Returns:
         ``(n,)``; None where no start is feasible.
     """
-    found = [start for start in starts if violation(start) <= _FEASIBLE]
+    found = [start for start in starts if violation(start) <= FEASIBLE]
     usable = [goal for goal in goals if np.isfinite(goal).all()]
     reached = [_furthest_feasible(start, goal, violation) for start in found for goal in usable]
     return min([*found, *reached], key=cost, default=None)
@@ -218,12 +218,12 @@ def best_feasible(
 
 def _furthest_feasible(start: Array, goal: Array, violation: Callable[[Array], float]) -> Array:
     """The last point from ``start`` to ``goal`` that does not violate."""
-    if violation(goal) <= _FEASIBLE:
+    if violation(goal) <= FEASIBLE:
         return goal
     low, high = 0.0, 1.0
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
-        if violation(start + middle * (goal - start)) <= _FEASIBLE:
+        if violation(start + middle * (goal - start)) <= FEASIBLE:
             low = middle
         else:
             high = middle
@@ -277,14 +277,14 @@ def best_known(
         An estimate with status NOT_OPTIMAL, or INFEASIBLE where no point is known.
     """
 
-    def worst(z: Array) -> float:
+    def worst_violation(z: Array) -> float:
         return max(violations(z).values(), default=0.0)
 
-    def cost(z: Array) -> float:
+    def distance_to_target(z: Array) -> float:
         return float(np.linalg.norm(z - objective.target))
 
     starts = [objective.coordinates(model) for model in plain_models(rows.problem, linear)]
-    z = best_feasible(starts, [objective.target, *goals], worst, cost)
+    z = best_feasible(starts, [objective.target, *goals], worst_violation, distance_to_target)
     status = SolveStatus.INFEASIBLE if z is None else SolveStatus.NOT_OPTIMAL
     z = objective.target if z is None else z
     return estimate_at(method, rows, objective.parameters(z), status, violations(z))

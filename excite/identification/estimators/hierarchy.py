@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.identification.constraints.linear import LinearConstraints, stack_constraints, unit_rows
-from excite.identification.estimators.estimator import SolveStatus
+from excite.identification.estimators.estimator import DISTANCE_TOLERANCE, FEASIBLE, SolveStatus
 from excite.identification.estimators.projection import (
     ProjectionAnswer,
     Projector,
@@ -26,13 +26,11 @@ from excite.identification.regression import row_space
 Mask = NDArray[np.bool_]
 
 # Rows have unit length on the scaled parameters: a violation is a share of a parameter's spread.
-_FEASIBLE = 1e-8
 _VIOLATED = 1e-7
 _ACTIVE = 1e-9
 _MAX_ROUNDS = 60
 # Accepted distance to a level's optimum, as a share of the distance that the constraints enforce.
 _DISTANCE = 1e-5
-_COARSE_DISTANCE = 1e-3
 
 
 def solve_hierarchy(
@@ -60,15 +58,15 @@ def solve_hierarchy(
     status = SolveStatus.SOLVED
     try:
         for level in levels:
-            slacks.append(_meet(state, level, projector))
-        fit_distance = _fit(state, matrix, measured, projector)
-        distance = _nearest(state, projector)
+            slacks.append(_meet_level(state, level, projector))
+        fit_distance = _fit_rows(state, matrix, measured, projector)
+        distance = _find_nearest(state, projector)
     except LevelFailed as failure:
         status = failure.status
     return HierarchyAnswer(state.x, status, tuple(slacks), fit_distance, distance)
 
 
-def _meet(state: HierarchyState, level: Level, projector: Projector) -> float:
+def _meet_level(state: HierarchyState, level: Level, projector: Projector) -> float:
     """Meet a level as well as the levels above allow; returns the norm of what is violated."""
     rows, n = level.constraints, len(state.x)
     for _ in range(_MAX_ROUNDS):
@@ -76,34 +74,34 @@ def _meet(state: HierarchyState, level: Level, projector: Projector) -> float:
         matrix = both.matrix @ state.basis
         bound = both.bound - both.matrix @ state.x
         length = np.linalg.norm(matrix, axis=1)
-        if np.abs(bound[length <= EMPTY]).max(initial=0.0) > _FEASIBLE and both.n_equal:
+        if np.abs(bound[length <= EMPTY]).max(initial=0.0) > FEASIBLE and both.n_equal:
             break
         listed = unit_rows(matrix, bound, n_equal=both.n_equal, least=EMPTY)
         answer = projector(np.zeros(matrix.shape[1]), listed)
-        if answer is None or not _finite(answer):
+        if answer is None or not _is_finite(answer):
             break
         x = state.x + state.basis @ answer.z
-        if both.violations(x).max(initial=0.0) > _FEASIBLE:
+        if both.violations(x).max(initial=0.0) > FEASIBLE:
             break
-        above, found = state.violated(x), _violated(level, x)
+        above, found = state.violated(x), _violated_rows(level, x)
         if not len(above.bound) and not len(found.bound):
             state.x = x
-            _keep(state, level, rows, np.arange(len(rows.bound)) < rows.n_equal)
+            _keep_level(state, level, rows, np.arange(len(rows.bound)) < rows.n_equal)
             return 0.0
         state.add(above)
         rows = stack_constraints([rows, found], n)
     return _least_violation(state, level, rows, projector)
 
 
-def _violated(level: Level, x: Array) -> LinearConstraints:
+def _violated_rows(level: Level, x: Array) -> LinearConstraints:
     return stack_constraints([], len(x)) if level.family is None else level.family.violated(x)
 
 
-def _finite(answer: ProjectionAnswer) -> bool:
+def _is_finite(answer: ProjectionAnswer) -> bool:
     return bool(np.isfinite(answer.z).all() and np.isfinite(answer.multipliers).all())
 
 
-def _keep(state: HierarchyState, level: Level, rows: LinearConstraints, pinned: Mask) -> None:
+def _keep_level(state: HierarchyState, level: Level, rows: LinearConstraints, pinned: Mask) -> None:
     """Keep what the present point reaches: pinned rows as equalities, the others as they are or better."""
     if level.family is not None:
         state.families.append(level.family)
@@ -129,7 +127,7 @@ def _least_violation(
         answer = semi_project(problem, u, projector)
         u = answer.n
         x = state.x + state.basis @ u
-        above, found = state.violated(x), _violated(level, x)
+        above, found = state.violated(x), _violated_rows(level, x)
         if len(above.bound) or len(found.bound):
             state.add(above)
             rows = stack_constraints([rows, found], len(x))
@@ -141,12 +139,12 @@ def _least_violation(
         state.pin(state.hard.only(load[e : e + h] > _ACTIVE))
         state.hard = state.hard.only(load[e : e + h] <= _ACTIVE)
         reached = float(np.linalg.norm(rows.violations(x)))
-        _keep(state, level, rows, np.concatenate([np.ones(e, dtype=bool), load[e + h :] > _ACTIVE]))
+        _keep_level(state, level, rows, np.concatenate([np.ones(e, dtype=bool), load[e + h :] > _ACTIVE]))
         return reached
     raise LevelFailed(SolveStatus.NOT_OPTIMAL)
 
 
-def _fit(state: HierarchyState, matrix: Array, measured: Array, projector: Projector) -> float:
+def _fit_rows(state: HierarchyState, matrix: Array, measured: Array, projector: Projector) -> float:
     """``min ‖matrix·x − measured‖²``; keeps the product that it reaches. Returns the distance bound."""
     seen = row_space(matrix @ state.basis)
     along, across = state.basis @ seen.inverse, state.basis @ seen.null
@@ -180,7 +178,7 @@ def _fit(state: HierarchyState, matrix: Array, measured: Array, projector: Proje
     return answer.distance
 
 
-def _nearest(state: HierarchyState, projector: Projector) -> float:
+def _find_nearest(state: HierarchyState, projector: Projector) -> float:
     """``min ‖x‖²`` in what is left; returns the distance bound."""
     target = -state.basis.T @ state.x
     for _ in range(_MAX_ROUNDS):
@@ -189,12 +187,12 @@ def _nearest(state: HierarchyState, projector: Projector) -> float:
         answer = projector(target, rows)
         if answer is None:
             raise LevelFailed(SolveStatus.INFEASIBLE)
-        if not _finite(answer):
+        if not _is_finite(answer):
             raise LevelFailed(SolveStatus.NOT_FINITE)
         if rows.violations(answer.z).max(initial=0.0) > _VIOLATED:
             raise LevelFailed(SolveStatus.VIOLATED)
         distance = distance_to_optimum(target, rows, answer)
-        if distance > _COARSE_DISTANCE * max(1.0, float(np.linalg.norm(answer.z - target))):
+        if distance > DISTANCE_TOLERANCE * max(1.0, float(np.linalg.norm(answer.z - target))):
             raise LevelFailed(SolveStatus.NOT_OPTIMAL)
         x = state.x + state.basis @ answer.z
         found = state.violated(x)

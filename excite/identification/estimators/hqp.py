@@ -14,8 +14,8 @@ from excite.arrays import Array
 from excite.identification.constraints.linear import (
     Entry,
     LinearConstraints,
-    between,
     body_constraints,
+    bound_between,
     known_total_mass,
     listed_rows,
     mirrored_segments,
@@ -62,7 +62,7 @@ def masses_in_range(problem: IdentificationProblem, shares: Array) -> LinearCons
     for k, segment in enumerate(problem.robot.segments):
         nominal, share = problem.prior[10 * k], shares[k]
         label = f"mass_range:{segment.link}"
-        entries += between({10 * k: 1.0}, (1.0 - share) * nominal, (1.0 + share) * nominal, label)
+        entries += bound_between({10 * k: 1.0}, (1.0 - share) * nominal, (1.0 + share) * nominal, label)
     return listed_rows(problem.n_params, entries)
 
 
@@ -202,10 +202,10 @@ class SphereRows:
                 continue
             order = np.flatnonzero(values[index] < self.epsilon - tolerance)
             order = order[np.argsort(values[index, order], kind="stable")][:_CANDIDATES]
-            chosen += [(index, k) for k in self._spread(order, _SPREAD, _CUTS_PER_SEGMENT)]
+            chosen += [(index, k) for k in self._pick_apart(order, _SPREAD, _CUTS_PER_SEGMENT)]
         return self.rows(chosen)
 
-    def _spread(self, order: NDArray[np.int64], cosine: float, most: int) -> list[int]:
+    def _pick_apart(self, order: NDArray[np.int64], cosine: float, most: int) -> list[int]:
         """The first vectors in an order that are no nearer to each other than a cosine."""
         kept: list[int] = []
         for k in order:
@@ -215,12 +215,11 @@ class SphereRows:
                 kept.append(int(k))
         return kept
 
-    def lifted(self, parameters: Array, share: float = 1.01) -> Array:
+    def lifted(self, parameters: Array) -> Array:
         """A copy in which every free inertia is raised by a multiple of the identity until the rows hold.
 
         Args:
             parameters: ``(n_params,)``, those of segments that the sensors do not see stay.
-            share: of ε that the rows then have.
 
         Returns:
             ``(n_params,)``.
@@ -228,7 +227,7 @@ class SphereRows:
         raised = parameters.copy()
         ten = raised[: self.problem.n_inertial].reshape(-1, 10)
         values = (ten[:, 4:] @ self.weights.T).min(axis=1)
-        lift = np.maximum(share * self.epsilon - values, 0.0)
+        lift = np.maximum(1.01 * self.epsilon - values, 0.0)
         lift[list(self.problem.unmeasured)] = 0.0
         ten[:, [4, 6, 9]] += lift[:, None]
         return raised
@@ -249,8 +248,7 @@ class SphereRows:
         )
 
 
-# Largest violation of a vector's row that is let pass, as a share of ε.
-_CUT_TOLERANCE = 1e-6
+# Largest violation that is let pass: of a vector's row as a share of ε, of others as a share of a spread.
 _VIOLATION = 1e-6
 
 
@@ -329,18 +327,18 @@ class HierarchicalProgram(Estimator[HqpSettings]):
         if levels and isinstance(levels[0].family, ScaledSphere):
             start = levels[0].family.start()
         answer = solve_hierarchy(levels, matrix, measured, self._projector or ActiveSetProjector(), start)
-        best = self._estimate(rows, settings, scaled, levels, answer)
+        best = self._recompute_estimate(rows, settings, scaled, levels, answer)
         if best.status is not SolveStatus.SOLVED:
             x = _best_known(rows, settings, scaled, levels, answer.x)
             status = best.status
             if x is not None:
-                best = self._estimate(rows, settings, scaled, levels, replace(answer, x=x))
+                best = self._recompute_estimate(rows, settings, scaled, levels, replace(answer, x=x))
                 # A point that meets level one refutes that there is none.
                 status = SolveStatus.NOT_OPTIMAL if status is SolveStatus.INFEASIBLE else status
             raise no_solution(status, replace(best, status=status))
         return best
 
-    def _estimate(
+    def _recompute_estimate(
         self,
         rows: Regression,
         settings: HqpSettings,
@@ -370,25 +368,28 @@ def _best_known(
 ) -> Array | None:
     """Of points that meet the first level the one that misses the second least, then fits best."""
     problem, family = rows.problem, levels[0].family if levels else None
-    models = plain_models(problem, _feasible(rows, settings))
+    models = plain_models(problem, _feasibility_rows(rows, settings))
     if isinstance(family, ScaledSphere):
         models = [family.sphere.lifted(model) for model in models]
 
-    def violation(point: Array) -> float:
+    def worst_violation(point: Array) -> float:
         worst = max(
             (float(level.constraints.violations(point).max(initial=0.0)) for level in levels[:1]), default=0
         )
         missed = family is not None and len(family.violated(point).bound)
         return np.inf if missed else worst
 
-    def cost(point: Array) -> tuple[float, ...]:
+    def level_costs(point: Array) -> tuple[float, ...]:
         lower = [float(np.linalg.norm(level.constraints.violations(point))) for level in levels[1:]]
         residual = problem.residual(scaled.parameters(point)) / rows.std[problem.channel]
         return (*lower, float(np.linalg.norm(residual)))
 
     free = least_squares(rows.factor, center=scaled.center, scales=scaled.scales)
     return best_feasible(
-        [scaled.coordinates(model) for model in models], [x, scaled.coordinates(free)], violation, cost
+        [scaled.coordinates(model) for model in models],
+        [x, scaled.coordinates(free)],
+        worst_violation,
+        level_costs,
     )
 
 
@@ -403,7 +404,7 @@ def _recomputed_status(levels: tuple[Level, ...], answer: HierarchyAnswer) -> So
     return SolveStatus.SOLVED
 
 
-def _feasible(rows: Regression, settings: HqpSettings) -> LinearConstraints:
+def _feasibility_rows(rows: Regression, settings: HqpSettings) -> LinearConstraints:
     """Eq. 8 to 11: masses not negative, total mass, boxes of the centres of mass."""
     problem = rows.problem
     parts = [total_mass(problem, known_total_mass(rows, settings)), body_constraints(problem, settings)]
@@ -414,7 +415,9 @@ def paper_levels(rows: Regression, settings: HqpSettings, scaled: Scaled) -> tup
     """The two constraint levels of eq. (7): eq. 8–14, and eq. 15 and 16."""
     problem = rows.problem
     sphere = SphereRows(problem, settings.sphere_epsilon, settings.sphere_subdivisions)
-    first = Level("feasible", scaled.constraints(_feasible(rows, settings)), ScaledSphere(sphere, scaled))
+    first = Level(
+        "feasible", scaled.constraints(_feasibility_rows(rows, settings)), ScaledSphere(sphere, scaled)
+    )
     parts = [masses_in_range(problem, settings.mass_ranges(problem.robot))]
     if settings.mirror is not None:
         parts.append(mirrored_pairs(problem, settings.mirror, settings.free_of_symmetry(problem.robot)))
@@ -441,7 +444,7 @@ class ScaledSphere:
 
     def violated(self, x: Array) -> LinearConstraints:
         """Some of the rows that ``x`` violates; none when all hold."""
-        tolerance = _CUT_TOLERANCE * self.sphere.epsilon + 1e-12
+        tolerance = _VIOLATION * self.sphere.epsilon + 1e-12
         return self.scaled.constraints(self.sphere.cuts(self.scaled.parameters(x), tolerance))
 
 

@@ -15,7 +15,7 @@ from excite.identification.estimators.estimator import (
     estimate_at,
     finite_or_raised,
 )
-from excite.identification.estimators.scaled_problem import ridge
+from excite.identification.estimators.scaled_problem import build_ridge
 from excite.identification.estimators.settings import EstimatorSettings, PullSettings
 from excite.identification.regression import (
     Regression,
@@ -92,7 +92,7 @@ class MaximumAPosteriori(Estimator[MapSettings]):
 
     def solve(self, rows: Regression, settings: MapSettings) -> Estimate:
         """See :meth:`Estimator.solve`."""
-        objective = ridge(rows, settings)
+        objective = build_ridge(rows, settings)
         nothing = stack_constraints([], len(objective.target))
         return finite_or_raised(checked_estimate(self.name, rows, objective, objective.target, 0.0, nothing))
 

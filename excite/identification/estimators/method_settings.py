@@ -33,7 +33,7 @@ def estimator_settings(method: str, **values: Any) -> EstimatorSettings:
     known = [item.name for item in fields(kind)]
     for name, value in values.items():
         if name not in known:
-            _refuse(name, value, method)
+            _refuse_setting(name, value, method)
     return kind(**values)
 
 
@@ -74,7 +74,7 @@ def _is_default(item: Field[Any], value: Any) -> bool:
     return bool(value == item.default) if item.default_factory is not dict else not value
 
 
-def _refuse(name: str, value: Any, method: str) -> NoReturn:
+def _refuse_setting(name: str, value: Any, method: str) -> NoReturn:
     able = methods_with(name)
     if not able:
         known = {item.name for kind in ESTIMATORS.values() for item in fields(kind.settings_class)}

@@ -16,8 +16,8 @@ from excite.identification.estimators.estimator import (
     no_solution,
 )
 from excite.identification.estimators.settings import EstimatorSettings, StatedBoundsSettings
-from excite.identification.inertia import NAMES, physical_parameters
-from excite.identification.physical.bounds import PhysicalBounds
+from excite.identification.inertia import NAMES, ROUNDING, physical_parameters
+from excite.identification.physical.bounds import AT_BOUND, PhysicalBounds
 from excite.identification.physical.default_bounds import default_bounds, tie_total_mass, with_drives
 from excite.identification.physical.feasible_set import FeasibleSet, base_objective, essential_objective
 from excite.identification.physical.retrieval import RetrievalSettings, retrieve_parameters
@@ -31,9 +31,6 @@ from excite.identification.regression import (
 from excite.identification.statistics import parameter_labels
 from excite.regressor.base_parameters import base_parameters
 
-_ROUNDING = 1e-9
-# A parameter is at its bound within this share of the interval.
-_AT_BOUND = 1e-6
 _UNITS = {
     "mass": "kg",
     "com": "m",
@@ -113,15 +110,15 @@ class PhysicalRetrieval(Estimator[PhysicalSettings]):
                 objective, allowed, allowed.coordinates(nominal, problem.prior[n:]), self._effort
             )
         except NoSolutionError as error:
-            raise self._contradiction(error, rows, allowed) from error
+            raise self._describe_contradiction(error, rows, allowed) from error
         parameters, certificate = found.parameters, found.certificate
-        violations = _violations(problem, allowed, parameters)
+        violations = _measure_violations(problem, allowed, parameters)
         noise = objective.floor / np.sqrt(max(problem.n_rows - len(objective.kept), 1))
         missing = np.sqrt(max(certificate.objective**2 - certificate.lower_bound**2, 0.0))
         best = replace(
             estimate_at(self.name, rows, parameters, SolveStatus.SOLVED, violations),
             distance=missing / noise if noise > 0.0 else 0.0,
-            active=_active(allowed, parameters[:n]),
+            active=_active_bounds(allowed, parameters[:n]),
             total_mass=settings.total_mass,
             certificate=certificate,
         )
@@ -131,7 +128,7 @@ class PhysicalRetrieval(Estimator[PhysicalSettings]):
             raise no_solution(SolveStatus.VIOLATED, replace(best, status=SolveStatus.VIOLATED))
         return best
 
-    def _contradiction(
+    def _describe_contradiction(
         self, error: NoSolutionError, rows: Regression, allowed: FeasibleSet
     ) -> NoSolutionError:
         """The error with the parameters that break the bounds least, and what they break."""
@@ -139,8 +136,8 @@ class PhysicalRetrieval(Estimator[PhysicalSettings]):
             return error
         problem = rows.problem
         parameters = allowed.standard(np.asarray(error.best))
-        violations = _violations(problem, allowed, parameters)
-        broken = {kind: value for kind, value in violations.items() if not value <= _ROUNDING}
+        violations = _measure_violations(problem, allowed, parameters)
+        broken = {kind: value for kind, value in violations.items() if not value <= ROUNDING}
         best = estimate_at(self.name, rows, parameters, SolveStatus.INFEASIBLE, violations)
         missed = ", ".join(f"{kind} by {value:.3g} {_UNITS[kind]}" for kind, value in broken.items())
         what = f"{error.what}: at best {missed or 'nothing is left'} outside"
@@ -161,17 +158,19 @@ class PhysicalRetrieval(Estimator[PhysicalSettings]):
         return tie_total_mass(self._bounds, settings.total_mass)
 
 
-def _violations(problem: IdentificationProblem, allowed: FeasibleSet, parameters: Array) -> dict[str, float]:
+def _measure_violations(
+    problem: IdentificationProblem, allowed: FeasibleSet, parameters: Array
+) -> dict[str, float]:
     n = problem.n_inertial
     drives = dict(zip(problem.parameter_names[n:], parameters[n:].tolist(), strict=True))
     return allowed.bounds.violations(physical_parameters(parameters[:n]), drives, allowed.free)
 
 
-def _active(allowed: FeasibleSet, inertial: Array) -> tuple[str, ...]:
+def _active_bounds(allowed: FeasibleSet, inertial: Array) -> tuple[str, ...]:
     """Parameters of free segments that lie at a bound."""
     lower, upper = allowed.bounds.lower, allowed.bounds.upper
     physical = physical_parameters(inertial)
-    near = np.minimum(physical - lower, upper - physical) <= _AT_BOUND * (upper - lower)
+    near = np.minimum(physical - lower, upper - physical) <= AT_BOUND * (upper - lower)
     return tuple(
         f"bounds:{allowed.bounds.links[k]}.{name}"
         for k in allowed.free

@@ -66,7 +66,7 @@ class ActiveSetProjector:
 
     def __call__(self, target: Array, constraints: LinearConstraints) -> ProjectionAnswer | None:
         """The point nearest to ``target`` that meets constraints; None where it finds none."""
-        if not self._continues(target, constraints):
+        if not self._continues_from(target, constraints):
             self._set = _ActiveSet(target)
         self._target, self._rows = target, constraints
         answer = self._set.project(constraints)
@@ -74,7 +74,7 @@ class ActiveSetProjector:
             self._target = None
         return answer
 
-    def _continues(self, target: Array, rows: LinearConstraints) -> bool:
+    def _continues_from(self, target: Array, rows: LinearConstraints) -> bool:
         known = len(self._rows.bound)
         return (
             self._target is not None
@@ -101,7 +101,7 @@ class _ActiveSet:
 
     def project(self, rows: LinearConstraints) -> ProjectionAnswer | None:
         for k in range(rows.n_equal):
-            if k not in self.active and not self._add(rows, k):
+            if k not in self.active and not self._add_row(rows, k):
                 return None
         limit = _STEPS_PER_ROW * (len(rows.bound) + 1)
         for _ in range(limit):
@@ -112,11 +112,11 @@ class _ActiveSet:
                 multipliers = np.zeros(len(rows.bound))
                 multipliers[self.active] = self.load * self.sign
                 return ProjectionAnswer(self.point.copy(), multipliers)
-            if not self._add(rows, worst):
+            if not self._add_row(rows, worst):
                 return None
         return None
 
-    def _add(self, rows: LinearConstraints, k: int) -> bool:
+    def _add_row(self, rows: LinearConstraints, k: int) -> bool:
         """Make a violated row hold, dropping rows that stand against it; False where nothing can."""
         slack = float(rows.matrix[k] @ self.point - rows.bound[k])
         # An equality that is exceeded is a row that is violated the other way.
@@ -147,11 +147,11 @@ class _ActiveSet:
                 self.point = self.point + step * across
                 missing -= step * height
             if full <= partial:
-                self._append(k, sign, across / np.sqrt(height), along, np.sqrt(height), gained)
+                self._append_row(k, sign, across / np.sqrt(height), along, np.sqrt(height), gained)
                 return True
-            self._drop(first)
+            self._drop_row(first)
 
-    def _append(self, k: int, sign: float, unit: Array, along: Array, height: float, load: float) -> None:
+    def _append_row(self, k: int, sign: float, unit: Array, along: Array, height: float, load: float) -> None:
         count = len(self.active)
         grown = np.zeros((count + 1, count + 1))
         grown[:count, :count] = self.r
@@ -161,7 +161,7 @@ class _ActiveSet:
         self.sign.append(sign)
         self.load = np.append(self.load, load)
 
-    def _drop(self, place: int) -> None:
+    def _drop_row(self, place: int) -> None:
         if len(self.active) == 1:
             self.q, self.r = self.q[:, :0], np.zeros((0, 0))
         else:

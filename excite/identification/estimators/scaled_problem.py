@@ -109,7 +109,7 @@ class Ridge:
         return Cones(cones.order, matrix / length[:, None, None], bound / length[:, None], cones.labels)
 
 
-def ridge(rows: Regression, settings: PullSettings, metric: Array | None = None) -> Ridge:
+def build_ridge(rows: Regression, settings: PullSettings, metric: Array | None = None) -> Ridge:
     """Build the objective from weighted rows; parameters of unmeasured segments are not free.
 
     Args:

@@ -166,7 +166,7 @@ def _empty_interval(name: str, low: float, high: float, source: str) -> InputErr
 Interval = tuple[float, float]
 
 # What rounding leaves at a bound, as share of the interval.
-_AT = 1e-6
+AT_BOUND = 1e-6
 
 
 @dataclass(frozen=True)
@@ -298,6 +298,6 @@ class KnownBounds:
         if self.total_mass is not None:
             stated["total_mass"], values["total_mass"] = self.total_mass, float(physical[:, 0].sum())
         found = [BoundReached(name, values[name], pair) for name, pair in stated.items()]
-        broken = sorted((item for item in found if item.inside < -_AT), key=lambda item: item.inside)
-        reached = tuple(item for item in found if abs(item.inside) <= _AT)
+        broken = sorted((item for item in found if item.inside < -AT_BOUND), key=lambda item: item.inside)
+        reached = tuple(item for item in found if abs(item.inside) <= AT_BOUND)
         return BoundsReport(self.source, len(found), reached, tuple(broken))

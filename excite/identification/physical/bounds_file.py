@@ -47,43 +47,45 @@ def load_bounds(path: str | Path, robot: Robot) -> KnownBounds:
     path, begin = Path(path), f"start it with schema: {SCHEMA}"
     document = read_yaml(path, remedy=begin)
 
-    def check(right: bool, field: str, what: str, remedy: str) -> None:
+    def refuse_unless(right: bool, field: str, what: str, remedy: str) -> None:
         if not right:
             raise InputError(what, source=path, field=field or None, remedy=remedy)
 
-    check(document.get("schema") == SCHEMA, "schema", "is not a bounds file", begin)
+    refuse_unless(document.get("schema") == SCHEMA, "schema", "is not a bounds file", begin)
     for key in document:
-        check(key in _FIELDS, str(key), "is unknown", f"choose {', '.join(_FIELDS)}")
+        refuse_unless(key in _FIELDS, str(key), "is unknown", f"choose {', '.join(_FIELDS)}")
     some = any(document.get(key) for key in _FIELDS[2:])
-    check(some, "", "bounds nothing", "give links, drives or total_mass")
+    refuse_unless(some, "", "bounds nothing", "give links, drives or total_mass")
     links = tuple(segment.link for segment in robot.segments)
     parameters: dict[str, Interval] = {}
     drives: dict[str, Interval] = {}
-    for field, name, value in _bound_entries(document, check):
-        pair = _read_pair(value, field, check)
+    for field, name, value in _bound_entries(document, refuse_unless):
+        pair = _read_pair(value, field, refuse_unless)
         link, _, kind = name.rpartition(".")
         inside, of_bodies = link in links, kind in NAMES
-        check(of_bodies or not inside, field, "is unknown", f"choose {', '.join(NAMES)}")
-        check(inside or not of_bodies, field, "is of no link of the robot", f"links are {', '.join(links)}")
+        refuse_unless(of_bodies or not inside, field, "is unknown", f"choose {', '.join(NAMES)}")
+        refuse_unless(
+            inside or not of_bodies, field, "is of no link of the robot", f"links are {', '.join(links)}"
+        )
         empty = inside and kind in _POSITIVE and pair[1] <= 0.0
         what = f"has bounds {value!r} and nothing positive between"
-        check(not empty, field, what, "masses and moments of inertia are positive")
+        refuse_unless(not empty, field, what, "masses and moments of inertia are positive")
         target = parameters if inside else drives
-        check(name not in target, field, "is bounded twice", "keep one of them")
+        refuse_unless(name not in target, field, "is bounded twice", "keep one of them")
         target[name] = pair
     total = document.get("total_mass")
     known = KnownBounds(
         parameters,
         drives,
-        None if total is None else _read_pair(total, "total_mass", check),
-        _read_rules(document.get("rules") or {}, links, check),
+        None if total is None else _read_pair(total, "total_mass", refuse_unless),
+        _read_rules(document.get("rules") or {}, links, refuse_unless),
         str(document.get("source", path)),
     )
     remedy = f"write TERM.JOINT with {' or '.join(DRIVE_TERMS)} and one of the joints {', '.join(robot.joint_names)}"
     for name in drives:
         term, _, joint = name.partition(".")
         right = term in DRIVE_TERMS and joint in robot.joint_names
-        check(right, name, "is no parameter of the robot", remedy)
+        refuse_unless(right, name, "is no parameter of the robot", remedy)
     return known
 
 

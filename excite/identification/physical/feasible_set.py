@@ -13,12 +13,12 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag, qr_delete, solve_triangular
+from scipy.linalg import block_diag
 
 from excite.arrays import Array
 from excite.errors import NoSolutionError
 from excite.identification.inertia import DIAGONAL, STEINER, second_moments
-from excite.identification.parameter_statistics import RSD_ABOVE
+from excite.identification.parameter_statistics import eliminate_parameters
 from excite.identification.physical.bounds import PhysicalBounds, least_density_moments
 from excite.identification.physical.cone_program import ConeProgram, solve_cone_program
 
@@ -280,43 +280,23 @@ def base_objective(triangle: Array, matrix: Array) -> TorqueObjective:
     )
 
 
-def essential_objective(
-    triangle: Array,
-    matrix: Array,
-    n_rows: int,
-    *,
-    value_below: float = VALUE_BELOW,
-    rsd_above: float = RSD_ABOVE,
-) -> TorqueObjective:
-    """``‖τ − Y_e π_e‖`` with the parameters left by the elimination at the end of section II.A.
-
-    At each round the least-squares parameters are found anew, and of those whose size is below
-    ``value_below`` and whose relative standard deviation of eq. (7) is above ``rsd_above`` percent the one of
-    greatest standard deviation relative to its size is cancelled.
+def essential_objective(triangle: Array, matrix: Array, n_rows: int) -> TorqueObjective:
+    """``‖τ − Y_e π_e‖`` with the parameters left by the elimination at the end of section II.A, rows white.
 
     Args:
         triangle: ``R`` of ``[Y_b τ] = Q R``, ``(n_base + 1, n_base + 1)``.
         matrix: base parameters as combinations of all parameters, ``(n_base, n_params)``.
         n_rows: number of rows of ``Y_b``.
-        value_below: [SI], 0.01 in the paper.
-        rsd_above: [%], 40 in the paper.
     """
     n = len(matrix)
-    kept, factor, rotated = np.arange(n), triangle[:n, :n], triangle[:n, n]
-    squares = float(triangle[n, n]) ** 2
-    while len(kept) > 1:
-        values = solve_triangular(factor, rotated)
-        inverse = solve_triangular(factor, np.eye(len(kept)))
-        variance = squares / max(n_rows - len(kept), 1)
-        std = np.sqrt(variance * np.einsum("ij,ij->i", inverse, inverse))
-        size = np.maximum(np.abs(values), 1e-300)
-        cancelled = (size < value_below) & (100.0 * std > rsd_above * size)
-        if not cancelled.any():
-            break
-        worst = int(np.argmax(np.where(cancelled, std / size, -1.0)))
-        kept = np.delete(kept, worst)
-        rotation, factor = qr_delete(np.eye(len(factor)), factor, worst, which="col")
-        rotated = rotation.T @ rotated
-        squares += float(rotated[-1]) ** 2
-        rotated, factor = rotated[:-1], factor[:-1]
-    return TorqueObjective(factor @ matrix[kept], rotated, float(np.sqrt(squares)), kept)
+    left = eliminate_parameters(
+        triangle[:n, :n],
+        triangle[:n, n],
+        np.full(n, VALUE_BELOW),
+        np.eye(n),
+        squares=float(triangle[n, n]) ** 2,
+        n_rows=n_rows,
+    )
+    return TorqueObjective(
+        left.factor @ matrix[left.kept], left.rotated, float(np.sqrt(left.squares)), left.kept
+    )

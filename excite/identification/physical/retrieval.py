@@ -89,7 +89,7 @@ class Relaxation:
         allowed, n_moments = self.allowed, 6 * len(self.allowed.free)
         lifted = self._lifted_scale()
         rows = np.pad(np.vstack([allowed.rows, allowed.box_rows(low, high)]), ((0, 0), (0, n_moments)))
-        rows = np.vstack([rows, self._products(low, high)])
+        rows = np.vstack([rows, self._product_rows(low, high)])
         density = np.pad(allowed.density, ((0, 0), (0, 0), (0, n_moments)))
         program = ConeProgram(
             matrix=self.objective.factor @ allowed.lift,
@@ -107,12 +107,12 @@ class Relaxation:
         x, moments = answer.z[: allowed.size], answer.z[allowed.size :]
         inside = allowed.inside(x)
         return Relaxed(
-            bound=self._bound(program, answer.z, answer.linear, answer.cones),
+            bound=self._bound_below(program, answer.z, answer.linear, answer.cones),
             x=inside,
             excess=(moments - allowed.moments(inside)).reshape(-1, 6),
         )
 
-    def _bound(self, program: ConeProgram, z: Array, linear: Array, cones: tuple[Array, ...]) -> float:
+    def _bound_below(self, program: ConeProgram, z: Array, linear: Array, cones: tuple[Array, ...]) -> float:
         """Lower bound from multipliers, whatever solver they came from.
 
         For every ``z`` that is allowed, ``½‖r‖² ≥ yᵀr − ½‖y‖²`` and the multipliers' terms are not negative:
@@ -123,7 +123,7 @@ class Relaxation:
         w = program.matrix.T @ y - program.rows.T @ linear
         for cone, dual in zip(program.cones, cones, strict=True):
             w -= np.einsum("ktn,kt->n", cone, dual)
-        low, high = self._corners()
+        low, high = self._find_corners()
         least = float(np.minimum(w * low, w * high).sum())
         half = float(linear @ program.bound - y @ program.target - 0.5 * y @ y) + least
         return float(np.sqrt(max(2.0 * half, 0.0) + self.objective.floor**2))
@@ -132,7 +132,7 @@ class Relaxation:
         inertia = self.allowed.scale[4 : self.allowed.n_body : 10]
         return np.concatenate([self.allowed.scale, np.repeat(inertia, 6)])
 
-    def _corners(self) -> tuple[Array, Array]:
+    def _find_corners(self) -> tuple[Array, Array]:
         """Lower and upper corner of a box around all allowed ``(x, H)``."""
         allowed = self.allowed
         low, high = allowed.bounds.lower[allowed.free], allowed.bounds.upper[allowed.free]
@@ -162,7 +162,7 @@ class Relaxation:
         local[:, 9, :1] = 1.0 / mass
         return self._on_segments(local)
 
-    def _products(self, low: Array, high: Array) -> Array:
+    def _product_rows(self, low: Array, high: Array) -> Array:
         """Products of the sides of the boxes, rows ``≥ 0`` of unit length in scaled units."""
         found = []
         for k, (p, q) in enumerate(zip(ROWS, COLUMNS, strict=True)):
@@ -278,7 +278,7 @@ class _Search:
         allowed, rng = self.problem.allowed, np.random.default_rng(self.settings.seed)
         ends = (allowed.bounds.lower, allowed.bounds.upper)
         boxes = [end[allowed.free, 1:4] for end in ends]
-        self._relax(boxes[0], boxes[1], self.problem.objective.floor)
+        self._relax_boxes(boxes[0], boxes[1], self.problem.objective.floor)
         for _ in range(self.settings.starts):
             if self.closed:
                 break
@@ -289,7 +289,7 @@ class _Search:
             start = allowed.nearest(allowed.coordinates(physical, drives))
             self.optima.append(descend_locally(self.problem, start))
         while self.open and not self.closed and self.relaxations < self.settings.nodes:
-            self._branch(heapq.heappop(self.open))
+            self._branch_node(heapq.heappop(self.open))
         best, bound = self.best, self.bound
         certificate = Certificate(
             objective=best.objective,
@@ -313,7 +313,7 @@ class _Search:
     def closed(self) -> bool:
         return self.bound >= (1.0 - self.settings.gap) * self.best.objective
 
-    def _relax(self, low: Array, high: Array, parent: float) -> None:
+    def _relax_boxes(self, low: Array, high: Array, parent: float) -> None:
         """Relax on boxes; keep what may hold something better, descend from what looks better."""
         self.relaxations += 1
         # Empty boxes or a solver that failed: the parent's bound holds for either.
@@ -333,7 +333,7 @@ class _Search:
         if bound < self.best.objective:
             heapq.heappush(self.open, _Node(bound, self.relaxations, low, high, relaxed))
 
-    def _branch(self, node: _Node) -> None:
+    def _branch_node(self, node: _Node) -> None:
         """Cut the box whose relaxation is least exact, near where the relaxed centre of mass lies."""
         doubt = np.abs(node.relaxed.excess) * self.effect
         # Second moments xx, xy, yy, xz, yz, zz depend on the box's sides x, y, z.
@@ -350,8 +350,8 @@ class _Search:
         cut = float(np.clip(middle, low + 0.2 * (high - low), high - 0.2 * (high - low)))
         lower, upper = node.low.copy(), node.high.copy()
         lower[segment, axis] = upper[segment, axis] = cut
-        self._relax(lower, node.high, node.bound)
-        self._relax(node.low, upper, node.bound)
+        self._relax_boxes(lower, node.high, node.bound)
+        self._relax_boxes(node.low, upper, node.bound)
 
 
 # Descent to a local optimum of the retrieval: Gauss-Newton steps over the feasible set (Levenberg 1944).
@@ -388,19 +388,19 @@ def descend_locally(problem: Relaxation, start: Array) -> LocalOptimum:
     lifted = objective.factor @ allowed.lift
     target = objective.target - objective.factor @ allowed.offset
 
-    def residual(x: Array) -> Array:
+    def torque_residual(x: Array) -> Array:
         return np.asarray(lifted @ np.concatenate([x, allowed.moments(x)]) - target)
 
-    def cost(x: Array) -> float:
-        rest, pull = residual(x), problem.weight * (x - problem.center)
+    def half_cost(x: Array) -> float:
+        rest, pull = torque_residual(x), problem.weight * (x - problem.center)
         return 0.5 * float(rest @ rest + pull @ pull)
 
     x, damping = start, 1e-2
-    best = cost(x)
+    best = half_cost(x)
     # What matters is the objective with its floor: changes far below it are of no interest.
     small = _GAIN * max(0.5 * objective.floor**2, 1e-9 * 0.5 * float(target @ target))
     for _ in range(_ITERATIONS):
-        rest, slope = residual(x), lifted @ _lift_derivative(allowed, x)
+        rest, slope = torque_residual(x), lifted @ _lift_derivative(allowed, x)
         gained = 0.0
         while damping < _LARGEST_DAMPING:
             pull = np.sqrt(problem.weight**2 + damping / allowed.scale**2)
@@ -409,7 +409,7 @@ def descend_locally(problem: Relaxation, start: Array) -> LocalOptimum:
             step, offset = trial - x, problem.weight * (trial - problem.center)
             ahead = rest + slope @ step
             predicted = best - 0.5 * float(ahead @ ahead + offset @ offset)
-            gained = best - cost(trial)
+            gained = best - half_cost(trial)
             if predicted < small or gained > 0.1 * predicted:
                 break
             damping *= 4.0

@@ -53,7 +53,7 @@ def draw_bars(bars: Bars) -> Figure:
     edge = float(10.0 ** np.ceil(np.log10(1.5 * max(finite.max(), 1.0)))) if bars.log else float(finite.max())
     ends = np.minimum(ends, edge)
 
-    def paint(figure: Figure) -> None:
+    def paint_bars(figure: Figure) -> None:
         axes = figure.subplots()
         if bars.log:
             axes.set(xscale="log", xlim=(start, edge))
@@ -80,4 +80,4 @@ def draw_bars(bars: Bars) -> Figure:
         handles, labels = axes.get_legend_handles_labels()
         figure.legend(handles, [shorten_name(label) for label in labels], loc="outside upper left", ncols=4)
 
-    return draw_figure(paint, height_in=0.9 + LINE_IN * len(rows))
+    return draw_figure(paint_bars, height_in=0.9 + LINE_IN * len(rows))

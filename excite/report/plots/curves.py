@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from excite.arrays import Array
 from excite.report.comparisons import ForceComparison
-from excite.report.html import data_island, inline_figure, interactive
+from excite.report.html import data_island, inline_figure, interactive_block
 from excite.report.replay.tracks import pack_table
-from excite.report.theme import IDENTIFIED, INK, NOMINAL, Role, draw_figure, shorten_name, to_svg
+from excite.report.theme import IDENTIFIED, INK, NOMINAL, Role, draw_figure, save_png, shorten_name, to_svg
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -118,14 +119,14 @@ def draw_panels(time: Array | None, panels: Sequence[Panel], *, row_in: float = 
     """
     rows = math.ceil(len(panels) / 2)
 
-    def paint(figure: Figure) -> None:
+    def paint_panels(figure: Figure) -> None:
         grid = figure.subplots(rows, 2, sharex=time is not None, squeeze=False).ravel()
         for axes in grid[len(panels) :]:
             axes.set_visible(False)
         for axes, panel in zip(grid, panels, strict=False):
             for line in panel.lines:
                 x = line.x if time is None else time
-                shown = _thinned(line.values)
+                shown = _thin_curve(line.values)
                 look = {"lw": 1.0, "ls": (0, (4, 2)) if line.dashed else "-", "label": line.label} | line.look
                 if line.role is not None:
                     look["color"] = line.role.light
@@ -142,7 +143,7 @@ def draw_panels(time: Array | None, panels: Sequence[Panel], *, row_in: float = 
         handles, labels = grid[0].get_legend_handles_labels()
         figure.legend(handles, map(shorten_name, labels), loc="outside upper left", ncols=6)
 
-    return draw_figure(paint, height_in=0.7 + row_in * rows)
+    return draw_figure(paint_panels, height_in=0.7 + row_in * rows)
 
 
 def show_panels(identifier: str, time: Array, panels: Sequence[Panel], description: str) -> str:
@@ -154,7 +155,7 @@ def show_panels(identifier: str, time: Array, panels: Sequence[Panel], descripti
         panels: at least one.
         description: what is to be seen, for readers who cannot see it.
     """
-    shown, name = _thinned(time), f"{identifier}-plots"
+    shown, name = _thin_curve(time), f"{identifier}-plots"
     drawn = [
         {
             "title": f"{panel.name} [{panel.unit}]",
@@ -171,8 +172,28 @@ def show_panels(identifier: str, time: Array, panels: Sequence[Panel], descripti
     spec = {"group": name, "time": pack_table(time[shown]), "panels": drawn}
     still = inline_figure(to_svg(draw_panels(time, panels), identifier, description))
     moving = f'<div class="moving plots" data-chart="{name}-data"></div>'
-    return interactive(moving, still, data_island(f"{name}-data", spec))
+    return interactive_block(moving, still, data_island(f"{name}-data", spec))
 
 
-def _thinned(values: Array) -> slice:
+def _thin_curve(values: Array) -> slice:
     return slice(None, None, max(1, math.ceil(len(values) / _MOST_POINTS)))
+
+
+# What drifts over the episodes of a data set: zeros, gains, delays and friction of each joint.
+
+_DRIFTS = {"zero": "zero", "gain": "gain", "lag_s": "delay [s]", "friction": "dry friction"}
+_DOTS = {"marker": ".", "ms": 3.0, "lw": 0.7}
+
+
+def save_drift(episodes: Sequence[Mapping[str, Any]], path: Path) -> Path:
+    """Write as PNG a panel a measure, a line a joint, over the episodes (``episodes`` of ``excite.doctor/1``)."""
+    ordered = sorted(
+        (one["measures"] | {"": one["episode"]} for one in episodes), key=lambda one: str(one[""])
+    )
+    joints = dict.fromkeys(joint for one in ordered for joint in one.get("zero", {}))
+    panels = []
+    for name, label in _DRIFTS.items():
+        values = {j: np.array([one.get(name, {}).get(j) for one in ordered], dtype=float) for j in joints}
+        lines = tuple(Line(joint, one, look=_DOTS) for joint, one in values.items())
+        panels.append(Panel(label, "", lines, axis="episode"))
+    return save_png(draw_panels(None, panels, row_in=2.2), path)

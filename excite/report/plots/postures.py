@@ -46,7 +46,7 @@ _OUTWARDS = np.column_stack([np.cos(_SIDES), np.sin(_SIDES)])
 _ROW_IN = 2.1
 
 
-def project(points: Array) -> Array:
+def project_points(points: Array) -> Array:
     """Picture coordinates ``(n, 2)`` of world points ``(n, 3)`` [m]."""
     return np.column_stack([points @ _RIGHT, points @ _UP])
 
@@ -118,16 +118,16 @@ def draw_posture(robot: Robot, q: Array, loaded: frozenset[str]) -> Picture:
     outlines = []
     for body in shape_bodies(robot):
         points = _place_points(data.oMi[body.joint], body.corners) - origin
-        seen = project(points)
+        seen = project_points(points)
         corners = hull_outline(seen)
         if len(corners) > 2:
             outlines.append((float(points.mean(axis=0) @ _TOWARDS), seen[corners]))
     outlines.sort(key=lambda item: item[0])
     return Picture(
         hulls=[outline for _, outline in outlines],
-        soles=[project(corners) for corners in soles.values()],
-        support=None if ground is None else project(ground[hull_outline(ground[:, :2])]),
-        com=None if mass is None else project(mass[None])[0],
+        soles=[project_points(corners) for corners in soles.values()],
+        support=None if ground is None else project_points(ground[hull_outline(ground[:, :2])]),
+        com=None if mass is None else project_points(mass[None])[0],
     )
 
 
@@ -186,14 +186,14 @@ def draw_snapshots(robot: Robot, motions: Sequence[Motion], n_postures: int = 7)
     width = 1.06 * (high[0] - low[0])
     ground = 0.0 if robot.floating else robot.description.collision.table_height or 0.0
     corners = 0.4 * width * np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
-    tile = project(np.column_stack([corners, np.full(4, ground)]))
+    tile = project_points(np.column_stack([corners, np.full(4, ground)]))
     low, high = np.minimum(low, tile.min(axis=0)), np.maximum(high, tile.max(axis=0))
     # Below the postures is room for a line.
     high = high + np.array([width * (n_postures - 1), 0.0])
     low = low - [0.0, 0.1 * (high[1] - low[1])]
     row_in = min(WIDTH_IN * (high[1] - low[1]) / (high[0] - low[0]), _ROW_IN) + LINE_IN
 
-    def paint(figure: Figure) -> None:
+    def paint_postures(figure: Figure) -> None:
         for axes, row, motion in zip(
             figure.subplots(len(rows), squeeze=False).flat, rows, motions, strict=True
         ):
@@ -207,4 +207,4 @@ def draw_snapshots(robot: Robot, motions: Sequence[Motion], n_postures: int = 7)
                 drawn.paint(axes, offset)
                 axes.text(offset[0], low[1], f"{time - motion.time[0]:.1f} s", color=MUTED.light, ha="center")
 
-    return draw_figure(paint, height_in=row_in * len(rows))
+    return draw_figure(paint_postures, height_in=row_in * len(rows))

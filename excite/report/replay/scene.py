@@ -79,20 +79,19 @@ def shape_bodies(robot: Robot) -> tuple[Body, ...]:
     return tuple(_place_body(s.link, s.joint, s.placement, *shape_triangles(s)) for s in shapes)
 
 
-def merge_corners(corners: Array, triangles: Triangles, cells: int = CELLS) -> tuple[Array, Triangles]:
+def merge_corners(corners: Array, triangles: Triangles) -> tuple[Array, Triangles]:
     """Fewer corners: those in one cell of a grid become their mean (Rossignac and Borrel 1993, section 4).
 
     Args:
         corners: ``(n, 3)`` [m].
         triangles: ``(m, 3)``.
-        cells: along the longest side.
 
     Returns:
         Corners and triangles; those that became lines or points are left out, and so are their doubles.
     """
-    size = max(float(np.ptp(corners, axis=0).max()), 1e-9) / cells
-    cell = np.minimum(((corners - corners.min(axis=0)) / size).astype(np.int64), cells - 1)
-    _, member = np.unique(cell @ [cells**2, cells, 1], return_inverse=True)
+    size = max(float(np.ptp(corners, axis=0).max()), 1e-9) / CELLS
+    cell = np.minimum(((corners - corners.min(axis=0)) / size).astype(np.int64), CELLS - 1)
+    _, member = np.unique(cell @ [CELLS**2, CELLS, 1], return_inverse=True)
     means = (
         np.column_stack([np.bincount(member, column) for column in corners.T]) / np.bincount(member)[:, None]
     )
@@ -292,7 +291,7 @@ def trial_track(
     if base is not None and robot.floating:
         rest[:, :7] = base[nearest]
 
-    def posed(positions: Array) -> Array:
+    def pose_robot(positions: Array) -> Array:
         """Configurations with the joints, and the base where it is among them, at their positions."""
         found = rest.copy()
         found[:, columns] = np.column_stack([np.interp(frames, time, positions[:, k]) for k in turning])
@@ -300,7 +299,7 @@ def trial_track(
             found[:, :7] = positions[nearest][:, [joints.index(one) for one in BASE_POSE]]
         return found
 
-    q, limits = posed(measured), joint_bounds(robot.limits.position_lower, robot.limits.position_upper)
+    q, limits = pose_robot(measured), joint_bounds(robot.limits.position_lower, robot.limits.position_upper)
     signal = {"title": "position", "unit": "rad", "from": first, "label": "measured", "limits": limits}
     content: dict[str, Any] = {
         "name": name,
@@ -310,7 +309,7 @@ def trial_track(
         "signals": [signal],
     }
     if ghost is not None:
-        label, other = ghost[0], posed(ghost[1])
+        label, other = ghost[0], pose_robot(ghost[1])
         content["ghost"] = {"label": label, "q": pack_table(other)}
         if (other[:, first:] != q[:, first:]).any():
             # Where the base alone departs, joints have nothing to compare.

@@ -278,16 +278,16 @@ def pack_table(values: Array) -> dict[str, Any]:
     )
     step = (high - low) / _STEPS
     scaled = np.divide(table - low, step, out=np.zeros_like(table), where=known & (step > 0.0))
-    return _pack(np.where(known, np.rint(scaled), _UNKNOWN), low, step)
+    return _pack_numbers(np.where(known, np.rint(scaled), _UNKNOWN), low, step)
 
 
 def packed_indices(values: NDArray[Any]) -> dict[str, Any]:
     """Whole numbers below 65536, ``(n, m)`` or ``(n,)``, kept as they are."""
     table = np.asarray(values).reshape(len(values), -1)
-    return _pack(table, np.zeros(table.shape[1]), np.ones(table.shape[1]))
+    return _pack_numbers(table, np.zeros(table.shape[1]), np.ones(table.shape[1]))
 
 
-def _pack(numbers: NDArray[Any], low: Array, step: Array) -> dict[str, Any]:
+def _pack_numbers(numbers: NDArray[Any], low: Array, step: Array) -> dict[str, Any]:
     # Column after column: neighbours in time are alike, neighbours in a row are not.
     # Level 6, for 9 takes half as long again to save 0.1 % of the motions' size.
     differences = np.diff(numbers.astype("<u2"), axis=0, prepend=np.zeros((1, len(low)), "<u2"))

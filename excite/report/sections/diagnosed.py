@@ -92,7 +92,7 @@ def _rollout_table(simulation: Document | None) -> str:
         return ""
     named = {"before": "before", "after": "after", "what noise alone makes": "floor"}
     rows = [
-        {"name": name} | {k: _scaled(simulation[k].get(name)) for k in named.values()}
+        {"name": name} | {k: _scale_value(simulation[k].get(name)) for k in named.values()}
         for name in simulation["before"]
     ]
     how = f"{simulation['horizon_s']:g} s, driven by {simulation['driven_by']}"
@@ -100,7 +100,7 @@ def _rollout_table(simulation: Document | None) -> str:
     return folded_content(f"Roll-outs of {how}: errors [mrad or mm]", table)
 
 
-def _scaled(value: float | None, times: float = 1e3) -> float | None:
+def _scale_value(value: float | None, times: float = 1e3) -> float | None:
     return None if value is None else times * value
 
 
@@ -188,8 +188,10 @@ def show_budget_by_channel(findings: Findings) -> Shown:
             "next to nothing here, so that gap and noise floor are other numbers than under Gap by channel, where each "
             f"instant counts. The {HELD}."
         ),
-        _note(named_beside_closed(named, found["gap"]["share_closed"], accepted=bool(found["effects"]))),
-        _note(left_elsewhere(gaps, weights, found["modelled"])),
+        _note_paragraph(
+            named_beside_closed(named, found["gap"]["share_closed"], accepted=bool(found["effects"]))
+        ),
+        _note_paragraph(left_elsewhere(gaps, weights, found["modelled"])),
         f'<p class="legend">{legend}</p>',
         *(block for name, block in blocks.items() if name not in small),
         folded_content(f"Joints with less than {100 * _SMALL:.0f} % of the whole gap", folded)
@@ -259,7 +261,7 @@ def _channel_sentence(name: str, channel: Document) -> str:
     return f"Of the gap at {channel_label(name)} ({gap} {channel['unit']} above {floor} noise), {listed}."
 
 
-def _note(said: str) -> str:
+def _note_paragraph(said: str) -> str:
     return html_paragraph(f"{said[0].upper()}{said[1:]}.", "note") if said else ""
 
 
@@ -303,7 +305,7 @@ def _verdict_tiles(found: Document) -> Iterator[str]:
         within = f"; 90 % interval {_interval_text(percent_text(x).removesuffix(' %') for x in bounds)} %"
         if None not in bounds and bounds[0] < _SURE * (gap["share_closed"] or 0.0):
             within += ": so much is closed on the trials that judge, which are too few or too short to say it of others"
-    of = "gap of the positions" if of_positions(_units(gap)) else "gap"
+    of = "gap of the positions" if of_positions(_channel_units(gap)) else "gap"
     yield key_figure(percent_text(gap["share_closed"]), f"of the {of} above the noise is closed{within}")
     if rollouts and rollouts["before"]:
         share, horizon = rollout_share(rollouts), f"{rollouts['horizon_s']:g} s"
@@ -313,7 +315,7 @@ def _verdict_tiles(found: Document) -> Iterator[str]:
         yield key_figure(percent_text(share), how)
 
 
-def _units(gap: Document) -> Iterator[str]:
+def _channel_units(gap: Document) -> Iterator[str]:
     return (item["unit"] for item in gap["per_channel"].values())
 
 
@@ -441,7 +443,7 @@ def show_effects(findings: Findings) -> Shown:
     return [
         "Evidence is a log-likelihood ratio over effective samples, less the price of the parameters and of the "
         "candidates tried: e to that power is by how much an effect is likelier than none. "
-        f"{closed_in_words(of_positions(_units(found['gap']))).capitalize()}."
+        f"{closed_in_words(of_positions(_channel_units(found['gap']))).capitalize()}."
         + ("" if found["effects"] else " None was accepted."),
         columns_table(rows, _EFFECTS),
         html_paragraph(f"Places that the record cannot tell apart: {', '.join(tied)}.") if tied else "",
@@ -508,7 +510,7 @@ def show_trivial(findings: Findings) -> Shown:
     rows = [
         item
         | {"unit": _ANGLES.get(item["unit"], str(item["unit"]))}
-        | {key: _scaled(item[key], 1e3 if item["unit"] in _ANGLES else 1.0) for key in shown}
+        | {key: _scale_value(item[key], 1e3 if item["unit"] in _ANGLES else 1.0) for key in shown}
         for item in named_rows(errors)
     ]
     columns: Columns = {"channel": lambda item: channel_label(item["name"]), "unit": "unit"}
@@ -516,7 +518,7 @@ def show_trivial(findings: Findings) -> Shown:
     return [
         _trivial_lead(found, "fir" in shown),
         columns_table(rows, {**columns, **{title: key for key, title in shown.items()}}),
-        *map(_note, said),
+        *map(_note_paragraph, said),
     ]
 
 

@@ -247,7 +247,7 @@ def plot_rsd(iterations: Sequence[Document], target_percent: float | None = None
         target_percent: drawn as a line where given [%].
     """
 
-    def paint(figure: Figure) -> None:
+    def paint_points(figure: Figure) -> None:
         axes, labels = figure.subplots(), []
         for x, step in enumerate(iterations):
             rsd, missed = step["rsd_percent"], set(step.get("not_met", ()))
@@ -281,7 +281,7 @@ def plot_rsd(iterations: Sequence[Document], target_percent: float | None = None
         unique = dict(zip(names, handles, strict=True))
         figure.legend(list(unique.values()), list(unique), loc="outside upper left", ncols=3)
 
-    return draw_figure(paint, height_in=3.6)
+    return draw_figure(paint_points, height_in=3.6)
 
 
 def show_certainty(findings: Findings) -> Shown:

@@ -109,12 +109,12 @@ def activity_table(robot: Robot, motions: Sequence[Motion]) -> str:
     """A row a joint, a column a motion: the fuller the colour, the nearer the joint comes to its speed limit."""
     peaks = [np.abs(motion.joint_velocities()).max(axis=0) / robot.limits.velocity for motion in motions]
 
-    def cell(share: float) -> Said:
+    def activity_cell(share: float) -> Said:
         """Below a hundredth of its speed limit a joint does not move."""
         return percent_cell(share, shaded=True) if share >= 0.01 else Said(share, "", 0.0)
 
     rows = [
-        (name.removesuffix("_joint"), *(cell(float(share)) for share in shares))
+        (name.removesuffix("_joint"), *(activity_cell(float(share)) for share in shares))
         for name, *shares in zip(robot.joint_names, *peaks, strict=True)
     ]
     return html_table(["joint", *(motion.name for motion in motions)], rows)

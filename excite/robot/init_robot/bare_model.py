@@ -108,7 +108,7 @@ class StandIn:
             return WithGeometry(self.robot("authored"), None, fault)
         return WithGeometry(robot, "either", fault, lacking)
 
-    def _rest(self) -> dict[str, float]:
+    def _rest_of_model(self) -> dict[str, float]:
         """The model's own posture, as far as its limits let it."""
         ends = {g.name: g.position or (-np.inf, np.inf) for g in self.free if g.name in self.posture}
         return {
@@ -134,7 +134,7 @@ class StandIn:
             "base": "fixed",
             "locked_joints": self.locked,
             **self.tied,
-            "posture": {"joints": self._rest() if self.tied else {}, "base_height": 0.0, **said},
+            "posture": {"joints": self._rest_of_model() if self.tied else {}, "base_height": 0.0, **said},
             "limits": {
                 "position": {
                     "joints": {g.name: (-np.pi, np.pi) for g in self.free if g.position is None},
@@ -337,10 +337,10 @@ def read_ties(
     """What blocks of a ``robot.yaml`` tie together in a URDF with these joints."""
     tree = LinkTree(joints)
 
-    def chain(end: Mapping[str, Any]) -> set[str]:
+    def chain_of(end: Mapping[str, Any]) -> set[str]:
         return {name for name in tree.above(end["link"]) if joints[name].get("type") in MOVING}
 
-    between = [chain(block["ends"][0]) ^ chain(block["ends"][1]) for block in loops]
+    between = [chain_of(block["ends"][0]) ^ chain_of(block["ends"][1]) for block in loops]
     return Ties(
         (
             *(("loops", block, frozenset(names)) for block, names in zip(loops, between, strict=True)),

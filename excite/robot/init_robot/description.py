@@ -133,20 +133,20 @@ def _description_content(
         "schema": "excite.robot/1",
         "name": path.stem[:MAX_NAME],
         "title": model.root.get("name", "") or path.stem,
-        "model": _filled(path=where, acknowledged=accepted, source=f"the file {path.name}"),
+        "model": _drop_empty(path=where, acknowledged=accepted, source=f"the file {path.name}"),
         "base": rest.base,
         "locked_joints": model.locked,
         **model.moving,
         "posture": {"joints": joints, "source": rest.source},
-        "limits": {"position": _filled(joints=wide, margin=model.margin, source=position), **limits},
+        "limits": {"position": _drop_empty(joints=wide, margin=model.margin, source=position), **limits},
         "feet": feet_block(rest),
         "sensors": sensors,
         "controller": controller,
         "drives": {"armature": {"joints": rotors, "source": "the model's armature"}} if rotors else {},
-        "segments": _filled(pairs=[list(pair) for pair in guess_pairs(robot)]),
+        "segments": _drop_empty(pairs=[list(pair) for pair in guess_pairs(robot)]),
         "collision": _collision_block(model, rest, ground),
     }
-    content = {**_filled(**content), "assumed": [one.to_json() for one in assumed]}
+    content = {**_drop_empty(**content), "assumed": [one.to_json() for one in assumed]}
     follow = {name for name, passive in zip(names, robot.passive, strict=True) if passive}
     drives = content.get("drives", {}).values()
     for block in (*limits.values(), sensors["noise_torque"], *controller.values(), *drives):
@@ -154,7 +154,7 @@ def _description_content(
     return content
 
 
-def _filled(**content: Any) -> dict[str, Any]:
+def _drop_empty(**content: Any) -> dict[str, Any]:
     """A block without what is empty in it."""
     return {name: value for name, value in content.items() if value not in ({}, [])}
 
@@ -167,7 +167,7 @@ def _collision_block(model: BareModel, rest: Rest, ground: float | None) -> dict
     near = [{"links": list(pair), "distance": distance} for pair, distance in rest.near.items()]
     below = [] if ground is None else links_below(figure.model, figure.shapes, rest.q, ground, block.margin)
     return {
-        **_filled(
+        **_drop_empty(
             geometry=model.geometry.kind or "authored",
             shapes=model.authored,
             stand_ins=list(block.stand_ins),
@@ -310,13 +310,13 @@ def limits_block(
         (
             "acceleration",
             acceleration,
-            f"{_spanned(acceleration.values())} rad/s² or m/s², 30 % of the torque limit on the largest inertia",
+            f"{_span_values(acceleration.values())} rad/s² or m/s², 30 % of the torque limit on the largest inertia",
             "motions may be slower than the robot allows, or faster than its maker does",
         ),
         (
             "jerk",
             chosen,
-            f"{_spanned(chosen)} rad/s³ or m/s³, full acceleration within 0.05 s",
+            f"{_span_values(chosen)} rad/s³ or m/s³, full acceleration within 0.05 s",
             "motions may start and turn softer than the robot has to, or harder than its maker lets it",
         ),
     )
@@ -332,7 +332,7 @@ def limits_block(
     return {name: {"joints": of, "source": source} for name, (of, source) in sources.items() if of}
 
 
-def _spanned(values: Collection[float]) -> str:
+def _span_values(values: Collection[float]) -> str:
     return span(f"{min(values, default=0.0):g}", f"{max(values, default=0.0):g}")
 
 

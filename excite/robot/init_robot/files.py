@@ -38,7 +38,7 @@ from excite.robot.urdf.limits import (
     joint_limits_beside,
     keep_stated_limits,
     read_limits_file,
-    tighten,
+    tighten_limits,
     with_tables,
 )
 from excite.robot.urdf.numbers import MOMENTS, add_element, read_numbers, write_origin
@@ -95,7 +95,7 @@ def write_scaffold(
         file, source = model_of_package(file, source)
     _check_absent(target, overwrite)
     ignored = () if source.srdf is None else read_srdf(source.srdf)
-    made = _limited(_make_urdf(file, source), file, source)
+    made = _apply_limits(_make_urdf(file, source), file, source)
     said = replace(made.said, ignored=(*made.said.ignored, *ignored))
     if made.text is None:
         here = None if absolute else folder
@@ -195,7 +195,7 @@ def convert_model(file: Path) -> ConvertedModel | None:
     return ConvertedModel(file.stem, None, convert_sdf(root, file)) if root.tag == "sdf" else None
 
 
-def _limited(made: _Made, file: Path, source: Source) -> _Made:
+def _apply_limits(made: _Made, file: Path, source: Source) -> _Made:
     """The URDF with the joint limits of a file of MoveIt's kind, stated or found beside the model, that are tighter."""
     files = joint_limits_beside(file) if source.limits is None else [source.limits]
     if not files:
@@ -207,7 +207,7 @@ def _limited(made: _Made, file: Path, source: Source) -> _Made:
     for one in files:
         found = read_limits_file(one, names, given=source.limits is not None)
         named = "/".join(one.parts[-3:] if source.limits is None else one.parts[-1:])
-        tightened[named] = with_tables(tighten(root, found.limits, file, one.name), found.tables)
+        tightened[named] = with_tables(tighten_limits(root, found.limits, file, one.name), found.tables)
         tables += found.tables
     if not any(tightened.values()):
         return made
@@ -271,7 +271,7 @@ def _expanded_root(
 ) -> ElementTree.Element:
     # In a process of its own: xacro evaluates what a file says as Python, which need not end.
     text = in_child(
-        f"{__name__}:_expand",
+        f"{__name__}:_expand_xacro",
         path,
         dict(arguments),
         package_path,
@@ -328,11 +328,11 @@ def _in_packages(name: str, package_path: tuple[Path, ...]) -> Path | None:
     return None
 
 
-def _expand(path: Path, arguments: Mapping[str, str], package_path: tuple[Path, ...]) -> str:
+def _expand_xacro(path: Path, arguments: Mapping[str, str], package_path: tuple[Path, ...]) -> str:
     import xacro
     from xacro import substitution_args
 
-    def find(package: str) -> str:
+    def find_package(package: str) -> str:
         place = package_folder(package, package_path, path.resolve().parents)
         if place is None:
             remedy = "give --package-path FOLDER, in which it or its clone lies"
@@ -340,7 +340,7 @@ def _expand(path: Path, arguments: Mapping[str, str], package_path: tuple[Path, 
         return str(place)
 
     # The child ends with this: nobody else's names are found so.
-    substitution_args._eval_find = find
+    substitution_args._eval_find = find_package
     try:
         return str(xacro.process_file(str(path), mappings=dict(arguments)).toxml())
     except Exception as error:
@@ -415,14 +415,14 @@ class _Conversion:
         self._old = tuple(int(part) for part in version.split(".")[:2] if part.isdigit()) <= (1, 4)
         for tag in ("model", "include"):
             if model.find(tag) is not None:
-                raise self._error(
+                raise self._error_at(
                     f"holds another model (<{tag}>)", "model", "give the file with that resolved"
                 )
         self._links = {link.get("name", ""): link for link in model.findall("link")}
         self._joints = {joint.get("name", ""): joint for joint in model.findall("joint")}
         self._frames = {frame.get("name", ""): frame for frame in model.findall("frame")}
-        self._parents = {name: _text(joint, "parent") for name, joint in self._joints.items()}
-        self._children = {name: _text(joint, "child") for name, joint in self._joints.items()}
+        self._parents = {name: _text_of(joint, "parent") for name, joint in self._joints.items()}
+        self._children = {name: _text_of(joint, "child") for name, joint in self._joints.items()}
         # A link's frame in URDF is its joint's.
         self._carriers = {self._carrying_link(child): name for name, child in self._children.items()}
 
@@ -436,10 +436,10 @@ class _Conversion:
             self._write_joint(robot, name, joint)
         return robot
 
-    def _error(self, what: str, field: str, remedy: str) -> RobotError:
+    def _error_at(self, what: str, field: str, remedy: str) -> RobotError:
         return robot_error(self._path, field, what, remedy)
 
-    def _numbers(self, element: Element | None, tag: str, n: int, default: str | None = None) -> Array:
+    def _read_numbers(self, element: Element | None, tag: str, n: int, default: str | None = None) -> Array:
         """Numbers in the text of an element below another one."""
         found = None if element is None else element.find(tag)
         text = default if found is None or found.text is None else found.text
@@ -450,36 +450,38 @@ class _Conversion:
         pose = element.find("pose")
         text = "" if pose is None or pose.text is None else pose.text.strip()
         if pose is not None and pose.get("rotation_format") == "quat_xyzw":
-            values = self._numbers(element, "pose", 7)
+            values = self._read_numbers(element, "pose", 7)
             quaternion = values[3:] / np.linalg.norm(values[3:])
             return pin.SE3(pin.Quaternion(quaternion).toRotationMatrix(), values[:3])
-        values = self._numbers(element, "pose", 6) if text else np.zeros(6)
+        values = self._read_numbers(element, "pose", 6) if text else np.zeros(6)
         degrees = pose is not None and pose.get("degrees") in {"true", "1"}
         return pin.SE3(pin.rpy.rpyToMatrix(*(np.radians(values[3:]) if degrees else values[3:])), values[:3])
 
-    def _pose(self, name: str, seen: tuple[str, ...] = ()) -> pin.SE3:
+    def _read_pose(self, name: str, seen: tuple[str, ...] = ()) -> pin.SE3:
         """Pose of a link, joint or frame in the model."""
         if name in {_MODEL, _WORLD}:
             return pin.SE3.Identity()
-        element, default = self._element(name)
+        element, default = self._find_element(name)
         pose = element.find("pose")
         base = default if pose is None else pose.get("relative_to") or pose.get("frame") or default
         if name in seen:
-            raise self._error("is relative to itself", f"frame {name!r}", "name another frame, relative_to")
-        return self._pose(base, (*seen, name)) * self._own_pose(element)
+            raise self._error_at(
+                "is relative to itself", f"frame {name!r}", "name another frame, relative_to"
+            )
+        return self._read_pose(base, (*seen, name)) * self._own_pose(element)
 
-    def _element(self, name: str) -> tuple[Element, str]:
+    def _find_element(self, name: str) -> tuple[Element, str]:
         if name in self._links:
             return self._links[name], _MODEL
         if name in self._joints:
             return self._joints[name], self._children[name]
         if name in self._frames:
             return self._frames[name], self._frames[name].get("attached_to") or _MODEL
-        raise self._error("is not in the model", f"frame {name!r}", "name a link, a joint or a frame")
+        raise self._error_at("is not in the model", f"frame {name!r}", "name a link, a joint or a frame")
 
     def _link_pose(self, name: str) -> pin.SE3:
         """Pose in the model of the frame that a link has in the URDF."""
-        return self._pose(self._carriers.get(name, name))
+        return self._read_pose(self._carriers.get(name, name))
 
     def _carrying_link(self, name: str) -> str:
         """The link that a joint's parent or child is, or is a frame of."""
@@ -488,21 +490,23 @@ class _Conversion:
             seen.add(name)
             name = self._frames[name].get("attached_to") or ""
         if name not in self._links and name != _WORLD:
-            raise self._error(
+            raise self._error_at(
                 "is no link of the model", f"link {name!r}", "name links, and frames attached to them"
             )
         return name
 
     def _write_link(self, out: Element, name: str, link: Element) -> None:
-        moved = self._link_pose(name).actInv(self._pose(name))
+        moved = self._link_pose(name).actInv(self._read_pose(name))
         inertial = link.find("inertial")
         holder = Element("inertial") if inertial is None else inertial
         written = SubElement(out, "inertial")
         write_origin(written, moved * self._own_pose(holder))
         # What is left out is 1 kg and 1 kg·m² about each axis.
-        add_element(written, "mass", value=self._numbers(holder, "mass", 1, "1"))
+        add_element(written, "mass", value=self._read_numbers(holder, "mass", 1, "1"))
         moments = holder.find("inertia")
-        values = {key: self._numbers(moments, key, 1, "1" if key[1] == key[2] else "0") for key in MOMENTS}
+        values = {
+            key: self._read_numbers(moments, key, 1, "1" if key[1] == key[2] else "0") for key in MOMENTS
+        }
         add_element(written, "inertia", **values)
         for kind in GEOMETRY:
             for shape in link.findall(kind):
@@ -517,11 +521,12 @@ class _Conversion:
         place = SubElement(written, "geometry")
         for solid in solids:
             sizes = {
-                key: self._numbers(solid, key, n, "1 1 1"[: 2 * n - 1]) for key, n, _ in LENGTHS[solid.tag]
+                key: self._read_numbers(solid, key, n, "1 1 1"[: 2 * n - 1])
+                for key, n, _ in LENGTHS[solid.tag]
             }
             added = add_element(place, solid.tag, **sizes)
             if solid.tag == "mesh":
-                uri = _text(solid, "uri").replace("model://", "package://", 1)
+                uri = _text_of(solid, "uri").replace("model://", "package://", 1)
                 file = self._path.resolve().parent / uri.removeprefix("file://")
                 added.set("filename", str(file) if "://" not in uri and file.is_file() else uri)
 
@@ -529,36 +534,37 @@ class _Conversion:
         kind = joint.get("type", "")
         if kind not in _KINDS:
             remedy = "replace it by joints of one coordinate (revolute, continuous, prismatic), or fix it"
-            raise self._error(f"is of type {kind!r}", f"joint {name!r}", remedy)
+            raise self._error_at(f"is of type {kind!r}", f"joint {name!r}", remedy)
         parent, child = self._carrying_link(self._parents[name]), self._carrying_link(self._children[name])
         written = SubElement(robot, "joint", name=name, type=kind)
         SubElement(written, "parent", link=parent)
         SubElement(written, "child", link=child)
         base = pin.SE3.Identity() if parent == _WORLD else self._link_pose(parent)
-        write_origin(written, base.actInv(self._pose(name)))
+        write_origin(written, base.actInv(self._read_pose(name)))
         if kind != "fixed":
             self._write_axis(written, name, joint)
 
     def _write_axis(self, written: Element, name: str, joint: Element) -> None:
         axis = joint.find("axis")
-        direction = self._numbers(axis, "xyz", 3, "0 0 1")
+        direction = self._read_numbers(axis, "xyz", 3, "0 0 1")
         add_element(written, "axis", xyz=self._axis_frame(name, axis).rotation.T @ direction)
         limit, dynamics, mimic = (joint.find(f"axis/{tag}") for tag in ("limit", "dynamics", "mimic"))
         ends = {
-            key: self._numbers(limit, key, 1, end) for key, end in {"lower": "-1e16", "upper": "1e16"}.items()
+            key: self._read_numbers(limit, key, 1, end)
+            for key, end in {"lower": "-1e16", "upper": "1e16"}.items()
         }
-        largest = {key: self._numbers(limit, key, 1, "-1") for key in ("effort", "velocity")}
+        largest = {key: self._read_numbers(limit, key, 1, "-1") for key in ("effort", "velocity")}
         known = {key: value for key, value in largest.items() if 0.0 <= value[0] < _UNLIMITED}
         limited = -_UNLIMITED < ends["lower"][0] and ends["upper"][0] < _UNLIMITED
         if not limited and written.get("type") == "revolute":
             written.set("type", "continuous")
         add_element(written, "limit", **(ends if limited else {}), **known)
         if dynamics is not None:
-            losses = {key: self._numbers(dynamics, key, 1, "0") for key in ("damping", "friction")}
+            losses = {key: self._read_numbers(dynamics, key, 1, "0") for key in ("damping", "friction")}
             add_element(written, "dynamics", **losses)
         if mimic is not None:
             factor, offset, reference = (
-                self._numbers(mimic, key, 1, "0") for key in ("multiplier", "offset", "reference")
+                self._read_numbers(mimic, key, 1, "0") for key in ("multiplier", "offset", "reference")
             )
             shift = offset - factor * reference
             add_element(written, "mimic", joint=mimic.get("joint", ""), multiplier=factor, offset=shift)
@@ -567,12 +573,16 @@ class _Conversion:
         """From the frame in which an axis is expressed to its joint's: that frame's axes are seen from the joint."""
         direction = None if axis is None else axis.find("xyz")
         expressed = None if direction is None else direction.get("expressed_in")
-        in_model = axis is not None and _text(axis, "use_parent_model_frame", "0") in {"1", "true"}
+        in_model = axis is not None and _text_of(axis, "use_parent_model_frame", "0") in {"1", "true"}
         if expressed is None and (in_model or self._old):
             expressed = _MODEL
-        return pin.SE3.Identity() if expressed is None else self._pose(expressed).actInv(self._pose(name))
+        return (
+            pin.SE3.Identity()
+            if expressed is None
+            else self._read_pose(expressed).actInv(self._read_pose(name))
+        )
 
 
-def _text(element: Element, tag: str, default: str = "") -> str:
+def _text_of(element: Element, tag: str, default: str = "") -> str:
     found = element.find(tag)
     return default if found is None or found.text is None else found.text.strip()

@@ -114,10 +114,10 @@ def mirror_names(link: str) -> list[str]:
     return names
 
 
-def joint_inertias(robot: Robot, rng: np.random.Generator, n_random: int = 50) -> Array:
-    """Largest inertia at each joint, all others held, over random postures, ``(n_joints,)`` [kg·m²]."""
+def joint_inertias(robot: Robot, rng: np.random.Generator) -> Array:
+    """Largest inertia at each joint, all others held, over fifty random postures, ``(n_joints,)`` [kg·m²]."""
     data, largest = robot.model.createData(), np.zeros(robot.n_joints)
-    for q in robot.draw_configurations(rng, n_random):
+    for q in robot.draw_configurations(rng, 50):
         whole = pin.crba(robot.model, data, q)
         inertia = whole.diagonal().copy()
         if robot.mechanism is not None:

@@ -17,7 +17,7 @@ from excite.robot.legs import Ankle, before_knee
 from excite.robot.links import link_placement
 from excite.robot.robot import Robot
 from excite.robot.shapes.collision import collision_shapes, lowest_points, whole_centre
-from excite.robot.shapes.shape import Shape, bottom, placed
+from excite.robot.shapes.shape import Shape, bottom_points, place_points
 
 # Which limbs of a bare model are legs, and where their feet touch the ground.
 
@@ -56,9 +56,9 @@ class Figure:
 
     def is_guessed(self, joints: list[int]) -> bool:
         """Whether all shapes on one of some joints stand in for others: none says where a sole is."""
-        return any(not self._known(joint) for joint in joints)
+        return any(not self._known_shapes(joint) for joint in joints)
 
-    def _known(self, joint: int) -> list[Shape]:
+    def _known_shapes(self, joint: int) -> list[Shape]:
         """Shapes on a joint that stand in for no others."""
         stand_ins = self.robot.description.collision.stand_ins
         return [shape for shape in self.shapes if shape.joint == joint and shape.link not in stand_ins]
@@ -97,7 +97,7 @@ class Figure:
             free: whether the model itself says that its base is free.
         """
         low = self.lowest(q)
-        ends = self._ends(low)
+        ends = self._end_joints(low)
         if not ends:
             return []
         top = max(float(self.data.oMi[s.joint].act(s.placement.translation)[2]) for s in self.shapes)
@@ -110,18 +110,18 @@ class Figure:
         for end in sorted((j for j in ends if low[j] < level), key=lambda j: (round(low[j], 6), j)):
             if not any(self._same_foot(end, other) for other in kept):
                 kept.append(end)
-        named = sorted(j for j in kept if self._called(j, _LEG))
-        if named or any(self._called(j, _ARM) for j in kept):
+        named = sorted(j for j in kept if self._is_called(j, _LEG))
+        if named or any(self._is_called(j, _ARM) for j in kept):
             return named
         return sorted(kept) if free or len(kept) >= 3 else []
 
     def has_folded_legs(self, q: Array) -> bool:
         """Whether the robot lies on its base with legs about it that are drawn flat: limbs from the root called so."""
-        ends = self._ends(self.lowest(q))
-        legs = [j for j in ends if self._called(j, _LEG) and not self._called(j, _ARM)]
+        ends = self._end_joints(self.lowest(q))
+        legs = [j for j in ends if self._is_called(j, _LEG) and not self._is_called(j, _ARM)]
         return len({self.chain(j)[0] for j in legs}) > 1
 
-    def _ends(self, low: dict[int, float]) -> list[int]:
+    def _end_joints(self, low: dict[int, float]) -> list[int]:
         """Joints at the ends of limbs of several joints that have shapes."""
         inner = set(self.model.parents)
         return [j for j in low if j and j not in inner and len(self.chain(j)) >= 2]
@@ -131,7 +131,7 @@ class Figure:
         # Limbs that part beyond a joint which moves less than this share of the robot's mass end in one foot or hand.
         return bool(common) and self.beyond[common[-1]] < 0.12 * self.beyond[0]
 
-    def _called(self, end: int, pattern: re.Pattern[str]) -> bool:
+    def _is_called(self, end: int, pattern: re.Pattern[str]) -> bool:
         names = [self.model.names[j] for j in self.chain(end)]
         names += [shape.link for shape in self.shapes if shape.joint == end]
         return any(pattern.search(name) for name in names)
@@ -144,20 +144,20 @@ class Figure:
         """
         pin.forwardKinematics(self.model, self.data, q)
         pose = self.data.oMi[joint]
-        own = self._known(joint)
-        best, largest = self._touch(own, pose), -1.0
+        own = self._known_shapes(joint)
+        best, largest = self._find_touch(own, pose), -1.0
         # Height and tilt of a sole take three joints, and its place two more.
         if len(self.chain(joint)) >= 5:
-            for turn in _face_turns(np.vstack([bottom(shape, pose) for shape in own])):
-                found = self._touch(own, turn * pose)
+            for turn in _face_turns(np.vstack([bottom_points(shape, pose) for shape in own])):
+                found = self._find_touch(own, turn * pose)
                 area = turn.rotation[2, 2] * sole_area(found.sole)
                 if area > largest + 1e-6:
                     best, largest = found, area
         return best
 
-    def _touch(self, own: list[Shape], pose: pin.SE3) -> FootGuess:
+    def _find_touch(self, own: list[Shape], pose: pin.SE3) -> FootGuess:
         """Contact of shapes on one joint that is at ``pose``."""
-        lows = [bottom(shape, pose) for shape in own]
+        lows = [bottom_points(shape, pose) for shape in own]
         shape, floor = min(
             ((shape, float(points[:, 2].min())) for shape, points in zip(own, lows, strict=True)),
             key=lambda one: one[1],
@@ -170,7 +170,7 @@ class Figure:
             # A wheel rolls as a ball does when its leg pitches. Tilted by 0.1 rad, one as wide as it is high would
             # touch lower by a twentieth of that.
             corners, ball = corners.mean(axis=0, keepdims=True), True
-        sole = placed(corners, (pose * placement).inverse())
+        sole = place_points(corners, (pose * placement).inverse())
         return FootGuess(shape.link, sole, shape.radius if ball else 0.0)
 
 
@@ -279,7 +279,7 @@ class Footing:
 
     def stand(self, start: Array, legs: list[int]) -> Standing | None:
         """Inverse kinematics from ``start``; a foot that is no sole touches elsewhere when it turns, so thrice."""
-        q, on = start, [self._leg(leg, self._foot(leg, start)) for leg in legs]
+        q, on = start, [self._leg_of(leg, self._find_foot(leg, start)) for leg in legs]
         limits, flat = self.figure.robot.limits, self.lower < self.upper
         low, high = (
             np.where(flat, 0.6 * end + 0.4 * inner, end)
@@ -292,22 +292,24 @@ class Footing:
             return None
         for _ in range(3):
             inside = np.clip(q, low + 1e-9, high - 1e-9)
-            q = least_squares(self._residual, inside, bounds=(low, high), args=(start, on), max_nfev=40).x
+            q = least_squares(
+                self._posture_residual, inside, bounds=(low, high), args=(start, on), max_nfev=40
+            ).x
             on = [
-                leg if len(leg.foot.sole) >= 3 else self._leg(leg.end, self.figure.foot(leg.end, q))
+                leg if len(leg.foot.sole) >= 3 else self._leg_of(leg.end, self.figure.foot(leg.end, q))
                 for leg in on
             ]
-        heights, tilts, offset = self._contacts(q, on)
+        heights, tilts, offset = self._contact_points(q, on)
         # Two millimetres and half a degree are below what soles and floors are flat to.
         level = np.ptp(heights) < 2e-3 and np.abs(tilts).max(initial=0.0) < 0.01
         feet = tuple(leg.foot for leg in on)
         return Standing(q, feet) if level and np.linalg.norm(offset) < 0.02 else None
 
-    def _leg(self, end: int, foot: FootGuess) -> _Leg:
-        middle = np.asarray(self._placement(foot).act(foot.sole.mean(axis=0)))
+    def _leg_of(self, end: int, foot: FootGuess) -> _Leg:
+        middle = np.asarray(self._foot_placement(foot).act(foot.sole.mean(axis=0)))
         return _Leg(end, foot, Ankle(self.figure.robot, end, middle))
 
-    def _foot(self, leg: int, start: Array) -> FootGuess:
+    def _find_foot(self, leg: int, start: Array) -> FootGuess:
         """The larger of the soles that face down at ``start`` and as drawn: a bent leg may point with its toes."""
         return max(
             (self.figure.foot(leg, q) for q in (start, self.drawn)), key=lambda foot: sole_area(foot.sole)
@@ -317,11 +319,11 @@ class Footing:
         """Corners of all soles seen from above, ``(n, 2)`` [m]."""
         self.figure.centre(stand.q)
         pairs = zip(legs, stand.feet, strict=True)
-        return np.vstack([self._sole(leg, foot) for leg, foot in pairs])[:, :2]
+        return np.vstack([self._sole_corners(leg, foot) for leg, foot in pairs])[:, :2]
 
-    def _sole(self, leg: int, foot: FootGuess) -> Array:
+    def _sole_corners(self, leg: int, foot: FootGuess) -> Array:
         """Corners of a sole where it is now, ``(n, 3)`` [m]."""
-        return placed(foot.sole, self.figure.data.oMi[leg] * self._placement(foot))
+        return place_points(foot.sole, self.figure.data.oMi[leg] * self._foot_placement(foot))
 
     def bend(self, stand: Standing, leg: int, foot: FootGuess) -> float:
         """Angle [rad] between thigh and shank, a leg's two longest parts in a row, seen along the joint between them; a
@@ -331,7 +333,7 @@ class Footing:
         pin.computeJointJacobians(figure.model, figure.data, stand.q)
         # From each joint of the leg to the next and from the last to the foot.
         ends = [figure.data.oMi[joint].translation for joint in figure.chain(leg)]
-        parts = np.diff([*ends, self._sole(leg, foot).mean(axis=0)], axis=0)
+        parts = np.diff([*ends, self._sole_corners(leg, foot).mean(axis=0)], axis=0)
         if len(parts) < 2:
             return np.inf
         k = before_knee(np.linalg.norm(parts, axis=1))
@@ -354,7 +356,7 @@ class Footing:
             return np.inf
         figure.centre(stand.q)
         pin.computeJointJacobians(figure.model, figure.data, stand.q)
-        tip = self._sole(leg, foot)[0]
+        tip = self._sole_corners(leg, foot)[0]
         turn = pin.getJointJacobian(figure.model, figure.data, leg, pin.LOCAL_WORLD_ALIGNED)
         lever = tip - figure.data.oMi[leg].translation
         linear = turn[:3] - pin.skew(lever) @ turn[3:]
@@ -362,13 +364,13 @@ class Footing:
         hip = figure.data.oMi[chain[0]].translation
         return float(slowest / max(np.linalg.norm(tip - hip), 1e-9))
 
-    def _contacts(self, q: Array, on: list[_Leg]) -> _Contacts:
+    def _contact_points(self, q: Array, on: list[_Leg]) -> _Contacts:
         figure = self.figure
         centre = figure.centre(q)
         load = figure.beyond[0] * float(np.linalg.norm(figure.model.gravity.linear)) / len(on)
         heights, tilts, middles = [], [], []
         for leg, foot, ankle in on:
-            corners = self._sole(leg, foot)
+            corners = self._sole_corners(leg, foot)
             middle = corners.mean(axis=0)
             middles.append(middle[:2])
             heights.append(corners[:, 2].mean())
@@ -380,12 +382,12 @@ class Footing:
                 tilts.append((corners[1] - corners[0])[2] / np.linalg.norm(corners[1] - corners[0]))
         return _Contacts(np.array(heights), np.array(tilts), centre[:2] - np.mean(middles, axis=0))
 
-    def _placement(self, foot: FootGuess) -> pin.SE3:
+    def _foot_placement(self, foot: FootGuess) -> pin.SE3:
         model = self.figure.model
         return model.frames[model.getFrameId(foot.link, pin.BODY)].placement
 
-    def _residual(self, q: Array, start: Array, on: list[_Leg]) -> Array:
-        heights, tilts, offset = self._contacts(q, on)
+    def _posture_residual(self, q: Array, start: Array, on: list[_Leg]) -> Array:
+        heights, tilts, offset = self._contact_points(q, on)
         return np.concatenate(
             [10.0 * (heights - heights.mean()), 3.0 * tilts, 3.0 * offset, 0.02 * (q - start)]
         )

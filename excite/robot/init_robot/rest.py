@@ -240,13 +240,13 @@ class Postures:
     def clear(self, ground: float | None) -> Array | None:
         """A posture near the wanted one without collision and above the ground that the drives can hold; one that
         strains them least where none can be held, None where all collide."""
-        tries = [self._parted(self.wanted, set()), self.wanted]
+        tries = [self._part_links(self.wanted, set()), self.wanted]
         for number in range(_TRIES):
             goal = self.rng.uniform(self.lower, self.upper)
             tries.append(self.wanted + (number + 1) / _TRIES * (goal - self.wanted))
         least: tuple[float, Array] | None = None
-        for q in (closed for near in tries if (closed := self._closed(near)) is not None):
-            eased = self._eased(q)
+        for q in (closed for near in tries if (closed := self._close_posture(near)) is not None):
+            eased = self._ease_posture(q)
             strain = self.strain(eased)
             if least is not None and strain >= least[0]:
                 continue
@@ -259,7 +259,7 @@ class Postures:
                 break
         return None if least is None else least[1]
 
-    def _closed(self, q: Array) -> Array | None:
+    def _close_posture(self, q: Array) -> Array | None:
         """A posture with what follows from others where it follows to, None out of reach or limits."""
         robot = self.figure.robot
         if robot.mechanism is None:
@@ -275,13 +275,13 @@ class Postures:
         """The largest torque that holds a posture, of what motions may use of it."""
         return float(np.abs(holding_torques(self.figure.robot, q[None]) / self.usable).max(initial=0.0))
 
-    def _eased(self, q: Array) -> Array:
+    def _ease_posture(self, q: Array) -> Array:
         """A posture near ``q`` that the drives can hold, as far as one is found downhill from it."""
         if self.strain(q) <= 1.0 or self.figure.robot.mechanism is not None:
             return q
         model, data = self.figure.model, self.figure.data
 
-        def excess(at: Array) -> tuple[float, Array]:
+        def torque_excess(at: Array) -> tuple[float, Array]:
             strain = pin.computeGeneralizedGravity(model, data, at) / self.usable
             # Share of the usable torque down to which a posture is eased: beside it there must be others that can be
             # held, too.
@@ -291,16 +291,16 @@ class Postures:
 
         bounds = list(zip(self.lower, self.upper, strict=True))
         start = np.clip(q, self.lower, self.upper)
-        return np.asarray(minimize(excess, start, jac=True, method="L-BFGS-B", bounds=bounds).x)
+        return np.asarray(minimize(torque_excess, start, jac=True, method="L-BFGS-B", bounds=bounds).x)
 
-    def _distances(self, q: Array) -> dict[tuple[str, str], float]:
+    def _link_distances(self, q: Array) -> dict[tuple[str, str], float]:
         """Distances of the links that have to keep one [m]."""
         found = zip(self.search.pairs, self.search.distances(self.search.posture(q)), strict=True)
         return {pair: float(distance) for pair, distance in found if pair not in self.ignored}
 
     def touching(self, q: Array, slack: float = 0.0) -> list[tuple[str, str]]:
         """Pairs of links closer than the margin and some slack [m], those left out that are ignored."""
-        return [pair for pair, distance in self._distances(q).items() if distance < self.margin + slack]
+        return [pair for pair, distance in self._link_distances(q).items() if distance < self.margin + slack]
 
     def _find_standing(self) -> Standing | None:
         """A posture with all feet on one plane, the centre of mass where they hold it, and nothing touching.
@@ -310,15 +310,15 @@ class Postures:
         """
         stances = Stances(self.figure, self.lower, self.upper, self.wanted)
         tried = self._try_stances(stances.bent(self.legs))
-        if not tried or self._least(self.footing.agility, self._best(tried).stand) < _AGILE:
+        if not tried or self._least_distance(self.footing.agility, self._choose_best(tried).stand) < _AGILE:
             tried += self._try_stances(stances.wide(self.legs))
         if not tried:
             return None
-        best, stated = self._best(tried), self.ignored
+        best, stated = self._choose_best(tried), self.ignored
         self.ignored = stated | self._of_hulls(tried)
         if self.touching(best.stand.q):
             # The same feet with arms and head out of the way, if that can be; else as far as it could.
-            found = self.footing.stand(self._parted(best.stand.q, self.of_legs), self.legs)
+            found = self.footing.stand(self._part_links(best.stand.q, self.of_legs), self.legs)
             if found is not None and len(self.touching(found.q)) < len(self.touching(best.stand.q)):
                 best = best._replace(stand=found)
         self.ignored = stated
@@ -332,15 +332,15 @@ class Postures:
             if found is None:
                 continue
             touching = frozenset(self.touching(found.q))
-            tried.append(_Tried(found, touching, self._least(self.footing.bend, found) >= _BEND))
-            if not touching and self._room(found) >= 1.0:
+            tried.append(_Tried(found, touching, self._least_distance(self.footing.bend, found) >= _BEND))
+            if not touching and self._room_left(found) >= 1.0:
                 break
         return tried
 
-    def _best(self, tried: list[_Tried]) -> _Tried:
+    def _choose_best(self, tried: list[_Tried]) -> _Tried:
         """The one with the most room, and with the fewest pairs that touch."""
         of_hulls = self._of_hulls(tried)
-        return max(tried, key=lambda one: self._room(one.stand, of_hulls) - len(one.touching - of_hulls))
+        return max(tried, key=lambda one: self._room_left(one.stand, of_hulls) - len(one.touching - of_hulls))
 
     def _of_hulls(self, tried: list[_Tried]) -> frozenset[tuple[str, str]]:
         """Pairs of links with only joints of legs between them that touch in every posture on bent legs."""
@@ -348,15 +348,15 @@ class Postures:
         common = frozenset.intersection(*bent) if bent else frozenset[tuple[str, str]]()
         return frozenset(pair for pair in common if set(self.search.joints_between(pair)) <= self.of_legs)
 
-    def _least(self, measure: Callable[[Standing, int, FootGuess], float], stand: Standing) -> float:
+    def _least_distance(self, measure: Callable[[Standing, int, FootGuess], float], stand: Standing) -> float:
         return min(measure(stand, leg, foot) for leg, foot in zip(self.legs, stand.feet, strict=True))
 
-    def _room(self, stand: Standing, apart_from: Collection[tuple[str, str]] = ()) -> float:
+    def _room_left(self, stand: Standing, apart_from: Collection[tuple[str, str]] = ()) -> float:
         """How much of the room that motions need is there, 0 … 1, some pairs of links left out."""
         q, limits = stand.q, self.figure.robot.limits
         joints = sorted(joint - 1 for joint in self.of_legs)
         to_limits = np.minimum(q - limits.position_lower, limits.position_upper - q)[joints]
-        apart = [one - self.margin for pair, one in self._distances(q).items() if pair not in apart_from]
+        apart = [one - self.margin for pair, one in self._link_distances(q).items() if pair not in apart_from]
         low = self.figure.lowest(q)
         ground = min(low[leg] for leg in self.legs) + self.margin
         above = [low[joint] - ground for joint in low if joint not in self.of_legs]
@@ -364,12 +364,12 @@ class Postures:
             float(to_limits.min(initial=_ROOM)) / _ROOM,
             min(apart, default=_APART) / _APART,
             min(above, default=_APART) / _APART,
-            self._least(self.footing.bend, stand) / _BEND,
-            self._least(self.footing.agility, stand) / _AGILE,
+            self._least_distance(self.footing.bend, stand) / _BEND,
+            self._least_distance(self.footing.agility, stand) / _AGILE,
         )
         return sum(min(max(share, 0.0), 1.0) for share in shares) / len(shares)
 
-    def _parted(self, q: Array, kept: set[int]) -> Array:
+    def _part_links(self, q: Array, kept: set[int]) -> Array:
         """Fewer links touching: pair by pair, joints between its links are drawn anew, but for those ``kept``."""
         touching = self.touching(q)
         for number in range(_TRIES):
@@ -414,18 +414,18 @@ class Stances:
     def bent(self, legs: list[int]) -> list[Array]:
         """In the order in which they are tried."""
         starts = [self.wanted] if np.any(self.wanted) else []
-        starts += [self._bent(legs, bend, wide) for wide in (0.0, 0.12) for bend in _BENDS]
+        starts += [self._bend_knees(legs, bend, wide) for wide in (0.0, 0.12) for bend in _BENDS]
         return [*starts, self.wanted]
 
     def wide(self, legs: list[int]) -> list[Array]:
         """More of them, for legs whose feet cannot follow in every direction from the others."""
-        return [self._sprawled(legs, bend) for bend in _BENDS if bend > 0.0]
+        return [self._sprawl_legs(legs, bend) for bend in _BENDS if bend > 0.0]
 
-    def _sprawled(self, legs: list[int], bend: float) -> Array:
+    def _sprawl_legs(self, legs: list[int], bend: float) -> Array:
         """The wanted posture with thighs out and shanks down."""
         q, data = self.wanted.copy(), self.figure.data
         for leg in legs:
-            pitch, signs = self._pitches(leg)
+            pitch, signs = self._pitch_joints(leg)
             reached = []
             for side in (1.0, -1.0) if len(pitch) > 1 else ():
                 tried = q.copy()
@@ -435,7 +435,7 @@ class Stances:
             q = max(reached, key=lambda one: one[0], default=(0.0, q))[1]
         return np.clip(q, self.lower, self.upper)
 
-    def _bent(self, legs: list[int], bend: float, wide: float) -> Array:
+    def _bend_knees(self, legs: list[int], bend: float, wide: float) -> Array:
         """The wanted posture with knees bent, each leg to the side that its limits allow, and hips turned out."""
         q = self.wanted.copy()
         for leg in legs:
@@ -443,7 +443,7 @@ class Stances:
             # The hip turns out and the ankle back, if joints for that are there.
             for joint, turn in zip((rolls[:1] + rolls[-1:])[: len(rolls)], (1.0, -1.0), strict=False):
                 q[joint] += turn * self.sides[leg] * wide * np.sign(self.axes[joint, 0])
-            pitch, signs = self._pitches(leg)
+            pitch, signs = self._pitch_joints(leg)
             if len(pitch) < 2:
                 continue
             pattern = bend * np.pad([1.0, -2.0, 1.0], (0, len(pitch)))[: len(pitch)] * signs
@@ -455,7 +455,7 @@ class Stances:
             q[pitch] = both[0 if lost[0] <= lost[1] + 1e-9 else 1][1]
         return np.clip(q, self.lower, self.upper)
 
-    def _pitches(self, leg: int) -> tuple[list[int], Array]:
+    def _pitch_joints(self, leg: int) -> tuple[list[int], Array]:
         """Joints of a leg that bend it, as indices, and which way each turns: most of its level axes are parallel."""
         level = {joint - 1: self.axes[joint - 1, :2] for joint in self.figure.chain(leg)}
         sizes = {joint: float(np.linalg.norm(axis)) for joint, axis in level.items()}

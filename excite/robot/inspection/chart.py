@@ -80,7 +80,7 @@ def examine_description(name_or_path: str | Path) -> RobotChart:
             try:
                 load_robot(path)
             except RobotError as error:
-                return RobotChart(chart.robot, worst_first((_refusal(error), *chart.findings)))
+                return RobotChart(chart.robot, worst_first((_refusal_finding(error), *chart.findings)))
         return chart
     place = TemporaryFolder()
     folder, urdf = place.path, path
@@ -92,7 +92,7 @@ def examine_description(name_or_path: str | Path) -> RobotChart:
             urdf = write_text(folder / f"{path.stem}.urdf", expand_xacro(path, {}, ()))
     except RobotError as error:
         return _inertials_alone(path, folder, error)
-    return _examined(path.stem, urdf)
+    return _examine_urdf(path.stem, urdf)
 
 
 def examine_model(robot: Robot) -> RobotChart:
@@ -107,7 +107,7 @@ def _of_description(description: RobotDescription, path: Path, *, thorough: bool
     stated = description.model.acknowledged.items()
     accepted = {link: reason for link, reason in stated if not reason.startswith(AS_IT_IS)}
     free, urdf = description.base in FREE_BASES, urdf_of(description, path)
-    return _examined(description.name, urdf, floating=free, acknowledged=accepted, thorough=thorough)
+    return _examine_urdf(description.name, urdf, floating=free, acknowledged=accepted, thorough=thorough)
 
 
 def _inertials_alone(path: Path, folder: Path, error: RobotError) -> RobotChart:
@@ -132,10 +132,10 @@ def _inertials_alone(path: Path, folder: Path, error: RobotError) -> RobotChart:
     found = (*robot.faults, *impossible_inertia(robot))
     if not found:
         raise error
-    return RobotChart(path.stem, worst_first(merge_findings((*found, _refusal(error)))))
+    return RobotChart(path.stem, worst_first(merge_findings((*found, _refusal_finding(error)))))
 
 
-def _examined(
+def _examine_urdf(
     name: str,
     urdf: Path,
     *,
@@ -151,7 +151,7 @@ def _examined(
     robot = DescribedRobot(root, urdf, thorough=thorough)
     ruled = [finding for rule in RULES for finding in rule(robot)]
     found = [*robot.faults, *ruled]
-    found += _refused(root, urdf, floating, {place for one in found for place in one.places})
+    found += _refused_rest(root, urdf, floating, {place for one in found for place in one.places})
     told = {(one.kind, place) for one in found for place in one.places}
     kept = []
     for one in found:
@@ -162,17 +162,17 @@ def _examined(
             one = replace(one, severity="note", remedy=reason)
         kept.append(one)
     merged = merge_findings(tuple(kept))
-    return RobotChart(name, worst_first(tuple(_shortened(one) for one in merged)))
+    return RobotChart(name, worst_first(tuple(_shorten_finding(one) for one in merged)))
 
 
-def _shortened(finding: Finding) -> Finding:
+def _shorten_finding(finding: Finding) -> Finding:
     """A finding of many links told of the first."""
     first, *others = finding.text.split("; ")
     text = f"{first}; the like of {count(len(others), 'other')}" if len(others) > 1 else finding.text
     return replace(finding, text=text)
 
 
-def _refused(root: Element, urdf: Path, floating: bool, named: set[str]) -> Iterator[Finding]:
+def _refused_rest(root: Element, urdf: Path, floating: bool, named: set[str]) -> Iterator[Finding]:
     """What the strict reader refuses that no rule has named."""
     try:
         prepare_urdf(root, urdf)
@@ -180,7 +180,7 @@ def _refused(root: Element, urdf: Path, floating: bool, named: set[str]) -> Iter
         faults = inertial_faults(root, joints, floating, urdf)
     except RobotError as error:
         if not any(f"'{name}'" in str(error.field) for name in named):
-            yield _refusal(error)
+            yield _refusal_finding(error)
         return
     for name, fault in faults.items():
         if name not in named:
@@ -189,7 +189,7 @@ def _refused(root: Element, urdf: Path, floating: bool, named: set[str]) -> Iter
             yield Finding("inertial", said, {}, (name,), "spoils", remedy=remedy)
 
 
-def _refusal(error: RobotError) -> Finding:
+def _refusal_finding(error: RobotError) -> Finding:
     field = str(error.field or "")
     said, place = f"{field} {error.what}".strip(), tuple(field.split("'")[1:2])
     return Finding("refused", said, {}, place, "spoils", remedy=error.remedy or "correct it")

@@ -22,7 +22,7 @@ from excite.finding import Finding
 from excite.robot.shapes.collision import turn_upright
 from excite.robot.shapes.link_shapes import solid_shape
 from excite.robot.shapes.mesh_files import read_meshes
-from excite.robot.shapes.shape import outline, placed
+from excite.robot.shapes.shape import outline_points, place_points
 from excite.robot.urdf.inertia import WEIGHTLESS, symmetric_matrix
 from excite.robot.urdf.numbers import MOMENTS, read_numbers
 from excite.robot.urdf.reading import absolute_meshes
@@ -162,14 +162,14 @@ class DescribedRobot:
         self._meshes: dict[Path, Array] = {}
         self._tried: set[str] = set()
         self.tree = LinkTree(self._joints)
-        self.joints = [self._joint(j) for j in self._joints.values() if j.get("type") in MOVING]
-        self.links = {name: self._link(name, e) for name, e in self._elements.items()}
+        self.joints = [self._read_joint(j) for j in self._joints.values() if j.get("type") in MOVING]
+        self.links = {name: self._read_link(name, e) for name, e in self._elements.items()}
 
-    def _say(self, kind: str, text: str, place: str, severity: Any, remedy: str | None) -> None:
+    def _say_finding(self, kind: str, text: str, place: str, severity: Any, remedy: str | None) -> None:
         if text not in {fault.text for fault in self.faults}:
             self.faults.append(Finding(kind, text, {}, (place,), severity, remedy=remedy or ""))
 
-    def _numbers(
+    def _read_numbers(
         self, element: Element | None, key: str, n: int, where: str, default: str | None
     ) -> Array | None:
         try:
@@ -177,55 +177,55 @@ class DescribedRobot:
             return np.array(read_numbers(holder, key, n, self.path, where, default=default))
         except RobotError as error:
             said = f"{str(error.field).partition('/')[2]} {error.what}"
-            self._say("bad_number", said, where.split("'")[1], "spoils", error.remedy)
+            self._say_finding("bad_number", said, where.split("'")[1], "spoils", error.remedy)
             return None
 
-    def _number(self, element: Element | None, key: str, where: str) -> float | None:
-        found = self._numbers(element, key, 1, where, None)
+    def _read_number(self, element: Element | None, key: str, where: str) -> float | None:
+        found = self._read_numbers(element, key, 1, where, None)
         return None if found is None else float(found[0])
 
-    def _joint(self, joint: Element) -> DescribedJoint:
+    def _read_joint(self, joint: Element) -> DescribedJoint:
         limit, name = joint.find("limit"), joint.get("name", "")
         keys = [
             key
             for key in ("lower", "upper", "effort", "velocity")
             if limit is not None and key in limit.keys()
         ]
-        stated = {key: self._number(limit, key, f"joint {name!r}/limit") for key in keys}
+        stated = {key: self._read_number(limit, key, f"joint {name!r}/limit") for key in keys}
         axis = joint.find("axis")
-        found = None if axis is None else self._numbers(axis, "xyz", 3, f"joint {name!r}/axis", None)
+        found = None if axis is None else self._read_numbers(axis, "xyz", 3, f"joint {name!r}/axis", None)
         direction = np.eye(3)[0] if found is None or not found.any() else found / np.linalg.norm(found)
         known: dict[str, float] = {key: value for key, value in stated.items() if value is not None}
         return DescribedJoint(name, str(joint.get("type")), link_at(joint, "child"), direction, known)
 
-    def _link(self, name: str, link: Element) -> DescribedLink:
+    def _read_link(self, name: str, link: Element) -> DescribedLink:
         head, body = name, ""
         pose: pin.SE3 | None = pin.SE3.Identity()
         for above in self.tree.above(name):
             joint = self._joints[above]
-            step = self._pose(joint.find("origin"), f"joint {above!r}/origin")
+            step = self._read_pose(joint.find("origin"), f"joint {above!r}/origin")
             pose = None if step is None or pose is None else step * pose
             body = body or (head if joint.get("type") != "fixed" else "")
             head = self.tree.ends[above][0]
         # A circle has no root.
         pose = None if head in self.tree.carriers else pose
-        return DescribedLink(name, pose, body or head, **self._inertial(name, link))
+        return DescribedLink(name, pose, body or head, **self._read_inertial(name, link))
 
-    def _pose(self, origin: Element | None, where: str) -> pin.SE3 | None:
-        xyz, rpy = (self._numbers(origin, key, 3, where, "0 0 0") for key in ("xyz", "rpy"))
+    def _read_pose(self, origin: Element | None, where: str) -> pin.SE3 | None:
+        xyz, rpy = (self._read_numbers(origin, key, 3, where, "0 0 0") for key in ("xyz", "rpy"))
         return None if xyz is None or rpy is None else pin.SE3(pin.rpy.rpyToMatrix(*rpy), xyz)
 
-    def _inertial(self, name: str, link: Element) -> dict[str, Any]:
+    def _read_inertial(self, name: str, link: Element) -> dict[str, Any]:
         """What a link states of its mass, as fields of :class:`DescribedLink`; nothing where it cannot be read."""
         where, written = f"link {name!r}/inertial", link.find("inertial/inertia")
         weight = link.find("inertial/mass")
         if weight is None:
             return {}
-        mass = self._number(weight, "value", f"{where}/mass")
-        pose = self._pose(link.find("inertial/origin"), f"{where}/origin")
+        mass = self._read_number(weight, "value", f"{where}/mass")
+        pose = self._read_pose(link.find("inertial/origin"), f"{where}/origin")
         if mass is None or pose is None or written is None:
             return {}
-        six = {key: self._number(written, key, f"{where}/inertia") for key in MOMENTS}
+        six = {key: self._read_number(written, key, f"{where}/inertia") for key in MOMENTS}
         if None in six.values():
             return {}
         steps = [_half_digit(written.get(key, "")) for key, value in six.items() if value]
@@ -252,8 +252,8 @@ class DescribedRobot:
 
     def own_hull(self, link: str) -> Solid | None:
         """Convex hull of a link's collision geometry, else, of a thorough view, of its looks; None without them."""
-        found = self._hull(link, "collision")
-        return self._hull(link, "visual") if found is None and self.thorough else found
+        found = self._hull_of(link, "collision")
+        return self._hull_of(link, "visual") if found is None and self.thorough else found
 
     def hulls(self, link: str) -> Iterable[Solid]:
         """Hulls that the link may be, each with more in it: its collision geometry, with its looks, its whole body's.
@@ -262,7 +262,7 @@ class DescribedRobot:
         forgives, a later one does too.
         """
         for kinds in (("collision",), ("collision", "visual"), ("collision", "visual", "body")):
-            found = self._hull(link, *kinds)
+            found = self._hull_of(link, *kinds)
             if found is not None:
                 yield found
             elif not self.thorough and len(kinds) == 1:
@@ -272,7 +272,7 @@ class DescribedRobot:
         """The first of :meth:`hulls`."""
         return next(iter(self.hulls(link)), None)
 
-    def _hull(self, link: str, *kinds: str) -> Solid | None:
+    def _hull_of(self, link: str, *kinds: str) -> Solid | None:
         """Convex hull of a link's geometry of some kinds, with ``body`` of all links of its rigid body."""
         if (link, *kinds) not in self._hulls:
             here, points = self.links[link], list[Array]()
@@ -286,35 +286,37 @@ class DescribedRobot:
                 ):
                     move = here.pose.actInv(other.pose)
                 for kind in kinds if move is not None else ():
-                    points += [placed(one, move) for one in self._points(other.name, kind)]
+                    points += [place_points(one, move) for one in self._points_of(other.name, kind)]
             self._hulls[(link, *kinds)] = hull_of(points)
         return self._hulls[(link, *kinds)]
 
-    def _points(self, link: str, kind: str) -> list[Array]:
+    def _points_of(self, link: str, kind: str) -> list[Array]:
         """Points around each solid of a kind, in the link's frame; without those that cannot be read."""
         if (link, kind) not in self._solids:
             found = self._solids[link, kind] = []
             for number, element in enumerate(self._elements[link].findall(kind)):
                 where = f"link {link!r}/{kind} {number}"
-                pose = self._pose(element.find("origin"), f"{where}/origin")
+                pose = self._read_pose(element.find("origin"), f"{where}/origin")
                 solid = next(element.iterfind("geometry/*"), None)
                 if pose is None or solid is None:
                     continue
-                corners = self._mesh(solid.get("filename", ""), link, kind) if solid.tag == "mesh" else None
+                corners = (
+                    self._mesh_corners(solid.get("filename", ""), link, kind) if solid.tag == "mesh" else None
+                )
                 if solid.tag == "mesh" and corners is None:
                     continue
                 try:
                     shape = solid_shape(solid, corners, self.path, where)
-                    found.append(placed(outline(shape), pose))
+                    found.append(place_points(outline_points(shape), pose))
                 except (RobotError, ValueError) as error:
                     said = error.what if isinstance(error, RobotError) else str(error)
                     # A sheet is no body, and says nothing of one.
                     if "plane" not in said:
                         remedy = getattr(error, "remedy", None) or "correct its geometry"
-                        self._say("bad_geometry", f"{where} {said}", link, "spoils", remedy)
+                        self._say_finding("bad_geometry", f"{where} {said}", link, "spoils", remedy)
         return self._solids[link, kind]
 
-    def _mesh(self, name: str, link: str, kind: str) -> Array | None:
+    def _mesh_corners(self, name: str, link: str, kind: str) -> Array | None:
         """Corners of a mesh, None of what is not there or damaged; with the first of a kind all that links need of it
         are read."""
         file = Path(name)
@@ -333,7 +335,7 @@ class DescribedRobot:
             points = read_meshes(owners, faults)
             for damaged, error in faults.items():
                 text = f"{damaged.name} {error.what}"
-                self._say("bad_mesh", text, owners[damaged], "limits", error.remedy)
+                self._say_finding("bad_mesh", text, owners[damaged], "limits", error.remedy)
             links = [self._elements[one] for one in dict.fromkeys(owners.values())]
             self._meshes |= dict.fromkeys(faults, np.zeros((0, 3))) | dict(turn_upright(links, kind, points))
         corners = self._meshes[file]

@@ -78,7 +78,7 @@ def _better_inertia(link: DescribedLink, solid: Solid | None) -> tuple[str, Arra
     if solid is not None and link.weight:
         covariance = link.axes.T @ solid.spread @ link.axes * link.weight
         even = (np.trace(covariance) * np.eye(3) - covariance)[np.triu_indices(3)]
-    found = [(words, reading) for words, reading in _readings(six, even) if is_possible(reading)]
+    found = [(words, reading) for words, reading in _possible_inertias(six, even) if is_possible(reading)]
     if not found or not even.any():
         return found[0] if found else nearest
     # How far diagonals are from the even body's; a hundredth of a factor of e for each place in the list besides.
@@ -88,7 +88,7 @@ def _better_inertia(link: DescribedLink, solid: Solid | None) -> tuple[str, Arra
     return nearest if min(off) > math.log(10.0) else found[int(np.argmin(off))]
 
 
-def _readings(six: Array, even: Array) -> Iterator[tuple[str, Array]]:
+def _possible_inertias(six: Array, even: Array) -> Iterator[tuple[str, Array]]:
     """What six numbers may have been meant to be; ``even`` is the inertia of the shape, zeros where it has none."""
     if math.isclose(six[1], six[3], rel_tol=1e-6, abs_tol=1e-12):
         # izz was the ninth number and is not there: as of the shape, else of a body as thick as it is wide.
@@ -217,7 +217,7 @@ _SLACK, _FAR = 0.05, 0.15
 _SLIPPED = 30.0
 
 
-def density(robot: DescribedRobot) -> Iterator[Finding]:
+def check_density(robot: DescribedRobot) -> Iterator[Finding]:
     """Mass over the volume of the link's shape: nothing is denser than osmium, and no link as light as foam."""
     found = {
         link.name: link.weight / own.volume
@@ -235,7 +235,7 @@ def density(robot: DescribedRobot) -> Iterator[Finding]:
         if own is None or (robot.is_weightless(link) and math.log10(link.weight).is_integer()):
             continue
         light = link.weight / own.volume
-        dense = _least(robot, link, _COPPER, lambda link, solid: link.weight / solid.volume)
+        dense = _least_over_hulls(robot, link, _COPPER, lambda link, solid: link.weight / solid.volume)
         if light < _FOAM:
             value, than, sure = light, "lighter than foam", 0.7
         elif dense > _DENSEST:
@@ -269,7 +269,9 @@ def com_outside(robot: DescribedRobot) -> Iterator[Finding]:
         share = own.distance(link.com) / own.size
         if not at_frame:
             most = _SLACK if robot.thorough else _FAR
-            share = _least(robot, link, most, lambda link, solid: solid.distance(link.com) / solid.size)
+            share = _least_over_hulls(
+                robot, link, most, lambda link, solid: solid.distance(link.com) / solid.size
+            )
         if share <= _SLACK:
             continue
         outside, sure = share * own.size, 0.9 if share > _FAR and not at_frame else 0.6
@@ -308,7 +310,7 @@ def inertia_scale(robot: DescribedRobot) -> Iterator[Finding]:
             continue
         outside = own.distance(link.com) > 0.0
         squared, even = _squared_spread(link), float(np.trace(own.spread))
-        beyond = _least(
+        beyond = _least_over_hulls(
             robot,
             link,
             1.0 if robot.thorough and not outside else _SLIPPED,
@@ -317,12 +319,14 @@ def inertia_scale(robot: DescribedRobot) -> Iterator[Finding]:
         # Of a centre that is wrong itself, less than a slip of unit tells nothing.
         if outside and beyond <= _SLIPPED:
             continue
-        said = f"its inertia spreads its mass over a radius of {_millimetres(squared)}"
+        said = f"its inertia spreads its mass over a radius of {_in_millimetres(squared)}"
         if beyond > 1.0:
-            said += f", beyond its shape, which ends {_millimetres(squared / beyond)} from its centre of mass"
+            said += (
+                f", beyond its shape, which ends {_in_millimetres(squared / beyond)} from its centre of mass"
+            )
         # Share of an even body's inertia below which one stands for a point; the least of these links has 0.04.
         elif squared < 1e-2 * even:
-            said += f", where an even body of its shape has {_millimetres(even)}"
+            said += f", where an even body of its shape has {_in_millimetres(even)}"
         else:
             continue
         slip, remedy = beyond > _SLIPPED, by_factor("inertia", None, even / squared)
@@ -331,7 +335,7 @@ def inertia_scale(robot: DescribedRobot) -> Iterator[Finding]:
         yield Finding("inertia_scale", said, figures, (link.name,), severity, sure, remedy=remedy)
 
 
-def _least(
+def _least_over_hulls(
     robot: DescribedRobot, link: DescribedLink, most: float, measure: Callable[[DescribedLink, Solid], float]
 ) -> float:
     """The least of a measure over the hulls that a link may be; no further one is made once it is within ``most``."""
@@ -348,7 +352,7 @@ def _squared_spread(link: DescribedLink) -> float:
     return 0.5 * float(np.trace(link.inertia)) / link.weight
 
 
-def _millimetres(squared: float) -> str:
+def _in_millimetres(squared: float) -> str:
     return f"{1e3 * math.sqrt(squared):.3g} mm"
 
 
@@ -374,7 +378,7 @@ _TWIN, _TWIN_INERTIA, _GROSS = 1.02, 1.5, 0.5
 _HOLDS = 4.0
 
 
-def placeholders(robot: DescribedRobot) -> Iterator[Finding]:
+def find_placeholders(robot: DescribedRobot) -> Iterator[Finding]:
     """Inertials that were put in for want of better: the same on links of different shape, or a unit's multiple."""
     bodies = list(robot.bodies())
     groups: dict[str, list[DescribedLink]] = {}
@@ -400,7 +404,7 @@ def placeholders(robot: DescribedRobot) -> Iterator[Finding]:
         yield Finding("placeholder", said, figures, names, severity, 0.8, remedy=remedy)
 
 
-def asymmetry(robot: DescribedRobot) -> Iterator[Finding]:
+def find_asymmetry(robot: DescribedRobot) -> Iterator[Finding]:
     """Left and right are mirror images: masses, centres and inertias of twins whose frames mirror each other."""
     pairs = []
     for left in robot.bodies():
@@ -421,10 +425,10 @@ def asymmetry(robot: DescribedRobot) -> Iterator[Finding]:
     for (left, right, here, there), holds in zip(pairs, mirrored[:, plane], strict=True):
         if holds:
             wanted = there.actInv(signs[plane] * here.act(left.com))
-            yield from _difference(robot, left, right, np.asarray(wanted))
+            yield from _twin_difference(robot, left, right, np.asarray(wanted))
 
 
-def _difference(
+def _twin_difference(
     robot: DescribedRobot, left: DescribedLink, right: DescribedLink, wanted: Array
 ) -> Iterator[Finding]:
     """How twins differ, of which the left one mirrored has its centre of mass at ``wanted`` of the right [m]."""
@@ -453,7 +457,7 @@ def _difference(
     yield Finding("asymmetry", said, figures, names, severity, 0.8 if gross else 0.5, remedy=remedy)
 
 
-def limits(robot: DescribedRobot) -> Iterator[Finding]:
+def check_limits(robot: DescribedRobot) -> Iterator[Finding]:
     """Limits exchanged, equal, in degrees, or negative."""
     for joint in robot.joints:
         place = (joint.name,)
@@ -488,7 +492,7 @@ def _range_faults(
 
 def total_mass(robot: DescribedRobot) -> Iterator[Finding]:
     """Whole robots have a mass that their drives can hold."""
-    if any(True for _ in density(robot)):
+    if any(True for _ in check_density(robot)):
         return
     worst, place, load = 0.0, "", 0.0
     for joint in robot.joints:
@@ -517,12 +521,12 @@ def total_mass(robot: DescribedRobot) -> Iterator[Finding]:
 
 RULES: tuple[Callable[[DescribedRobot], Iterator[Finding]], ...] = (
     impossible_inertia,
-    density,
+    check_density,
     com_outside,
     inertia_scale,
     missing_meshes,
-    placeholders,
-    asymmetry,
-    limits,
+    find_placeholders,
+    find_asymmetry,
+    check_limits,
     total_mass,
 )

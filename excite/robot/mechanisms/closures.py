@@ -106,7 +106,7 @@ class Loop(Closure):
         for joint, place in zip(self.joints, self.placements, strict=True):
             # Of the world pinocchio returns none, and of one velocity no matrix.
             own = pin.getJointJacobian(model, data, joint, pin.LOCAL) if joint else np.zeros((6, model.nv))
-            ends.append(self._turned(data, joint, place) @ place.actionInverse @ own.reshape(6, model.nv))
+            ends.append(self._frame_turn(data, joint, place) @ place.actionInverse @ own.reshape(6, model.nv))
         return np.asarray(ends[1] - ends[0])[: 6 if self.rigid else 3]
 
     def drift(self, model: pin.Model, q: Array, v: Array, data: pin.Data) -> Array:
@@ -115,10 +115,10 @@ class Loop(Closure):
         for joint, place in zip(self.joints, self.placements, strict=True):
             velocity, acceleration = place.actInv(data.v[joint]), place.actInv(data.a[joint]).vector
             acceleration[:3] += pin.skew(velocity.angular) @ velocity.linear
-            ends.append(self._turned(data, joint, place) @ acceleration)
+            ends.append(self._frame_turn(data, joint, place) @ acceleration)
         return np.asarray(ends[1] - ends[0])[: 6 if self.rigid else 3]
 
-    def _turned(self, data: pin.Data, joint: int, place: pin.SE3) -> Array:
+    def _frame_turn(self, data: pin.Data, joint: int, place: pin.SE3) -> Array:
         """From a frame's own axes to the world's, for its linear and its angular part, ``(6, 6)``."""
         turned = np.zeros((6, 6))
         turned[:3, :3] = turned[3:, 3:] = data.oMi[joint].rotation @ place.rotation
@@ -174,20 +174,20 @@ class Coupling(Closure):
 
     def gap(self, q: Array, data: pin.Data) -> Array:
         """The sum less its offset."""
-        return np.array([self._derivatives(q, 0).sum() - self.offset])
+        return np.array([self._differentiate_polynomials(q, 0).sum() - self.offset])
 
     def jacobian(self, model: pin.Model, q: Array, data: pin.Data) -> Array:
         """The polynomials' first derivatives."""
         row = np.zeros((1, model.nv))
-        row[0, [column for _, column in self.columns]] = self._derivatives(q, 1)
+        row[0, [column for _, column in self.columns]] = self._differentiate_polynomials(q, 1)
         return row
 
     def drift(self, model: pin.Model, q: Array, v: Array, data: pin.Data) -> Array:
         """The polynomials' second derivatives times squared velocities."""
         speeds = v[[column for _, column in self.columns]]
-        return np.array([self._derivatives(q, 2) @ speeds**2])
+        return np.array([self._differentiate_polynomials(q, 2) @ speeds**2])
 
-    def _derivatives(self, q: Array, order: int) -> Array:
+    def _differentiate_polynomials(self, q: Array, order: int) -> Array:
         """A derivative of each joint's polynomial."""
         return np.array(
             [

@@ -80,7 +80,7 @@ class Mechanism:
         data, out, before = self.model.createData(), np.array(q, dtype=float), self.rest
         for i in range(len(out)):
             before = out[i] = (
-                self._closed(data, out[i], i) if near else self._reached(data, before, out[i], i)
+                self._closed(data, out[i], i) if near else self._reach_configuration(data, before, out[i], i)
             )
         return out
 
@@ -91,19 +91,19 @@ class Mechanism:
         data, out = self.model.createData(), np.zeros(len(q))
         for i in range(len(q)):
             pin.forwardKinematics(self.model, data, q[i])
-            out[i] = np.abs(self._gap(q[i], data)).max(initial=0.0)
+            out[i] = np.abs(self._closure_gap(q[i], data)).max(initial=0.0)
         return out
 
     def widest(self, q: Array) -> str:
         """Name of the closure that is widest open at ``q`` ``(nq,)``."""
         data = self.model.createData()
         pin.forwardKinematics(self.model, data, q)
-        return self._widest(q, data).name
+        return self._widest_step(q, data).name
 
-    def _widest(self, q: Array, data: pin.Data) -> Closure:
+    def _widest_step(self, q: Array, data: pin.Data) -> Closure:
         return max(self.closures, key=lambda closure: float(np.abs(closure.gap(q, data)).max()))
 
-    def _reached(self, data: pin.Data, start: Array, q: Array, sample: int) -> Array:
+    def _reach_configuration(self, data: pin.Data, start: Array, q: Array, sample: int) -> Array:
         """``q`` closed, on the way of the driven joints from the closed configuration ``start``."""
         columns = self.model.nq - self.model.nv + self.passive
         way = pin.difference(self.model, start, q)
@@ -114,27 +114,27 @@ class Mechanism:
         for k in range(1, count + 1):
             here = pin.integrate(self.model, start, way * (k / count)) if k < count else q.copy()
             here[columns] = before[columns]
-            before = self._closed(data, here, sample)
+            before = self._close_configuration(data, here, sample)
         return before
 
     @property
     def _free(self) -> bool:
         return bool(self.model.nq != self.model.nv)
 
-    def _closed(self, data: pin.Data, q: Array, sample: int) -> Array:
+    def _close_configuration(self, data: pin.Data, q: Array, sample: int) -> Array:
         step = np.zeros(self.model.nv)
         # Newton's method takes 3 to 6 steps where a mechanism is within reach, and never ends where it is not.
         for _ in range(15):
             pin.computeJointJacobians(self.model, data, q)
-            gap = self._gap(q, data)
+            gap = self._closure_gap(q, data)
             # Gaps are closed to this [m or rad]: far below what geometry is known to, far above rounding.
             if np.abs(gap).max(initial=0.0) < 1e-10:
                 return q
-            move = -np.linalg.pinv(self._jacobian(q, data)[:, self.passive], rcond=SINGULAR) @ gap
+            move = -np.linalg.pinv(self._closure_jacobian(q, data)[:, self.passive], rcond=SINGULAR) @ gap
             # A step of Newton's method turns no joint further than this [rad], so that it stays on the branch it is on.
             step[self.passive] = move * min(1.0, 0.3 / max(float(np.abs(move).max()), 1e-300))
             q = pin.integrate(self.model, q, step)
-        worst = self._widest(q, data)
+        worst = self._widest_step(q, data)
         raise MotionError(
             f"cannot be closed at sample {sample}: {1e3 * float(np.abs(worst.gap(q, data)).max()):.3g} mm or mrad"
             " stay open",
@@ -142,10 +142,10 @@ class Mechanism:
             remedy="check it in robot.yaml, and that positions are within reach",
         )
 
-    def _gap(self, q: Array, data: pin.Data) -> Array:
+    def _closure_gap(self, q: Array, data: pin.Data) -> Array:
         return np.concatenate([closure.gap(q, data) for closure in self.closures])
 
-    def _jacobian(self, q: Array, data: pin.Data) -> Array:
+    def _closure_jacobian(self, q: Array, data: pin.Data) -> Array:
         return np.vstack([closure.jacobian(self.model, q, data) for closure in self.closures])
 
     def completed(self, q: Array, v: Array, a: Array) -> Moved:
@@ -169,7 +169,7 @@ class Mechanism:
             for rates in (v, a):
                 rates[:, passive] = rates[:, driven] @ self.ratios.velocities.T
             return Moved(q, v, a)
-        for i, (data, inverse, own) in enumerate(self._solved(q)):
+        for i, (data, inverse, own) in enumerate(self._solve_configurations(q)):
             v[i, passive] = own @ v[i, driven]
             pin.forwardKinematics(self.model, data, q[i], v[i], still)
             drifts = [closure.drift(self.model, q[i], v[i], data) for closure in self.closures]
@@ -191,11 +191,11 @@ class Mechanism:
         if self.ratios is not None:
             maps[:, self.passive] = self.ratios.velocities
         else:
-            for i, (_, _, own) in enumerate(self._solved(q)):
+            for i, (_, _, own) in enumerate(self._solve_configurations(q)):
                 maps[i, self.passive] = own
         return maps
 
-    def _solved(self, q: Array) -> Iterator[tuple[pin.Data, Array, Array]]:
+    def _solve_configurations(self, q: Array) -> Iterator[tuple[pin.Data, Array, Array]]:
         """By configuration: data with Jacobians of the joints, the inverse of the passive ones' part of the closures'.
 
         It is ``(n_passive, n_equations)``; with it come these joints' velocities per velocity of what is driven.
@@ -203,8 +203,8 @@ class Mechanism:
         data, driven = self.model.createData(), self.driven
         for i in range(len(q)):
             pin.computeJointJacobians(self.model, data, q[i])
-            jacobian = self._jacobian(q[i], data)
-            inverse = self._inverse(jacobian, i)
+            jacobian = self._closure_jacobian(q[i], data)
+            inverse = self._invert_passive(jacobian, i)
             yield data, inverse, -inverse @ jacobian[:, driven]
 
     def on_motors(self, q: Array, forces: Array) -> Array:
@@ -237,7 +237,7 @@ class Mechanism:
             way[first:] = rng.uniform(lower, upper) - self.rest[first:]
             while True:
                 try:
-                    out[i] = self._reached(data, self.rest, self.rest + share * way, i)
+                    out[i] = self._reach_configuration(data, self.rest, self.rest + share * way, i)
                     self.motion_maps(out[i : i + 1])
                     break
                 except MotionError:
@@ -255,7 +255,7 @@ class Mechanism:
             return self
         data = self.model.createData()
         pin.computeJointJacobians(self.model, data, self.rest)
-        jacobian = self._jacobian(self.rest, data)
+        jacobian = self._closure_jacobian(self.rest, data)
         moved = np.flatnonzero(np.abs(jacobian).max(axis=0) > SINGULAR * np.abs(jacobian).max())
         base = np.arange(6 if self._free else 0)
         passive = np.setdiff1d(self.passive, given)
@@ -267,7 +267,7 @@ class Mechanism:
                 passive = more
         return replace(self, passive=passive) if len(passive) == len(self.passive) else self
 
-    def _inverse(self, jacobian: Array, sample: int) -> Array:
+    def _invert_passive(self, jacobian: Array, sample: int) -> Array:
         """Pseudo-inverse of the passive joints' part, ``(n_passive, n_equations)``, once it determines them all."""
         own = jacobian[:, self.passive]
         u, s, vt = np.linalg.svd(own, full_matrices=False)

@@ -47,7 +47,7 @@ def compile_mjcf(path: Path) -> ConvertedModel:
     writer = UrdfWriter(model)
     balls = idle_joints(model, {BALL})
     if balls:
-        notes.append(f"ball joints that no motor turns are held still ({_names(writer, balls)})")
+        notes.append(f"ball joints that no motor turns are held still ({_name_joints(writer, balls)})")
     _refuse_unsupported(model, balls, path)
     root, objects = robot_root(model, path)
     roots = model.body_rootid[1:]
@@ -92,19 +92,21 @@ def _hold_joints(
     for joint, value in closures.still.items():
         model.jnt_limited[joint] = 1
         model.jnt_range[joint] = value + model.qpos0[model.jnt_qposadr[joint]]
-    for why, joints in (*closures.held.items(), *_unmoved(model, closures, bodies).items()):
+    for why, joints in (*closures.held.items(), *_unmoved_joints(model, closures, bodies).items()):
         # Without a range, a first description holds them still.
         for joint in joints:
             model.jnt_limited[joint], model.jnt_range[joint] = 1, model.qpos0[model.jnt_qposadr[joint]]
         if joints:
-            notes.append(f"{why} are held still ({_names(writer, joints)}{', …' if len(joints) > 6 else ''})")
+            notes.append(
+                f"{why} are held still ({_name_joints(writer, joints)}{', …' if len(joints) > 6 else ''})"
+            )
 
 
-def _names(writer: UrdfWriter, joints: set[int]) -> str:
+def _name_joints(writer: UrdfWriter, joints: set[int]) -> str:
     return ", ".join(writer.joint_name(joint) for joint in sorted(joints)[:6])
 
 
-def _unmoved(model: mujoco.MjModel, closures: Closures, bodies: set[int]) -> dict[str, set[int]]:
+def _unmoved_joints(model: mujoco.MjModel, closures: Closures, bodies: set[int]) -> dict[str, set[int]]:
     """Joints of ``bodies`` that nothing moves on its own, by why not."""
     known = driven_joints(model).union(*closures.passive.values(), *closures.held.values(), closures.still)
     idle = {joint for joint in idle_joints(model) - known if int(model.jnt_bodyid[joint]) in bodies}

@@ -16,7 +16,7 @@ from excite.arrays import Array
 from excite.robot.mechanisms.closures import SINGULAR, join_overlapping
 from excite.robot.mjcf.urdf import FREE, HINGE, SLIDE, Mimic, UrdfWriter, pose_of
 from excite.robot.refusal import robot_error
-from excite.robot.urdf.limits import symmetric
+from excite.robot.urdf.limits import symmetric_limit
 
 _TRANSMISSION = mujoco.mjtTrn
 _ON_JOINT = (int(_TRANSMISSION.mjTRN_JOINT), int(_TRANSMISSION.mjTRN_JOINTINPARENT))
@@ -71,13 +71,15 @@ def single_joints(model: mujoco.MjModel, kinds: Collection[int] = (HINGE, SLIDE)
 
 def torque_limits(model: mujoco.MjModel) -> dict[int, float]:
     """Largest torque of each joint: its own force range, or its motor's where that is less, the same either way."""
-    limits = {int(j): symmetric(*model.jnt_actfrcrange[j]) for j in np.flatnonzero(model.jnt_actfrclimited)}
+    limits = {
+        int(j): symmetric_limit(*model.jnt_actfrcrange[j]) for j in np.flatnonzero(model.jnt_actfrclimited)
+    }
     for k in np.flatnonzero(model.actuator_trntype == _ON_JOINT[0]):
         joint, most = int(model.actuator_trnid[k, 0]), abs(float(model.actuator_gear[k, 0]))
         if model.actuator_forcelimited[k]:
-            most *= symmetric(*model.actuator_forcerange[k])
+            most *= symmetric_limit(*model.actuator_forcerange[k])
         elif model.actuator_biastype[k] == mujoco.mjtBias.mjBIAS_NONE and model.actuator_ctrllimited[k]:
-            most *= abs(float(model.actuator_gainprm[k, 0])) * symmetric(*model.actuator_ctrlrange[k])
+            most *= abs(float(model.actuator_gainprm[k, 0])) * symmetric_limit(*model.actuator_ctrlrange[k])
         else:
             continue
         limits[joint] = min(most, limits.get(joint, math.inf))
@@ -258,7 +260,7 @@ def _passive_joints(model: mujoco.MjModel, jacobian: Array, joints: list[int]) -
     columns = jacobian[:, model.jnt_dofadr[joints]]
     scale = float(np.abs(columns).max(initial=0.0))
 
-    def rank(which: list[int]) -> int:
+    def rank_of(which: list[int]) -> int:
         return int(np.linalg.matrix_rank(columns[:, which], tol=SINGULAR * scale)) if which else 0
 
     driven = driven_joints(model)
@@ -267,10 +269,10 @@ def _passive_joints(model: mujoco.MjModel, jacobian: Array, joints: list[int]) -
         # Nobody says where the motors are: at the joints nearest to the root.
         loose = []
         for k in reversed(range(len(joints))):
-            loose += [k] if rank([*loose, k]) > len(loose) else []
-    if rank(loose) < len(loose):
+            loose += [k] if rank_of([*loose, k]) > len(loose) else []
+    if rank_of(loose) < len(loose):
         return "joints of a closed loop with fewer motors than freedoms"
-    if len(loose) < rank(list(range(len(joints)))):
+    if len(loose) < rank_of(list(range(len(joints)))):
         return "joints of a closed loop with more motors than freedoms"
     return {joints[k] for k in loose}
 

@@ -70,7 +70,7 @@ class UrdfWriter:
             # A link without mass above a floating body whose own axes do not stand upright in the model.
             link = self.link_name(root)
             SubElement(self._element, "link", name=f"{link}_upright")
-            self._joint(f"{link}_upright_fixed", "fixed", f"{link}_upright", link, pose)
+            self._joint_element(f"{link}_upright_fixed", "fixed", f"{link}_upright", link, pose)
             self.notes.append(f"the base is {link}_upright: the axes of {link} do not stand upright")
         for body in bodies:
             if body != root:
@@ -94,7 +94,7 @@ class UrdfWriter:
         before, link = pin.SE3(np.eye(3), -self.anchors[parent]) * pose, self.link_name(parent)
         self.anchors[body], count = np.zeros(3), int(model.body_jntnum[body])
         if count == 0:
-            self._joint(f"{own}_fixed", "fixed", link, own, before)
+            self._joint_element(f"{own}_fixed", "fixed", link, own, before)
         for number in range(count):
             joint, last = int(model.body_jntadr[body]) + number, number == count - 1
             child = own if last else f"{own}_before_{number + 1}"
@@ -108,7 +108,7 @@ class UrdfWriter:
         model, name, type_ = self.model, self.joint_name(joint), self.model.jnt_type[joint]
         limited = bool(model.jnt_limited[joint])
         kind = "prismatic" if type_ == SLIDE else "revolute" if limited else "continuous"
-        element = self._joint(name, "fixed" if type_ == BALL else kind, parent, child, origin)
+        element = self._joint_element(name, "fixed" if type_ == BALL else kind, parent, child, origin)
         if type_ == BALL:
             return
         add_element(element, "axis", xyz=model.jnt_axis[joint])
@@ -127,7 +127,7 @@ class UrdfWriter:
             master = self.joint_name(mimic.master)
             add_element(element, "mimic", joint=master, multiplier=mimic.multiplier, offset=mimic.offset)
 
-    def _joint(self, name: str, kind: str, parent: str, child: str, origin: pin.SE3) -> Element:
+    def _joint_element(self, name: str, kind: str, parent: str, child: str, origin: pin.SE3) -> Element:
         element = SubElement(self._element, "joint", name=name, type=kind)
         SubElement(element, "parent", link=parent)
         SubElement(element, "child", link=child)
@@ -148,12 +148,12 @@ class UrdfWriter:
         for geom in int(model.body_geomadr[body]) + np.arange(model.body_geomnum[body]):
             touches = model.geom_contype[geom] or model.geom_conaffinity[geom]
             pose = shift * pose_of(model.geom_pos[geom], model.geom_quat[geom])
-            for height, tag, sizes in self._solids(int(geom)):
+            for height, tag, sizes in self._split_geom(int(geom)):
                 element = SubElement(link, "collision" if touches else "visual")
                 write_origin(element, pose * pin.SE3(np.eye(3), np.array([0.0, 0.0, height])))
                 add_element(SubElement(element, "geometry"), tag, **sizes)
 
-    def _solids(self, geom: int) -> Iterator[tuple[float, str, dict[str, str | float | Array]]]:
+    def _split_geom(self, geom: int) -> Iterator[tuple[float, str, dict[str, str | float | Array]]]:
         """What a geom is made of in a URDF, each solid with its height in the geom's frame [m], tag and sizes."""
         kinds, size = mujoco.mjtGeom, self.model.geom_size[geom]
         kind = kinds(int(self.model.geom_type[geom]))
@@ -166,9 +166,9 @@ class UrdfWriter:
             for end in (-size[1], size[1]) if kind == kinds.mjGEOM_CAPSULE else ():
                 yield end, "sphere", {"radius": size[0]}
         elif kind == kinds.mjGEOM_MESH:
-            yield 0.0, "mesh", {"filename": self._mesh(int(self.model.geom_dataid[geom]))}
+            yield 0.0, "mesh", {"filename": self._place_mesh(int(self.model.geom_dataid[geom]))}
 
-    def _mesh(self, mesh: int) -> str:
+    def _place_mesh(self, mesh: int) -> str:
         """Relative path of a mesh's file."""
         model, called = self.model, self.model.mesh(mesh).name.replace("/", "_")
         # File systems take 255 bytes, of which a letter may need four.

@@ -23,7 +23,14 @@ from excite.robot.refusal import robot_error
 from excite.robot.robot import Robot
 from excite.robot.shapes.link_shapes import link_shapes, links_by_kind, numbers_of, origin_of
 from excite.robot.shapes.mesh_files import read_meshes
-from excite.robot.shapes.shape import Shape, bottom, coal_geometry, placed, shape_bounds, shape_points
+from excite.robot.shapes.shape import (
+    Shape,
+    bottom_points,
+    coal_geometry,
+    place_points,
+    shape_bounds,
+    shape_points,
+)
 
 TABLE, CELL = "table", "cell"
 SURROUNDINGS = (TABLE, CELL)
@@ -321,7 +328,7 @@ def _axis_vote(
         return 0
     centre = origin_of(inertial.find("origin")).translation
     for reading in (points, {**points, **turned}):
-        corners = np.vstack([placed(reading[file] * scale, pose) for pose, scale, file in meshes])
+        corners = np.vstack([place_points(reading[file] * scale, pose) for pose, scale, file in meshes])
         low, high = corners.min(axis=0), corners.max(axis=0)
         size = max(float(np.linalg.norm(high - low)), 1e-9)
         off.append(float(np.linalg.norm(centre - 0.5 * (low + high))) / size)
@@ -402,7 +409,7 @@ def links_below(
         # What hangs on the base's own joint is never compared with the ground.
         if shape.joint == 0 or model.parents[shape.joint] == 0:
             continue
-        if bottom(shape, data.oMi[shape.joint])[:, 2].min() < ground + margin:
+        if bottom_points(shape, data.oMi[shape.joint])[:, 2].min() < ground + margin:
             found[shape.link] = None
     return list(found)
 
@@ -419,7 +426,7 @@ def lowest_points(shapes: Sequence[Shape], data: pin.Data) -> dict[int, float]:
     """Height of the lowest point on each joint that has shapes, where ``data`` has the joints, by joint [m]."""
     found: dict[int, float] = {}
     for shape in shapes:
-        z = float(bottom(shape, data.oMi[shape.joint])[:, 2].min())
+        z = float(bottom_points(shape, data.oMi[shape.joint])[:, 2].min())
         found[shape.joint] = min(found.get(shape.joint, np.inf), z)
     return found
 

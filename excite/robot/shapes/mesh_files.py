@@ -11,13 +11,11 @@ from numpy.typing import NDArray
 from excite.arrays import Array
 from excite.errors import RobotError
 from excite.formats.child import in_child
-from excite.formats.file import check_file, read_bytes
+from excite.formats.file import MAX_TEXT_BYTES, check_file, read_bytes
 from excite.robot.refusal import robot_error
 
-# The largest mesh known, the trunk of a quadruped in Collada, has 29 MB.
-MAX_MESH_BYTES = 256 * 1024 * 1024
-# That trunk takes 6 s. Of 300 damaged Collada files four kept the loader busy without end, so that the search for the
-# one among many shall not take a minute.
+# The trunk of a quadruped in Collada takes 6 s. Of 300 damaged Collada files four kept the loader busy without end, so
+# that the search for the one among many shall not take a minute.
 BATCH_SECONDS = 20.0
 SECONDS_A_MEGABYTE = 0.7
 
@@ -81,7 +79,7 @@ def load_points(paths: tuple[Path, ...]) -> list[Array]:
 def _load_meshes(paths: list[Path], *, alone: bool) -> list[Array]:
     """By a process of its own; one of them again, ``alone``, is given less time."""
     for path in paths:
-        check_file(path, limit=MAX_MESH_BYTES, error=RobotError)
+        check_file(path, limit=MAX_TEXT_BYTES, error=RobotError)
     megabytes = sum(path.stat().st_size for path in paths) / 1e6
     points: list[Array] = in_child(
         "excite.robot.shapes.mesh_files:load_points",
@@ -106,7 +104,7 @@ def _check_points(points: Array, path: Path) -> Array:
 
 
 def _stl_points(path: Path) -> Array:
-    content = read_bytes(path, limit=MAX_MESH_BYTES, error=RobotError)
+    content = read_bytes(path, limit=MAX_TEXT_BYTES, error=RobotError)
     n_triangles = int.from_bytes(content[80:84], "little") if len(content) >= 84 else -1
     if len(content) == 84 + 50 * n_triangles:
         triangles = np.frombuffer(content, _BINARY_STL, n_triangles, offset=84)

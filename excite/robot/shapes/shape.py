@@ -82,44 +82,44 @@ def shape_points(shape: Shape) -> Array:
     if shape.radius:
         wide = np.array([1.0, 1.0, shape.kind != "cylinder"])
         points = (np.abs(points).max(axis=0) + shape.radius * wide) * CORNERS
-    return placed(points, shape.placement)
+    return place_points(points, shape.placement)
 
 
 def shape_bounds(shape: Shape) -> tuple[Array, Array]:
     """Lower and upper corner of a shape's bounding box in the frame of its joint, each ``(3,)`` [m]."""
-    points, axis = placed(shape.core, shape.placement), shape.placement.rotation[:, 2]
+    points, axis = place_points(shape.core, shape.placement), shape.placement.rotation[:, 2]
     wide = np.sqrt(np.maximum(0.0, 1.0 - axis**2)) if shape.kind == "cylinder" else np.ones(3)
     return points.min(axis=0) - shape.radius * wide, points.max(axis=0) + shape.radius * wide
 
 
-def bottom(shape: Shape, joint: pin.SE3) -> Array:
+def bottom_points(shape: Shape, joint: pin.SE3) -> Array:
     """Points of a shape's surface, its lowest among them, ``(n, 3)`` [m], the shape's joint being at ``joint``."""
     pose, down = joint * shape.placement, np.array([0.0, 0.0, -1.0])
-    points = placed(shape.core, pose)
+    points = place_points(shape.core, pose)
     if shape.kind != "cylinder":
         return np.asarray(points + shape.radius * down)
     slope = down - (down @ pose.rotation[:, 2]) * pose.rotation[:, 2]
     if np.linalg.norm(slope) > 0.05:
         return np.asarray(points + shape.radius * slope / np.linalg.norm(slope))
-    return _widened(points, shape.radius * _RING[::4] @ pose.rotation.T)
+    return _widen_points(points, shape.radius * _RING[::4] @ pose.rotation.T)
 
 
-def outline(shape: Shape) -> Array:
+def outline_points(shape: Shape) -> Array:
     """Points whose hull contains a solid and is at most a thirtieth wider, in the solid's frame ``(n, 3)`` [m]."""
     if not shape.radius:
         return shape.core
     # A polygon around the circle; a ball has such rings at nine heights.
     tilts = [0.0] if shape.kind == "cylinder" else np.linspace(-0.5 * np.pi, 0.5 * np.pi, 9)
     rings = [np.cos(tilt) * _RING[::3] + [0.0, 0.0, np.sin(tilt)] for tilt in tilts]
-    return _widened(shape.core, shape.radius / np.cos(np.pi / 16) * np.vstack(rings))
+    return _widen_points(shape.core, shape.radius / np.cos(np.pi / 16) * np.vstack(rings))
 
 
-def placed(points: Array, pose: pin.SE3) -> Array:
+def place_points(points: Array, pose: pin.SE3) -> Array:
     """Points ``(n, 3)`` of a frame in that which it has a pose in."""
     return np.asarray(points @ pose.rotation.T + pose.translation)
 
 
-def _widened(points: Array, steps: Array) -> Array:
+def _widen_points(points: Array, steps: Array) -> Array:
     return np.asarray(points[:, None] + steps).reshape(-1, 3)
 
 

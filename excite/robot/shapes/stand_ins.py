@@ -71,7 +71,7 @@ def links_without_shape(robot: Robot) -> tuple[str, ...]:
         joint, placement = link_placement(robot.model, name, robot.source, "collision")
         if inertial is not None and inertial.mass >= DENSITY * _THINNEST**3:
             centre = np.asarray(placement.act(inertial.centre))
-            bare = not any(shape.joint == joint and _contains(shape, centre) for shape in shapes)
+            bare = not any(shape.joint == joint and _contains_point(shape, centre) for shape in shapes)
         else:
             drawn, holds = _is_drawn(link), _holds_joint(root, name)
             bare = (drawn and holds) or (joint not in shaped and (drawn or holds))
@@ -127,7 +127,7 @@ def box_shapes(robot: Robot, links: Collection[str]) -> list[dict[str, Any]]:
         joint, _ = link_placement(robot.model, name, robot.source, "collision")
         if inertial is None and not (_is_drawn(link) and (_holds_joint(root, name) or joint not in shaped)):
             continue
-        sides, pose = _box(root, name, inertial)
+        sides, pose = _find_link_box(root, name, inertial)
         if sides is not None:
             # Rounded up: no smaller than the body.
             size = [round(float(np.ceil(1e4 * x - 1e-6)) / 1e4, 4) for x in sides]
@@ -145,7 +145,7 @@ def _own_shapes(robot: Robot) -> tuple[Shape, ...]:
     return tuple(shape for shape in collision_shapes(robot) if shape.link not in SURROUNDINGS)
 
 
-def _contains(shape: Shape, point: Array) -> bool:
+def _contains_point(shape: Shape, point: Array) -> bool:
     """Whether a point ``(3,)`` in the frame of a shape's joint lies in it."""
     place = coal.Transform3s(shape.placement.rotation, shape.placement.translation)
     ball, at = coal.Sphere(1e-4), coal.Transform3s(np.eye(3), point)
@@ -153,21 +153,21 @@ def _contains(shape: Shape, point: Array) -> bool:
     return bool(coal.collide(coal_geometry(shape), place, ball, at, coal.CollisionRequest(), found))
 
 
-def _box(root: Element, name: str, inertial: Inertial | None) -> tuple[Array | None, pin.SE3]:
+def _find_link_box(root: Element, name: str, inertial: Inertial | None) -> tuple[Array | None, pin.SE3]:
     """Sides of the box in place of a link, None where nothing says how large it is; and its pose in the link's frame.
 
     It is that of its inertia, or, where that is longer than the link can be, a stick from its joint to its end, or a
     box about its joint and all its ends; each is grown to the volume of its mass.
     """
     centre, mass = (np.zeros(3), 0.0) if inertial is None else (inertial.centre, inertial.mass)
-    ends, volume = _ends(root, name, centre), mass / DENSITY
+    ends, volume = _link_ends(root, name, centre), mass / DENSITY
     if inertial is not None and mass > 0.0:
         longest = 2.0 * max(float(np.linalg.norm(centre - end)) for end in (np.zeros(3), *ends))
         moments, axes = np.linalg.eigh(inertial.moments)
         axes[:, 0] *= np.sign(np.linalg.det(axes))
         sides = np.sqrt(np.maximum(6.0 * (moments.sum() - 2.0 * moments) / mass, 0.0))
         if sides.max() <= max(longest, _THINNEST):
-            return _grown(np.maximum(sides, _THINNEST), volume), pin.SE3(axes, centre)
+            return _grow_box(np.maximum(sides, _THINNEST), volume), pin.SE3(axes, centre)
     length = max((float(np.linalg.norm(end)) for end in ends), default=0.0)
     if length < _THINNEST:
         side = max(_THINNEST, float(np.cbrt(volume)))
@@ -176,17 +176,17 @@ def _box(root: Element, name: str, inertial: Inertial | None) -> tuple[Array | N
         corners = np.array([np.zeros(3), *ends])
         low, high = corners.min(axis=0), corners.max(axis=0)
         sides = np.maximum(high - low, _SLENDER * length)
-        return _grown(sides, volume), pin.SE3(np.eye(3), 0.5 * (low + high))
+        return _grow_box(sides, volume), pin.SE3(np.eye(3), 0.5 * (low + high))
     turn = pin.Quaternion.FromTwoVectors(np.array([1.0, 0.0, 0.0]), ends[0] / length).matrix()
     width = max(_SLENDER * length, float(np.sqrt(volume / length)), _THINNEST)
     return np.array([length, width, width]), pin.SE3(turn, 0.5 * ends[0])
 
 
-def _grown(sides: Array, volume: float) -> Array:
+def _grow_box(sides: Array, volume: float) -> Array:
     return sides * max(1.0, float(np.cbrt(volume / sides.prod())))
 
 
-def _ends(root: Element, name: str, centre: Array) -> list[Array]:
+def _link_ends(root: Element, name: str, centre: Array) -> list[Array]:
     """Where a link ends, in its frame: at the joints that it carries, those that move if any do, each ``(3,)`` [m].
 
     One that carries none is taken to go on beyond its centre of mass about as far as its parent is long.

@@ -93,9 +93,9 @@ def keep_stated_limits(root: Element, path: Path) -> dict[str, dict[str, list[st
             if kind in {"position", "velocity", "effort"}:
                 both = _range_of(ends, ("min", "max"), path, where)
                 if both is not None:
-                    most = both if kind == "position" else symmetric(*both)
+                    most = both if kind == "position" else symmetric_limit(*both)
                     found[CONTROL].setdefault(name, {})[kind] = most
-    tightened = {said: tighten(root, limits, path, said) for said, limits in found.items()}
+    tightened = {said: tighten_limits(root, limits, path, said) for said, limits in found.items()}
     return {said: joints for said, joints in tightened.items() if joints}
 
 
@@ -108,7 +108,7 @@ def _range_of(element: Element, keys: tuple[str, str], path: Path, where: str) -
     return (lower, upper) if lower < upper and math.isfinite(max(lower, -upper)) else None
 
 
-def tighten(root: Element, limits: Limits, path: Path, said: str) -> dict[str, list[str]]:
+def tighten_limits(root: Element, limits: Limits, path: Path, said: str) -> dict[str, list[str]]:
     """Write limits into ``<limit>`` where they are tighter than what stands there, or nothing does.
 
     Args:
@@ -132,7 +132,7 @@ def tighten(root: Element, limits: Limits, path: Path, said: str) -> dict[str, l
         for key in ("position", *_LARGEST):
             value = limits[name].get(key)
             if key == "position":
-                holds = value is not None and _narrow(joint, limit, value, path, said)
+                holds = value is not None and _narrow_range(joint, limit, value, path, said)
             else:
                 stated = read_number(limit, key, path, f"joint {name!r}/limit", default="0")
                 holds = value is not None and value > 0.0 and not 0.0 < stated <= value
@@ -143,7 +143,7 @@ def tighten(root: Element, limits: Limits, path: Path, said: str) -> dict[str, l
     return changed
 
 
-def _narrow(joint: Element, limit: Element, stated: tuple[float, float], path: Path, said: str) -> bool:
+def _narrow_range(joint: Element, limit: Element, stated: tuple[float, float], path: Path, said: str) -> bool:
     """Narrow a joint's range to one that is stated elsewhere; whether that changed it."""
     where, (lower, upper) = f"joint {joint.get('name')!r}/limit", stated
     if joint.get("type") == "continuous" or not {"lower", "upper"} <= set(limit.attrib):
@@ -167,7 +167,7 @@ def _narrow(joint: Element, limit: Element, stated: tuple[float, float], path: P
     return True
 
 
-def symmetric(low: float, high: float) -> float:
+def symmetric_limit(low: float, high: float) -> float:
     """The largest magnitude that is allowed either way; of bounds on one side of zero the larger that is finite."""
     if low < 0.0 < high:
         return min(-low, high)

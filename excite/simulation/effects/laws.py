@@ -30,10 +30,10 @@ class AsymmetryLaw:
         """The law on a plant: what is called before every step of the physics."""
         j, i = self.joint, int(plant.joint_dof[self.joint])
 
-        def step() -> None:
+        def apply_law() -> None:
             plant.friction[j] += self.change if plant.data.qvel[i] > 0.0 else -self.change
 
-        return step
+        return apply_law
 
 
 @dataclass(frozen=True)
@@ -46,10 +46,10 @@ class LoadFrictionLaw:
     def start(self, plant: Plant) -> Step:
         """The law on a plant: what is called before every step of the physics."""
 
-        def step() -> None:
+        def apply_law() -> None:
             plant.friction[self.joint] += self.coefficient * abs(plant.load(self.joint))
 
-        return step
+        return apply_law
 
 
 @dataclass(frozen=True)
@@ -65,11 +65,11 @@ class StribeckLaw:
         """The law on a plant: what is called before every step of the physics."""
         j, i = self.joint, int(plant.joint_dof[self.joint])
 
-        def step() -> None:
+        def apply_law() -> None:
             speed = abs(plant.data.qvel[i]) / self.velocity
             plant.friction[j] += self.excess * math.exp(-(speed**self.exponent))
 
-        return step
+        return apply_law
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ class WarmingLaw:
         cool = plant.session_s - plant.memory.get((*key, "left"), 0.0)
         state = plant.memory.get(key, 0.0) * math.exp(-max(cool, 0.0) / self.time_constant)
 
-        def step() -> None:
+        def apply_law() -> None:
             nonlocal state
             if self.heated:
                 v = abs(plant.data.qvel[i])
@@ -105,7 +105,7 @@ class WarmingLaw:
             if not self.viscous_only:
                 plant.friction[j] += factor * dry
 
-        return step
+        return apply_law
 
 
 # Laws of torques at a joint and forces on a link: each makes a function that is called at every simulation step.
@@ -122,10 +122,10 @@ class PushLaw:
         """The law on a plant: what is called before every step of the physics."""
         body = plant.model.body(body_name(self.link)).id
 
-        def step() -> None:
+        def apply_law() -> None:
             plant.force[body, :3] += self.force
 
-        return step
+        return apply_law
 
 
 @dataclass(frozen=True)
@@ -144,7 +144,7 @@ class SpringLaw:
         at, i = int(plant.qpos[base + self.joint]), int(plant.joint_dof[self.joint])
         drag, last = 0.0, float(plant.data.qpos[at])
 
-        def step() -> None:
+        def apply_law() -> None:
             nonlocal drag, last
             q = float(plant.data.qpos[at])
             x = q - self.rest
@@ -154,7 +154,7 @@ class SpringLaw:
                 last = q
             plant.torque[i] -= torque + drag
 
-        return step
+        return apply_law
 
 
 @dataclass(frozen=True)
@@ -173,7 +173,7 @@ class RippleLaw:
         at = int(plant.qpos[plant.robot.n_base_q + self.joint])
         i = int(plant.joint_dof[self.joint])
 
-        def step() -> None:
+        def apply_law() -> None:
             angle = self.periods * float(plant.data.qpos[at])
             size = self.amplitude
             if self.load_share:
@@ -181,7 +181,7 @@ class RippleLaw:
             wave = math.sin(angle + self.phase) + self.second * math.sin(2.0 * angle)
             plant.torque[i] -= size * wave
 
-        return step
+        return apply_law
 
 
 @dataclass(frozen=True)
@@ -196,11 +196,11 @@ class TouchLaw:
         """The law on a plant: what is called before every step of the physics."""
         body = plant.model.body(body_name(self.link)).id
 
-        def step() -> None:
+        def apply_law() -> None:
             wave = math.sin(2.0 * math.pi * plant.time / self.period) if plant.time > 0.0 else 0.0
             plant.force[body, 2] += self.force * max(wave, 0.0)
 
-        return step
+        return apply_law
 
 
 # Laws of gears and drives: a second joint between rotor and link, a lag between command and torque.
@@ -239,7 +239,7 @@ class GearLaw:
         joint = plant.model.joint(self.joint + _SUFFIX)
         at, i = int(joint.qposadr[0]), int(joint.dofadr[0])
 
-        def step() -> None:
+        def apply_law() -> None:
             x = float(plant.data.qpos[at])
             beyond = x - self.half_gap if x > self.half_gap else min(x + self.half_gap, 0.0)
             if not beyond:
@@ -251,10 +251,10 @@ class GearLaw:
                 pull = 0.0
             plant.torque[i] -= pull
 
-        return step
+        return apply_law
 
 
-def disconnect(spec: mujoco.MjSpec) -> None:
+def disconnect_servos(spec: mujoco.MjSpec) -> None:
     """Servos without force of their own: the law computes their command and delivers it."""
     for actuator in spec.actuators:
         actuator.gainprm[0] = 0.0
@@ -275,7 +275,7 @@ class LagLaw:
         share = -np.expm1(-float(plant.model.opt.timestep) / self.time_constant)
         states: list[Any] = [None] * self.order
 
-        def step() -> None:
+        def apply_law() -> None:
             d = plant.data
             command = drives.kp * (d.ctrl - d.qpos[at]) - drives.kd * d.qvel[dof]
             command = np.clip(command, -drives.torque_limit, drives.torque_limit)
@@ -286,4 +286,4 @@ class LagLaw:
             plant.command = command
             plant.torque[dof] += value
 
-        return step
+        return apply_law
