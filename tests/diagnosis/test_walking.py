@@ -11,7 +11,7 @@ import excite
 from excite.campaign.capture import capture_policy
 from excite.errors import InputError, LogError
 from excite.robot.robot import Robot
-from tests.trot import Fault, trot
+from benchmarks.walking.trot import Fault, trot
 
 
 @pytest.fixture(scope="module")

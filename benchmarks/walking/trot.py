@@ -5,11 +5,12 @@ Shares no code with what diagnoses: the servo's law, its faults and the sensors 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import mujoco
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 import excite
 from excite.arrays import Array
@@ -27,42 +28,100 @@ _STEP_S, _THIGH = 0.001, 0.213
 
 @dataclass(frozen=True)
 class Fault:
-    """What one drive, or all (``joint`` None), differs in.
+    """What one drive, one foot, the IMU or all of the commands (``place`` None) differ in.
 
     Attributes:
-        joint: its joint.
+        place: joint or foot.
         strength: delivered torque over the estimated one.
         stiffness: applied stiffness over the stated one.
+        damping: applied damping over the stated one.
         late_s: delay of the commands.
+        jitter_s: deviation of the delay of each tick's commands, the same for all drives.
         zero: true less logged position [rad].
         dry: dry friction more than nominal [N·m].
         viscous: viscous friction more than nominal [N·m·s/rad].
+        limit: largest torque of the drive [N·m].
+        ahead: position that the drive adds to the logged command [rad]: another default pose.
+        scale: motion of the drive's command about the default pose over that of the logged one.
+        swapped: joint whose command the drive follows, and which follows the command of this one.
+        turned: rotation vector from the frame that the IMU is said to have to the one it has [rad].
+        imu_late_s: delay of the IMU.
+        slippery: friction of the foot over the nominal one.
     """
 
-    joint: str | None = None
+    place: str | None = None
     strength: float = 1.0
     stiffness: float = 1.0
+    damping: float = 1.0
     late_s: float = 0.0
+    jitter_s: float = 0.0
     zero: float = 0.0
     dry: float = 0.0
     viscous: float = 0.0
+    limit: float = np.inf
+    ahead: float = 0.0
+    scale: float = 1.0
+    swapped: str | None = None
+    turned: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    imu_late_s: float = 0.0
+    slippery: float = 1.0
 
 
-def draw_fault(seed: int) -> tuple[Fault, str]:
-    """A fault of one drive, of random kind, place and size, and the name that it has in a diagnosis."""
-    rng = np.random.default_rng(seed)
+@dataclass(frozen=True)
+class Case:
+    """A fault, and how a diagnosis may call it.
+
+    Attributes:
+        fault: the fault.
+        effects: names, the first one its own; a jitter also makes commands late.
+        places: joints, feet, ``command`` or ``imu``; of two joints that are exchanged both.
+    """
+
+    fault: Fault
+    effects: tuple[str, ...]
+    places: tuple[str, ...]
+
+    @property
+    def size(self) -> str:
+        """What was drawn, as text."""
+        nothing = Fault()
+        drawn = {name: value for name, value in vars(self.fault).items() if value != getattr(nothing, name)}
+        return " ".join(
+            f"{value:.3g}" if isinstance(value, float) else " ".join(f"{x:.3g}" for x in value)
+            for name, value in drawn.items()
+            if name not in ("place", "swapped")
+        )
+
+
+def draw_case(kind: int, rng: np.random.Generator) -> Case:
+    """A fault of random place and size; ``kind`` counts through the effects."""
     joint = f"{rng.choice(_LEGS)}_{rng.choice(['hip', 'thigh', 'calf'])}_joint"
-    far = rng.uniform(0.0, 1.0)
-    drawn = {
-        "torque_gain": Fault(joint, strength=0.85 - 0.2 * far),
-        "servo_gain": Fault(joint, stiffness=0.85 - 0.2 * far),
-        "command_delay": Fault(joint, late_s=0.010 + 0.015 * far),
-        "encoder_offset": Fault(joint, zero=(0.04 + 0.04 * far) * rng.choice([-1, 1])),
-        "coulomb_friction": Fault(joint, dry=0.4 + 0.6 * far),
-        "viscous_friction": Fault(joint, viscous=0.15 + 0.25 * far),
-    }
-    name = list(drawn)[seed % len(drawn)]
-    return drawn[name], name
+    foot, side = str(rng.choice(_LEGS)), float(rng.choice([-1, 1]))
+    far, axis = rng.uniform(0.0, 1.0), rng.standard_normal(3)
+    turn = tuple((0.05 + 0.08 * far) * axis / np.linalg.norm(axis))
+    drawn = (
+        (joint, "torque_gain", Fault(joint, strength=0.85 - 0.2 * far)),
+        (joint, "servo_gain", Fault(joint, stiffness=0.85 - 0.2 * far)),
+        (joint, "command_delay", Fault(joint, late_s=0.010 + 0.015 * far)),
+        (joint, "encoder_offset", Fault(joint, zero=(0.04 + 0.04 * far) * side)),
+        (joint, "coulomb_friction", Fault(joint, dry=0.4 + 0.6 * far)),
+        (joint, "viscous_friction", Fault(joint, viscous=0.15 + 0.25 * far)),
+        ("command", "command_delay", Fault(late_s=0.010 + 0.010 * far)),
+        ("command", "command_jitter", Fault(jitter_s=0.003 + 0.003 * far)),
+        (joint, "servo_damping", Fault(joint, damping=1.4 + 0.6 * far)),
+        (joint, "command_offset", Fault(joint, ahead=(0.05 + 0.05 * far) * side)),
+        (joint, "command_scale", Fault(joint.replace("hip", "thigh"), scale=0.85 - 0.15 * far)),
+        (joint, "torque_saturation", Fault(joint.replace("hip", "calf"), limit=(11.5 if joint[0] == "F" else 15.0) - 2.0 * far)),
+        ("imu", "imu_mounting", Fault(turned=turn)),
+        ("imu", "imu_delay", Fault(imu_late_s=0.010 + 0.010 * far)),
+        (foot, "foot_slip", Fault(foot, slippery=0.12 - 0.06 * far)),
+        (joint, "joint_order", Fault(joint.replace("thigh", "hip").replace("calf", "hip"))),
+    )
+    place, effect, fault = drawn[kind % len(drawn)]
+    if effect == "joint_order":
+        other = f"{str(fault.place)[0]}{'R' if str(fault.place)[1] == 'L' else 'L'}{str(fault.place)[2:]}"
+        return Case(replace(fault, swapped=other), (effect,), (str(fault.place), other))
+    return Case(fault, (effect, "command_delay")[: 1 + (effect == "command_jitter")], (fault.place or place,))
 
 
 class _Gait:
@@ -94,6 +153,23 @@ class _Gait:
         return angles.ravel()
 
 
+def _arrivals(late: Array, jitter_s: float, n: int, rng: np.random.Generator) -> Array:
+    """When each tick's command acts at each drive, ``(n + 1, 12)`` [s]; none overtakes another, the last never comes."""
+    drawn = rng.uniform(0.0, np.sqrt(12.0) * jitter_s, n) if jitter_s else np.zeros(n)
+    due = np.maximum.accumulate(np.arange(n) / POLICY_HZ + drawn)
+    due[0] = -1.0
+    return np.vstack([due[:, None] + late, np.full((1, len(late)), np.inf)])
+
+
+def _seen_by_imu(readings: Array, faults: tuple[Fault, ...]) -> Array:
+    """Readings ``(n, 6)`` of an IMU that sits turned, and tells them late."""
+    for one in faults:
+        turn = Rotation.from_rotvec(one.turned).as_matrix()
+        readings = np.hstack([readings[:, :3] @ turn, readings[:, 3:] @ turn])
+        readings = readings[np.maximum(np.arange(len(readings)) - round(one.imu_late_s * RATE_HZ), 0)]
+    return readings
+
+
 def trot(
     faults: tuple[Fault, ...] = (), *, seconds: float = 20.0, seed: int = 0, robot: Robot | None = None
 ) -> Log:
@@ -104,34 +180,51 @@ def trot(
     drives = nominal_drives(robot)
     spec = build_spec(robot, robot.nominal_parameters, drives, World(timestep=_STEP_S))
     model = spec.compile()
-    each = [[f for f in faults if f.joint in (None, joint)] for joint in joints]
-    strength = np.array([np.prod([f.strength for f in one]) for one in each])
-    stiffness = np.array([np.prod([f.stiffness for f in one]) for one in each])
-    late = np.array([round(sum(f.late_s for f in one) / _STEP_S) for one in each])
-    zero = np.array([sum(f.zero for f in one) for one in each])
-    model.dof_damping[6:] += [sum(f.viscous for f in one) for one in each]
-    model.dof_frictionloss[6:] += [sum(f.dry for f in one) for one in each]
+    each = [[f for f in faults if f.place in (None, joint)] for joint in joints]
+    strength, stiffness, damping, scale = (
+        np.array([np.prod([getattr(f, name) for f in one]) for one in each])
+        for name in ("strength", "stiffness", "damping", "scale")
+    )
+    late, zero, ahead, viscous, dry = (
+        np.array([sum(getattr(f, name) for f in one) for one in each])
+        for name in ("late_s", "zero", "ahead", "viscous", "dry")
+    )
+    model.dof_damping[6:] += viscous
+    model.dof_frictionloss[6:] += dry
+    wired = np.arange(12)
+    for one in faults:
+        if one.swapped is not None:
+            pair = [joints.index(str(one.place)), joints.index(one.swapped)]
+            wired[pair] = pair[::-1]
+        if one.place in _LEGS:
+            own = model.geom_bodyid == model.body(f"{one.place}_calf").id
+            # Above the floor's: of two that touch the one of greater priority tells.
+            model.geom_priority[own], model.geom_friction[own, 0] = 1, 0.6 * one.slippery
+    limit = np.minimum(drives.torque_limit, [min((f.limit for f in one), default=np.inf) for one in each])
     model.actuator_gainprm[:, 0], model.actuator_biasprm[:] = 1.0, 0.0
     names = [model.joint(i + 1).name for i in range(12)]
     order = [joints.index(name) for name in names]
     assert order == list(range(12))
     gait, tick = _Gait(seconds, rng), round(1.0 / POLICY_HZ / _STEP_S)
     sent = np.zeros((len(gait.time) * tick, 12))
+    arrives = _arrivals(late, sum(f.jitter_s for f in faults), len(gait.time), rng)
     first = gait.command(0, np.array([0.0, 0.0, 1.0]), np.zeros(3))
     matrix = np.zeros(9)
     data = mujoco.MjData(model)
     data.qpos[:3], data.qpos[3:7], data.qpos[7:] = (0.0, 0.0, 0.31), (1.0, 0.0, 0.0, 0.0), first + zero
+    heard = np.zeros(12, dtype=int)
     rows: dict[str, list[Any]] = {name: [] for name in ("q", "v", "cmd", "tau", "imu", "feet")}
     every = round(1.0 / RATE_HZ / _STEP_S)
     bodies = [model.body(f"{leg}_calf").id for leg in _LEGS]
-    limit = drives.torque_limit
     for k in range(len(sent)):
         told = data.qpos[7:] - zero
         if k % tick == 0:
             mujoco.mju_quat2Mat(matrix, data.qpos[3:7])
             sent[k : k + tick] = gait.command(k // tick, matrix[6:].copy(), data.qvel[3:6])
-        asked = sent[np.maximum(k - late, 0), np.arange(12)]
-        torque = np.clip(stiffness * KP * (asked - told) - KD * data.qvel[6:], -limit, limit)
+        heard += arrives[heard + 1, np.arange(12)] <= k * _STEP_S + 1e-9
+        asked = sent[heard * tick, wired]
+        asked = first + ahead + scale * (asked - first)
+        torque = np.clip(stiffness * KP * (asked - told) - damping * KD * data.qvel[6:], -limit, limit)
         data.ctrl[:] = strength * torque
         before = data.qvel.copy()
         placed, turned = told.copy(), data.qpos[3:7].copy()
@@ -156,6 +249,7 @@ def trot(
         if data.qpos[2] < 0.15:
             raise AssertionError("the robot fell")
     told = {name: np.array(values) for name, values in rows.items()}
+    told["imu"] = _seen_by_imu(told["imu"], faults)
     n = len(told["q"])
     noise = rng.standard_normal
     told["q"] = told["q"] + 1e-4 * noise((n, 12))
@@ -192,20 +286,3 @@ def trot(
         }
     )
     return Log(header=header, trials=tuple(trials), robot_text=None)
-
-
-def main() -> None:
-    """Draw faults, diagnose their logs, and print how many are named rightly."""
-    robot, right, wrong = excite.load_robot("go2"), 0, 0
-    seeds = range(100, 112)
-    for seed in seeds:
-        fault, name = draw_fault(seed)
-        found = excite.diagnose(trot((fault,), seconds=13.0, seed=seed - 100), robot)
-        named = (found.effect, found.location) == (name, fault.joint)
-        right, wrong = right + named, wrong + (found.verdict == "effect" and not named)
-        print(f"{seed} {name} {fault.joint}: {found.verdict} {found.effect} {found.location}")
-    print(f"{right} of {len(seeds)} right, {wrong} firm and wrong")
-
-
-if __name__ == "__main__":
-    main()

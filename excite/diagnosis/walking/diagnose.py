@@ -1,0 +1,176 @@
+"""Why a policy shakes, drifts or falls: what of a robot that walks is not as its simulator has it.
+
+Three equations that do not know the forces at the feet: the servos' law (:mod:`excite.diagnosis.walking.servos`), the
+limbs' rows (:mod:`excite.diagnosis.walking.limbs`), and the feet's, which stand still while they carry
+(:mod:`excite.diagnosis.walking.feet`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from excite.diagnosis.answer.answer import Absorbed, Diagnosis, NextExperiment, Verdict
+from excite.diagnosis.answer.candidate import Candidate, Estimate, RobotChanges
+from excite.diagnosis.answer.gap import ChannelGap, Gap, share_closed
+from excite.diagnosis.servo.gains import stated_servo
+from excite.diagnosis.walking.feet import foot_effects
+from excite.diagnosis.walking.kinds import OF_COMMANDS, ORDER, SLIP
+from excite.diagnosis.walking.limbs import Limbs
+from excite.diagnosis.walking.servos import CUTOFF_HZ, Servo, read_servos, servo_effects
+from excite.errors import LogError
+from excite.logs.log import Log, Trial
+from excite.robot.robot import Robot
+
+# Contacts that change more often than this are steps: a trot changes sixteen a second, a foot moved alone one in three.
+_STEPS_HZ = 2.0
+
+
+def walks(log: Log) -> bool:
+    """Whether a log is of a robot that steps, whose contact forces nobody measures; moving foot by foot is standing."""
+    if log.header.base != "floating" or log.header.sensors:
+        return False
+    steps = sum(int((flags[1:] != flags[:-1]).sum()) for t in log.trials for flags in t.contacts.values())
+    return steps > _STEPS_HZ * sum(float(t.time[-1] - t.time[0]) for t in log.trials)
+
+
+def diagnose_walking(robot: Robot, log: Log) -> Diagnosis:
+    """Diagnose a robot that walks, from commands, positions, torques, IMU and contact flags.
+
+    Args:
+        robot: the nominal model.
+        log: the log; without torques the servo's gains have to be stated, and torques are what it asks for.
+
+    Returns:
+        The diagnosis; channels are joints.
+
+    Raises:
+        LogError: what the log has tells nothing of drives.
+    """
+    servos = tuple(read_servos(log)) if log.header.torque in {"motor_side", "link_side"} else ()
+    if log.header.torque == "none":
+        log = _with_asked_torques(log)
+    cutoff = min(CUTOFF_HZ, 0.2 * log.header.rate_hz)
+    limbs = Limbs.of(robot, log, cutoff)
+    others = (*servo_effects(robot, log, servos), *foot_effects(limbs.problem.robot, log, cutoff))
+    effects = tuple(sorted([*others, *limbs.effects()], key=lambda one: -one.evidence))
+    rivals = tuple(limbs.rivals())
+    at_servos = any(one.effect in OF_COMMANDS for one in effects)
+    gap = _with_servos(limbs.gap, servos) if at_servos else limbs.gap
+    first = effects[0] if effects else None
+    verdict: Verdict = "none"
+    if first is not None:
+        verdict = "ambiguous" if rivals and first.effect not in {*OF_COMMANDS, SLIP.effect} else "effect"
+    elif any(not servo.follows for servo in servos):
+        verdict = "unknown"
+    return Diagnosis(
+        robot=robot.name,
+        verdict=verdict,
+        effect=first.effect if first else None,
+        location=first.location if first else None,
+        tied_locations=first.tied_locations if first else (),
+        candidates=(*effects[:1], *rivals, *effects[1:]),
+        effects=effects,
+        gap=gap,
+        where=limbs.where(),
+        n_tied=1 + len(rivals) if verdict == "ambiguous" else 0,
+        next_experiment=_next(log),
+        warnings=tuple(_limits(log, servos, effects)),
+        absorbed=tuple(_told_of_servos(servos)),
+        changes=tuple(_changes(effects[:k]) for k in range(len(effects) + 1)),
+    )
+
+
+def _changes(effects: Sequence[Candidate]) -> RobotChanges:
+    """Friction into the robot's description, beside what it has; the rest has no place there."""
+    sizes = {(one.effect, one.location or ""): next(iter(one.parameters.values())).value for one in effects}
+    viscous, coulomb = (
+        {joint: value for (effect, joint), value in sizes.items() if effect == name}
+        for name in ("viscous_friction", "coulomb_friction")
+    )
+    rest = tuple(
+        f"{effect} at {joint}: {value:.4g}"
+        for (effect, joint), value in sizes.items()
+        if "friction" not in effect
+    )
+    return RobotChanges(viscous, coulomb, beyond=rest)
+
+
+def _with_asked_torques(log: Log) -> Log:
+    """The log with the torques that the stated servo asks for; raises LogError."""
+    servo = stated_servo(log.header.controller, log.header.joints)
+    if np.isnan([*servo.kp, *servo.kd]).any():
+        raise LogError(
+            "neither torques nor the servo's gains are known",
+            field="controller",
+            remedy="state kp and kd of the policy's servos, or log their torque estimates as tau.*",
+        )
+
+    def asked(trial: Trial) -> Trial:
+        if trial.q_cmd is None:
+            raise LogError("has no commands", source=trial.name, field="q_cmd", remedy="log q_cmd.*")
+        v = np.gradient(trial.q, trial.time, axis=0) if trial.v is None else trial.v
+        return replace(trial, tau=servo.kp * (trial.q_cmd - trial.q) - servo.kd * v)
+
+    header = log.header.model_copy(update={"torque": "motor_side"})
+    return replace(log, header=header, trials=tuple(asked(t) for t in log.trials))
+
+
+def _with_servos(gap: Gap, servos: Sequence[Servo]) -> Gap:
+    """The gap with a channel ``JOINT.servo`` for each servo: its torque beside what the stated law asks for."""
+    follow = [servo for servo in servos if servo.follows]
+    parts = np.array([np.array(servo.gap[:2]) / max(servo.gap[2], 1e-12) for servo in follow]) ** 2
+    old, n = np.array([gap.before, gap.after, gap.noise_floor]) ** 2, len(gap.per_channel)
+    added = np.array([parts[:, 0].sum(), parts[:, 1].sum(), parts[:, 1].sum()])
+    before, after, floor = (float(x) for x in np.sqrt((n * old + added) / (n + len(follow))))
+    channels = {
+        f"{servo.joint}.servo": ChannelGap(servo.gap[0], servo.gap[1], servo.gap[1]) for servo in follow
+    }
+    whole = {**gap.per_channel, **channels}
+    return Gap(before, after, floor, share_closed(before, after, floor), whole)
+
+
+def _told_of_servos(servos: Sequence[Servo]) -> Iterator[Absorbed]:
+    for servo in servos:
+        sizes, stds = servo.sizes(np.ones(2))
+        for k, name, unit in ((0, "kp", "N·m/rad"), (1, "kd", "N·m·s/rad"), (4, "command_delay", "s")):
+            value, std = float(sizes[k]), float(stds[k])
+            between = (value - 1.645 * std, value + 1.645 * std)
+            yield Absorbed(servo.joint, name, Estimate(value, std, unit), between)
+
+
+def _limits(log: Log, servos: Sequence[Servo], effects: Sequence[Candidate]) -> Iterator[str]:
+    """What the record does not tell."""
+    if not servos and any(t.q_cmd is None for t in log.trials):
+        yield "no commands beside torques: whether gains are applied and commands are late is not told; log q_cmd.*"
+    for one in effects:
+        if one.effect == ORDER.effect:
+            command = log.header.joints[round(one.parameters[ORDER.parameter].value)]
+            yield (
+                f"the torque of {one.location} follows the command of {command}: "
+                "the policy and the robot order their joints differently, or two cables are exchanged"
+            )
+    for servo in servos:
+        if not servo.follows:
+            yield (
+                f"{100 * servo.explained:.0f} % of the torque of {servo.joint} follows a servo's law of a command: "
+                "a feedforward, or gains that change"
+            )
+        if np.isfinite(servo.limit):
+            yield f"the torque of {servo.joint} is cut at {servo.limit:.3g} for {100 * servo.cut:.1f} % of the time"
+    if log.header.imu is None:
+        yield (
+            "no IMU: the base's motion is that of its pose, differentiated twice; "
+            "the IMU's mounting and delay are not told"
+        )
+
+
+def _next(log: Log) -> NextExperiment | None:
+    """What would tell more than walking does."""
+    if all(t.q_cmd is not None for t in log.trials):
+        return None
+    return NextExperiment(
+        "the same walk with commands logged tells gains and delays", ("servo_gain", "command_delay")
+    )

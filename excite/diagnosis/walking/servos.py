@@ -1,0 +1,331 @@
+"""What servos of a robot that walks make of their commands.
+
+The law ``τ(t) = k_p (s·q_cmd(t − d) + o − q) − k_d v`` of each joint, where commands and torques are logged, knows
+nothing of the forces at the feet: gains that are not applied, commands that arrive late, scaled, about another pose or
+at another joint, and torques that are cut.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from excite.arrays import Array, widen_flags
+from excite.diagnosis.answer.candidate import Candidate
+from excite.diagnosis.servo.gains import stated_servo
+from excite.diagnosis.walking.kinds import JITTER, ORDER, SATURATION, SERVO_KINDS, joint_kinds
+from excite.logs.log import Log, Trial
+from excite.logs.signals.butterworth import lowpass
+from excite.robot.robot import Robot
+
+# Steps are sharp: of a simulated trot rows filtered at 5, 10, 20 and 40 Hz leave the true robot 15, 11, 6 and 3 % of
+# its torques. Logs that are too slow for it take less.
+CUTOFF_HZ = 40.0
+# Stretches of a trial by which sizes are told anew, each left out once.
+_STRETCHES = 5
+# Commands are looked for that much earlier [s].
+_LATEST_S = 0.1
+# Share of a torque's power that a servo's law explains where the joint has such a servo.
+_FOLLOWS = 0.8
+# Deviations that a size has to be off by.
+_SURE = 4.0
+# Share of samples at the largest torque that is worth a name; times that a law and its limit are told by each other.
+_CUT_OFTEN, _TIMES = 0.005, 3
+
+
+class Way(NamedTuple):
+    """What a servo follows: the command of a joint, by its column, and whether its rate as well."""
+
+    column: int
+    rate: bool
+
+
+class _Law(NamedTuple):
+    """A servo's law: kp, kd, constant, what the command counts beyond kp, delay in samples ``(5,)``; its rest."""
+
+    sizes: Array
+    left: float
+    power: float
+
+    @property
+    def explained(self) -> float:
+        """Share of the torque's power."""
+        return 1.0 - self.left / max(self.power, 1e-300)
+
+
+@dataclass(frozen=True, eq=False)
+class Servo:
+    """The law that the torques of a joint follow.
+
+    Attributes:
+        joint: its joint.
+        way: the command that it follows.
+        law: kp [N·m/rad], kd [N·m·s/rad], constant [N·m], share of the command beyond kp [N·m/rad], delay [samples].
+        parts: ``(n_stretches, 5)`` the same with a stretch left out.
+        stated: gains that the log states, kp and kd, NaN where it does not.
+        explained: share of the torque's power that the law explains.
+        gap: of the torque [N·m or N]: what the stated law leaves, without a delay, what this one leaves, and the
+            torque's own deviation.
+        limit: torque beyond which it is cut [N·m], infinite where it is not.
+        cut: share of samples that are.
+        step: between samples [s].
+    """
+
+    joint: str
+    way: Way
+    law: Array
+    parts: Array
+    stated: Array
+    explained: float
+    gap: tuple[float, float, float]
+    limit: float
+    cut: float
+    step: float
+
+    @property
+    def follows(self) -> bool:
+        """Whether the joint has such a servo."""
+        return self.explained > _FOLLOWS
+
+    def sizes(self, usual: Array) -> tuple[Array, Array]:
+        """Sizes of :data:`SERVO_KINDS` and their deviations, gains over usual ones ``(2,)``."""
+
+        def told(law: Array) -> Array:
+            kp = np.where(law[..., 0] == 0.0, 1e-9, law[..., 0])
+            offset, scale = law[..., 2] / kp, 1.0 + law[..., 3] / kp
+            gains = law[..., :2] / usual
+            return np.stack([gains[..., 0], gains[..., 1], offset, scale, law[..., 4] * self.step], axis=-1)
+
+        std = self.spread(told(self.parts))
+        std[4] = np.hypot(std[4], 0.3 * self.step)
+        return told(self.law), std
+
+    @staticmethod
+    def spread(parts: Array) -> Array:
+        """Deviations by the jackknife."""
+        return np.asarray(np.sqrt((len(parts) - 1) * parts.var(axis=0)))
+
+
+def read_servos(log: Log) -> Iterator[Servo]:
+    """The servo of each joint, where commands are logged and the servo is one of positions."""
+    if any(t.q_cmd is None or t.tau is None for t in log.trials):
+        return
+    said = log.header.controller
+    if said and said.get("mode", "position") != "position":
+        return
+    stated, signals = stated_servo(said, log.header.joints), [_Signals.of(t) for t in log.trials]
+    columns = range(len(log.header.joints))
+    for j, joint in enumerate(log.header.joints):
+        if joint in log.header.no_torque:
+            continue
+        told = max((_told(signals, j, Way(j, rate)) for rate in stated.follows), key=lambda one: one.law.explained)
+        if told.law.explained <= _FOLLOWS or not 0.5 < 1.0 + told.law.sizes[3] / told.law.sizes[0] < 1.5:
+            # What follows no command of its own, or turned about, may follow another's as it is.
+            ways = [Way(k, rate) for k in columns for rate in stated.follows]
+            plain = {way: _law(_grams(signals, j, way), scaled=False) for way in ways}
+            other = max(plain, key=lambda one: plain[one].explained)
+            told = _told(signals, j, other) if plain[other].explained > _FOLLOWS else told
+        way, grams, law, limit, cut = told
+        whole, kept = grams.sum(axis=0), np.array([stated.kp[j], stated.kd[j], np.nan])
+        usual = np.where(np.isnan(kept), law.sizes[:3], kept)
+        meant = whole[0][4, 4] - 2.0 * usual @ whole[0][:3, 4] + usual @ whole[0][:3, :3] @ usual
+        count = max(float(whole[0][2, 2]), 1.0)
+        gap = [float(np.sqrt(max(x, 0.0) / count)) for x in (meant, law.left, law.power)]
+        yield Servo(
+            joint,
+            way,
+            law.sizes,
+            np.array([_law(grams, without=k).sizes for k in range(len(grams))]),
+            kept[:2],
+            law.explained,
+            (gap[0], gap[1], gap[2]),
+            limit if cut > _CUT_OFTEN else np.inf,
+            cut,
+            signals[0].step,
+        )
+
+
+class _Told(NamedTuple):
+    """A joint's law: of which command, its products, and where it is cut how often."""
+
+    way: Way
+    grams: Array
+    law: _Law
+    limit: float
+    cut: float
+
+
+def _told(signals: Sequence[_Signals], j: int, way: Way) -> _Told:
+    law = _law(grams := _grams(signals, j, way))
+    limit, cut = _limit(signals, j, way, law)
+    for _ in range(_TIMES if cut > _CUT_OFTEN else 0):
+        law = _law(grams := _grams(signals, j, way, limit))
+        limit, cut = _limit(signals, j, way, law)
+    return _Told(way, grams, law, limit, cut)
+
+
+@dataclass(frozen=True, eq=False)
+class _Signals:
+    """A trial's positions, velocities, torques, commands and their rates, ``(n, n_joints)``, filtered; raw ones."""
+
+    q: Array
+    v: Array
+    tau: Array
+    command: Array
+    rate: Array
+    raw: tuple[Array, Array, Array, Array]
+    step: float
+
+    @classmethod
+    def of(cls, trial: Trial) -> _Signals:
+        """The law is linear: filtered alike on both sides it holds, and the noise of velocities is less."""
+        assert trial.q_cmd is not None and trial.tau is not None
+        step = float(np.median(np.diff(trial.time)))
+        v = np.gradient(trial.q, trial.time, axis=0) if trial.v is None else trial.v
+        raw = (trial.q, v, trial.tau, trial.q_cmd)
+        cutoff = min(CUTOFF_HZ, 0.2 / step)
+        q, v, tau, command = (lowpass(x, 1.0 / step, cutoff) for x in raw)
+        return cls(q, v, tau, command, np.gradient(command, step, axis=0), raw, step)
+
+    def asked(self, j: int, way: Way, sizes: Array) -> Array:
+        """Torque ``(n,)`` that a law asks for, unfiltered."""
+        q, v, _, command = self.raw
+        heard = _later(command[:, way.column], round(sizes[4]))
+        turning = way.rate * _later(self.rate[:, way.column], round(sizes[4]))
+        beyond = heard - command[:, way.column].mean()
+        return np.asarray(
+            np.column_stack([heard - q[:, j], turning - v[:, j], np.ones(len(q)), beyond]) @ sizes[:4]
+        )
+
+
+def _later(values: Array, samples: int) -> Array:
+    return np.asarray(values[np.maximum(np.arange(len(values)) - samples, 0)])
+
+
+def _grams(signals: Sequence[_Signals], j: int, way: Way, limit: float = np.inf) -> Array:
+    """By stretch and delay, products of errors of position and velocity, one, the command, and torque.
+
+    ``(n_stretches, n_delays, 5, 5)``, of samples that no torque at a limit is filtered into.
+    """
+    made = []
+    for one in signals:
+        delays = np.arange(1 + round(_LATEST_S / one.step))
+        rows = np.arange(delays[-1], len(one.q))
+        cut = widen_flags(np.abs(one.raw[2][:, j]) > 0.95 * limit, round(0.5 / CUTOFF_HZ / one.step))
+        rows = rows[~cut[rows]]
+        asked = np.column_stack([one.command[:, way.column], way.rate * one.rate[:, way.column]])
+        mean = one.command[:, way.column].mean()
+        for part in np.array_split(rows, _STRETCHES):
+            moved = np.column_stack([one.q[part, j], one.v[part, j]])
+            one_tau = np.column_stack([np.ones(len(part)), one.tau[part, j]])
+            x = np.empty((len(delays), len(part), 5))
+            x[:, :, :2] = (heard := asked[part - delays[:, None]]) - moved
+            x[:, :, 2], x[:, :, 4] = one_tau.T
+            x[:, :, 3] = heard[:, :, 0] - mean
+            made.append(x.transpose(0, 2, 1) @ x)
+    return np.array(made)
+
+
+def _law(grams: Array, *, without: int | None = None, scaled: bool = True) -> _Law:
+    """Law of least squares over all delays, a stretch left out; unless ``scaled`` the command counts as kp says."""
+    whole = grams.sum(axis=0) - (0.0 if without is None else grams[without])
+    a, b = whole[:, :4, :4], whole[:, :4, 4] * [1.0, 1.0, 1.0, scaled]
+    ridge = (1e-10 * np.einsum("dii->di", a) + 1e-300)[:, :, None] * np.eye(4)
+    ridge[:, 3, 3] += 0.0 if scaled else 1e12
+    sizes = np.linalg.solve(a + ridge, b[:, :, None])[:, :, 0]
+    left = whole[:, 4, 4] - (sizes * b).sum(axis=1)
+    best = int(np.argmin(left))
+    between = 0.0
+    if 0 < best < len(left) - 1:
+        before, here, after = left[best - 1 : best + 2]
+        between = 0.5 * (before - after) / max(before - 2.0 * here + after, 1e-300)
+    mean = whole[best][2, 4] ** 2 / max(whole[best][2, 2], 1e-300)
+    return _Law(np.array([*sizes[best], best + between]), float(left[best]), float(whole[best][4, 4] - mean))
+
+
+def _limit(signals: Sequence[_Signals], j: int, way: Way, law: _Law) -> tuple[float, float]:
+    """Torque at which a law is cut, that leaves least of what the law leaves, and the share of samples beyond it."""
+    asked = np.concatenate([one.asked(j, way, law.sizes) for one in signals])
+    told = np.concatenate([one.raw[2][:, j] for one in signals])
+    limits = np.linspace(0.3, 1.0, 71) * np.abs(asked).max()
+    left = [((told - np.clip(asked, -limit, limit)) ** 2).sum() for limit in limits]
+    limit = float(limits[int(np.argmin(left))])
+    beyond = np.abs(asked) > limit
+    # What a cut leaves beyond the limit is the law's rest elsewhere.
+    rest = ((told - asked)[~beyond] ** 2).mean() if (~beyond).any() else np.inf
+    cut = ((told - np.clip(asked, -limit, limit))[beyond] ** 2).mean() if beyond.any() else np.inf
+    worse = ((told - asked)[beyond] ** 2).mean() if beyond.any() else 0.0
+    return limit, float(beyond.mean()) if cut < 2.0 * rest < worse else 0.0
+
+
+def servo_effects(robot: Robot, log: Log, servos: Sequence[Servo]) -> Iterator[Candidate]:
+    """Sizes that are not the stated ones, or not those of the joint's kind, of one drive or of all."""
+    follow = [servo for servo in servos if servo.follows]
+    if not follow:
+        return
+    kinds, joints = joint_kinds(robot), log.header.joints
+    told = []
+    for servo in follow:
+        alike = [one.law[:2] for one in follow if kinds[one.joint] == kinds[servo.joint]]
+        usual = np.where(servo.stated > 0.0, servo.stated, np.median(alike, axis=0))
+        told.append(servo.sizes(np.where(usual == 0.0, 1e-9, usual)))
+    sizes, stds = (np.array(part) for part in zip(*told, strict=True))
+    for k, kind in enumerate(SERVO_KINDS):
+        common, std = float(np.median(sizes[:, k])), float(np.median(stds[:, k]))
+        if abs(common - kind.usual) > max(kind.least, _SURE * std):
+            yield kind.candidate("command", common, std)
+        else:
+            common = kind.usual
+        for servo, size, spread in zip(follow, sizes[:, k], stds[:, k], strict=True):
+            if abs(size - common) > max(kind.least, _SURE * spread):
+                yield kind.candidate(servo.joint, size, spread, usual=common)
+    for servo in follow:
+        if np.isfinite(servo.limit) and servo.limit < 0.95 * _stated_limit(robot, servo.joint):
+            yield SATURATION.candidate(servo.joint, servo.limit, servo.gap[1], usual=0.0)
+        if joints[servo.way.column] != servo.joint:
+            yield ORDER.candidate(servo.joint, servo.way.column, 0.0, usual=-1.0)
+    jitter = _jitter(log, follow)
+    if jitter is not None and jitter[0] > max(JITTER.least, _SURE * jitter[1]):
+        yield JITTER.candidate("command", *jitter)
+
+
+def _stated_limit(robot: Robot, joint: str) -> float:
+    limit = float(robot.model.effortLimit[robot.n_base_v + robot.joint_index(joint)])
+    return limit if limit > 0.0 else np.inf
+
+
+def _jitter(log: Log, servos: Sequence[Servo]) -> tuple[float, float] | None:
+    """Deviation of the delays of commands that are held between ticks, and its own deviation [s]; None where they are not.
+
+    A command that acts δ late leaves ``−k_p Δq_cmd`` for δ, an area about its tick. Every other joint tells δ for itself:
+    what both halves have in common is no noise.
+    """
+    areas, pushes = [], []
+    for trial in log.trials:
+        one = _Signals.of(trial)
+        command = one.raw[3]
+        ticks = np.flatnonzero((np.diff(command, axis=0) != 0.0).any(axis=1)) + 1
+        if len(ticks) < 20 or (hold := int(np.median(np.diff(ticks)))) < 4:
+            return None
+        ticks = ticks[(ticks > hold) & (ticks < len(command) - 2 * hold - _LATEST_S / one.step)]
+        area, push = [], []
+        for servo in servos:
+            j = log.header.joints.index(servo.joint)
+            rest = np.cumsum(one.raw[2][:, j] - one.asked(j, servo.way, servo.law))
+            at = ticks + round(servo.law[4]) - 1
+            area.append((rest[at + hold // 2] - rest[at - hold // 2]) * one.step)
+            push.append(servo.law[0] * (command[ticks] - command[ticks - 1])[:, servo.way.column])
+        areas.append(np.array(area).T)
+        pushes.append(np.array(push).T)
+    area, push = np.concatenate(areas), np.concatenate(pushes)
+    weight = np.array([(push[:, half::2] ** 2).sum(axis=1) for half in (0, 1)])
+    delays = np.array([-(area * push)[:, half::2].sum(axis=1) for half in (0, 1)]) / np.maximum(weight, 1e-300)
+    clear = (weight > 0.1 * np.median(weight, axis=1, keepdims=True)).all(axis=0)
+    delays = delays[:, clear] - np.median(delays[:, clear], axis=1, keepdims=True)
+    shared = np.clip(delays, -_LATEST_S, _LATEST_S).prod(axis=0)
+    parts = np.array([part.mean() for part in np.array_split(shared, 2 * _STRETCHES)])
+    deviation = float(np.sqrt(max(shared.mean(), 1e-12)))
+    return deviation, float(parts.std() / np.sqrt(len(parts)) / (2.0 * deviation))
