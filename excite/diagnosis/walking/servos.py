@@ -44,7 +44,7 @@ class Way(NamedTuple):
 
 
 class _Law(NamedTuple):
-    """A servo's law: kp, kd, constant, what the command counts beyond kp, delay in samples ``(5,)``; its rest."""
+    """A servo's law ``(6,)``: kp, kd, constant, what the command counts beyond kp, its blur, delay in samples; its rest."""
 
     sizes: Array
     left: float
@@ -63,8 +63,9 @@ class Servo:
     Attributes:
         joint: its joint.
         way: the command that it follows.
-        law: kp [N·m/rad], kd [N·m·s/rad], constant [N·m], share of the command beyond kp [N·m/rad], delay [samples].
-        parts: ``(n_stretches, 5)`` the same with a stretch left out.
+        law: kp [N·m/rad], kd [N·m·s/rad], constant [N·m], share of the command beyond kp [N·m/rad], its blur (what delays
+            that scatter make of a command in the mean is its second derivative) [N·m·s²/rad], delay [samples].
+        parts: ``(n_stretches, 6)`` the same with a stretch left out.
         stated: gains that the log states, kp and kd, NaN where it does not.
         explained: share of the torque's power that the law explains.
         gap: of the torque [N·m or N]: what the stated law leaves, without a delay, what this one leaves, and the
@@ -97,7 +98,7 @@ class Servo:
             kp = np.where(law[..., 0] == 0.0, 1e-9, law[..., 0])
             offset, scale = law[..., 2] / kp, 1.0 + law[..., 3] / kp
             gains = law[..., :2] / usual
-            return np.stack([gains[..., 0], gains[..., 1], offset, scale, law[..., 4] * self.step], axis=-1)
+            return np.stack([gains[..., 0], gains[..., 1], offset, scale, law[..., 5] * self.step], axis=-1)
 
         std = self.spread(told(self.parts))
         std[4] = np.hypot(std[4], 0.3 * self.step)
@@ -131,7 +132,7 @@ def read_servos(log: Log) -> Iterator[Servo]:
         way, grams, law, limit, cut = told
         whole, kept = grams.sum(axis=0), np.array([stated.kp[j], stated.kd[j], np.nan])
         usual = np.where(np.isnan(kept), law.sizes[:3], kept)
-        meant = whole[0][4, 4] - 2.0 * usual @ whole[0][:3, 4] + usual @ whole[0][:3, :3] @ usual
+        meant = whole[0][5, 5] - 2.0 * usual @ whole[0][:3, 5] + usual @ whole[0][:3, :3] @ usual
         count = max(float(whole[0][2, 2]), 1.0)
         gap = [float(np.sqrt(max(x, 0.0) / count)) for x in (meant, law.left, law.power)]
         yield Servo(
@@ -193,8 +194,8 @@ class _Signals:
     def asked(self, j: int, way: Way, sizes: Array) -> Array:
         """Torque ``(n,)`` that a law asks for, unfiltered."""
         q, v, _, command = self.raw
-        heard = _later(command[:, way.column], round(sizes[4]))
-        turning = way.rate * _later(self.rate[:, way.column], round(sizes[4]))
+        heard = _later(command[:, way.column], round(sizes[5]))
+        turning = way.rate * _later(self.rate[:, way.column], round(sizes[5]))
         beyond = heard - command[:, way.column].mean()
         return np.asarray(
             np.column_stack([heard - q[:, j], turning - v[:, j], np.ones(len(q)), beyond]) @ sizes[:4]
@@ -206,9 +207,9 @@ def _later(values: Array, samples: int) -> Array:
 
 
 def _grams(signals: Sequence[_Signals], j: int, way: Way, limit: float = np.inf) -> Array:
-    """By stretch and delay, products of errors of position and velocity, one, the command, and torque.
+    """By stretch and delay, products of errors of position and velocity, one, the command, its bend, and torque.
 
-    ``(n_stretches, n_delays, 5, 5)``, of samples that no torque at a limit is filtered into.
+    ``(n_stretches, n_delays, 6, 6)``, of samples that no torque at a limit is filtered into.
     """
     made = []
     for one in signals:
@@ -216,15 +217,17 @@ def _grams(signals: Sequence[_Signals], j: int, way: Way, limit: float = np.inf)
         rows = np.arange(delays[-1], len(one.q))
         cut = widen_flags(np.abs(one.raw[2][:, j]) > 0.95 * limit, round(0.5 / CUTOFF_HZ / one.step))
         rows = rows[~cut[rows]]
-        asked = np.column_stack([one.command[:, way.column], way.rate * one.rate[:, way.column]])
+        rate = one.rate[:, way.column]
+        asked = np.column_stack([one.command[:, way.column], way.rate * rate, np.gradient(rate, one.step)])
         mean = one.command[:, way.column].mean()
         for part in np.array_split(rows, _STRETCHES):
             moved = np.column_stack([one.q[part, j], one.v[part, j]])
             one_tau = np.column_stack([np.ones(len(part)), one.tau[part, j]])
-            x = np.empty((len(delays), len(part), 5))
-            x[:, :, :2] = (heard := asked[part - delays[:, None]]) - moved
-            x[:, :, 2], x[:, :, 4] = one_tau.T
-            x[:, :, 3] = heard[:, :, 0] - mean
+            x = np.empty((len(delays), len(part), 6))
+            heard = asked[part - delays[:, None]]
+            x[:, :, :2] = heard[:, :, :2] - moved
+            x[:, :, 2], x[:, :, 5] = one_tau.T
+            x[:, :, 3], x[:, :, 4] = heard[:, :, 0] - mean, heard[:, :, 2]
             made.append(x.transpose(0, 2, 1) @ x)
     return np.array(made)
 
@@ -232,18 +235,18 @@ def _grams(signals: Sequence[_Signals], j: int, way: Way, limit: float = np.inf)
 def _law(grams: Array, *, without: int | None = None, scaled: bool = True) -> _Law:
     """Law of least squares over all delays, a stretch left out; unless ``scaled`` the command counts as kp says."""
     whole = grams.sum(axis=0) - (0.0 if without is None else grams[without])
-    a, b = whole[:, :4, :4], whole[:, :4, 4] * [1.0, 1.0, 1.0, scaled]
-    ridge = (1e-10 * np.einsum("dii->di", a) + 1e-300)[:, :, None] * np.eye(4)
+    a, b = whole[:, :5, :5], whole[:, :5, 5]
+    ridge = (1e-10 * np.einsum("dii->di", a) + 1e-300)[:, :, None] * np.eye(5)
     ridge[:, 3, 3] += 0.0 if scaled else 1e12
     sizes = np.linalg.solve(a + ridge, b[:, :, None])[:, :, 0]
-    left = whole[:, 4, 4] - (sizes * b).sum(axis=1)
+    left = whole[:, 5, 5] - (sizes * b).sum(axis=1)
     best = int(np.argmin(left))
     between = 0.0
     if 0 < best < len(left) - 1:
         before, here, after = left[best - 1 : best + 2]
         between = 0.5 * (before - after) / max(before - 2.0 * here + after, 1e-300)
-    mean = whole[best][2, 4] ** 2 / max(whole[best][2, 2], 1e-300)
-    return _Law(np.array([*sizes[best], best + between]), float(left[best]), float(whole[best][4, 4] - mean))
+    mean = whole[best][2, 5] ** 2 / max(whole[best][2, 2], 1e-300)
+    return _Law(np.array([*sizes[best], best + between]), float(left[best]), float(whole[best][5, 5] - mean))
 
 
 def _limit(signals: Sequence[_Signals], j: int, way: Way, law: _Law) -> tuple[float, float]:
@@ -315,7 +318,7 @@ def _jitter(log: Log, servos: Sequence[Servo]) -> tuple[float, float] | None:
         for servo in servos:
             j = log.header.joints.index(servo.joint)
             rest = np.cumsum(one.raw[2][:, j] - one.asked(j, servo.way, servo.law))
-            at = ticks + round(servo.law[4]) - 1
+            at = ticks + round(servo.law[5]) - 1
             area.append((rest[at + hold // 2] - rest[at - hold // 2]) * one.step)
             push.append(servo.law[0] * (command[ticks] - command[ticks - 1])[:, servo.way.column])
         areas.append(np.array(area).T)
