@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 import excite
-from benchmarks.walking.trot import Case, draw_case, trot
+from benchmarks.walking.trot import Case, Fallen, draw_case, trot
 
 SECONDS, TRIES = 13.0, 20
 
@@ -51,10 +51,10 @@ def run_case(seed: int, number: int) -> Row:
         case = draw_case(number, rng)
         try:
             log = trot((case.fault,), seconds=SECONDS, seed=int(rng.integers(2**31)), robot=robot)
-        except AssertionError:
+        except Fallen:
             continue
         return _scored(number, case, log)
-    raise AssertionError(f"all draws of case {number} fall")
+    raise Fallen(f"all draws of case {number}")
 
 
 def _scored(number: int, case: Case, log: excite.Log) -> Row:
@@ -64,8 +64,12 @@ def _scored(number: int, case: Case, log: excite.Log) -> Row:
     first = (found.effect, found.location)
     placed = bool({*case.places} & {found.location, *found.tied_locations})
     right = placed and found.effect in case.effects
-    size = "" if not found.effects else " ".join(f"{v.value:.3g}" for v in found.effects[0].parameters.values())
-    besides = [f"{e.effect}@{e.location}" for e in found.effects if (e.effect, e.location) not in {*true, first}]
+    size = (
+        "" if not found.effects else " ".join(f"{v.value:.3g}" for v in found.effects[0].parameters.values())
+    )
+    besides = [
+        f"{e.effect}@{e.location}" for e in found.effects if (e.effect, e.location) not in {*true, first}
+    ]
     return Row(
         number,
         f"{case.effects[0]}@{case.places[0]} {case.size}",

@@ -67,6 +67,10 @@ class Fault:
     slippery: float = 1.0
 
 
+class Fallen(Exception):
+    """The robot fell."""
+
+
 @dataclass(frozen=True)
 class Case:
     """A fault, and how a diagnosis may call it.
@@ -98,6 +102,7 @@ def draw_case(kind: int, rng: np.random.Generator) -> Case:
     joint = f"{rng.choice(_LEGS)}_{rng.choice(['hip', 'thigh', 'calf'])}_joint"
     foot, side = str(rng.choice(_LEGS)), float(rng.choice([-1, 1]))
     far, axis = rng.uniform(0.0, 1.0), rng.standard_normal(3)
+    most = 11.5 if joint[0] == "F" else 15.0
     turn = tuple((0.05 + 0.08 * far) * axis / np.linalg.norm(axis))
     drawn = (
         (joint, "torque_gain", Fault(joint, strength=0.85 - 0.2 * far)),
@@ -111,7 +116,11 @@ def draw_case(kind: int, rng: np.random.Generator) -> Case:
         (joint, "servo_damping", Fault(joint, damping=1.4 + 0.6 * far)),
         (joint, "command_offset", Fault(joint, ahead=(0.05 + 0.05 * far) * side)),
         (joint, "command_scale", Fault(joint.replace("hip", "thigh"), scale=0.85 - 0.15 * far)),
-        (joint, "torque_saturation", Fault(joint.replace("hip", "calf"), limit=(11.5 if joint[0] == "F" else 15.0) - 2.0 * far)),
+        (
+            joint,
+            "torque_saturation",
+            Fault(joint.replace("hip", "calf"), limit=most - 2.0 * far),
+        ),
         ("imu", "imu_mounting", Fault(turned=turn)),
         ("imu", "imu_delay", Fault(imu_late_s=0.010 + 0.010 * far)),
         (foot, "foot_slip", Fault(foot, slippery=0.12 - 0.06 * far)),
@@ -154,7 +163,7 @@ class _Gait:
 
 
 def _arrivals(late: Array, jitter_s: float, n: int, rng: np.random.Generator) -> Array:
-    """When each tick's command acts at each drive, ``(n + 1, 12)`` [s]; none overtakes another, the last never comes."""
+    """When a tick's command acts at each drive, ``(n + 1, 12)`` [s]; none overtakes another, one more never comes."""
     drawn = rng.uniform(0.0, np.sqrt(12.0) * jitter_s, n) if jitter_s else np.zeros(n)
     due = np.maximum.accumulate(np.arange(n) / POLICY_HZ + drawn)
     due[0] = -1.0
@@ -181,30 +190,20 @@ def trot(
     spec = build_spec(robot, robot.nominal_parameters, drives, World(timestep=_STEP_S))
     model = spec.compile()
     each = [[f for f in faults if f.place in (None, joint)] for joint in joints]
-    strength, stiffness, damping, scale = (
-        np.array([np.prod([getattr(f, name) for f in one]) for one in each])
-        for name in ("strength", "stiffness", "damping", "scale")
+    strength, stiffness, damping, scale = _of_drives(
+        each, ("strength", "stiffness", "damping", "scale"), np.prod
     )
-    late, zero, ahead, viscous, dry = (
-        np.array([sum(getattr(f, name) for f in one) for one in each])
-        for name in ("late_s", "zero", "ahead", "viscous", "dry")
-    )
+    late, zero, ahead, viscous, dry = _of_drives(each, ("late_s", "zero", "ahead", "viscous", "dry"), np.sum)
     model.dof_damping[6:] += viscous
     model.dof_frictionloss[6:] += dry
+    _slip(model, faults)
     wired = np.arange(12)
     for one in faults:
         if one.swapped is not None:
             pair = [joints.index(str(one.place)), joints.index(one.swapped)]
             wired[pair] = pair[::-1]
-        if one.place in _LEGS:
-            own = model.geom_bodyid == model.body(f"{one.place}_calf").id
-            # Above the floor's: of two that touch the one of greater priority tells.
-            model.geom_priority[own], model.geom_friction[own, 0] = 1, 0.6 * one.slippery
     limit = np.minimum(drives.torque_limit, [min((f.limit for f in one), default=np.inf) for one in each])
     model.actuator_gainprm[:, 0], model.actuator_biasprm[:] = 1.0, 0.0
-    names = [model.joint(i + 1).name for i in range(12)]
-    order = [joints.index(name) for name in names]
-    assert order == list(range(12))
     gait, tick = _Gait(seconds, rng), round(1.0 / POLICY_HZ / _STEP_S)
     sent = np.zeros((len(gait.time) * tick, 12))
     arrives = _arrivals(late, sum(f.jitter_s for f in faults), len(gait.time), rng)
@@ -234,22 +233,45 @@ def trot(
         spin = data.qvel[3:6].copy()
         mujoco.mju_quat2Mat(matrix, turned)
         linear = matrix.reshape(3, 3).T @ ((data.qvel[:3] - before[:3]) / _STEP_S + [0.0, 0.0, 9.81])
-        force = np.zeros((4, 6))
-        for i in range(data.ncon):
-            one = data.contact[i]
-            foot = [b for b in model.geom_bodyid[[one.geom1, one.geom2]] if b in bodies]
-            if foot:
-                wrench = np.zeros(6)
-                mujoco.mj_contactForce(model, data, i, wrench)
-                force[bodies.index(foot[0])] += wrench
+        feet = _pressed(model, data, bodies) > 2.0
         for name, value in zip(
-            rows, (placed, before[6:], sent[k], torque, np.r_[spin, linear], force[:, 0] > 2.0), strict=True
+            rows, (placed, before[6:], sent[k], torque, np.r_[spin, linear], feet), strict=True
         ):
             rows[name].append(value)
         if data.qpos[2] < 0.15:
-            raise AssertionError("the robot fell")
+            raise Fallen
     told = {name: np.array(values) for name, values in rows.items()}
     told["imu"] = _seen_by_imu(told["imu"], faults)
+    return _logged(robot, told, rng)
+
+
+def _of_drives(each: list[list[Fault]], names: tuple[str, ...], joined: Any) -> list[Array]:
+    """Numbers of each drive's faults, joined, ``(12,)`` by name."""
+    return [np.array([joined([getattr(f, name) for f in one]) for one in each]) for name in names]
+
+
+def _slip(model: mujoco.MjModel, faults: tuple[Fault, ...]) -> None:
+    """Take friction from feet; of two geometries that touch the one of greater priority tells."""
+    for one in faults:
+        if one.place in _LEGS:
+            own = model.geom_bodyid == model.body(f"{one.place}_calf").id
+            model.geom_priority[own], model.geom_friction[own, 0] = 1, 0.6 * one.slippery
+
+
+def _pressed(model: mujoco.MjModel, data: mujoco.MjData, bodies: list[int]) -> Array:
+    """Normal forces on bodies ``(n,)`` [N]."""
+    force = np.zeros(len(bodies))
+    for i in range(data.ncon):
+        one = data.contact[i]
+        for body in set(model.geom_bodyid[[one.geom1, one.geom2]]) & set(bodies):
+            wrench = np.zeros(6)
+            mujoco.mj_contactForce(model, data, i, wrench)
+            force[bodies.index(body)] += wrench[0]
+    return force
+
+
+def _logged(robot: Robot, told: dict[str, Array], rng: np.random.Generator) -> Log:
+    """What was told, with the sensors' noise, the last third to judge by."""
     n = len(told["q"])
     noise = rng.standard_normal
     told["q"] = told["q"] + 1e-4 * noise((n, 12))

@@ -191,7 +191,7 @@ class JointRows:
         return self._weighed(away_from_changes(rows, k, closed), k)
 
     def change(self, trial: Trial, k: TrialKinematics, others: Sequence[TrialKinematics]) -> TrialRows:
-        """Change of :meth:`rows`' nominal torques where other kinematics are true, ``values`` ``(m, n_joints, n_others)``.
+        """Change of :meth:`rows`' nominal torques where other kinematics are true, ``(m, n_joints, n_others)``.
 
         Others differ from ``k`` in velocities and accelerations alone, as those of another reading of the IMU do.
         """

@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 import excite
+from benchmarks.walking.trot import Fault, trot
 from excite.campaign.capture import capture_policy
 from excite.errors import InputError, LogError
 from excite.robot.robot import Robot
-from benchmarks.walking.trot import Fault, trot
 
 
 @pytest.fixture(scope="module")

@@ -40,7 +40,9 @@ def foot_effects(robot: Robot, log: Log, cutoff_hz: float) -> Iterator[Candidate
     parts = [part for part in np.array_split(speed, _STRETCHES) if (~np.isnan(part)).any(axis=0).all()]
     if len(names) < 2 or len(parts) < _STRETCHES // 2:
         return
-    shares = np.array([np.nanmean(np.where(np.isnan(part), np.nan, part > _SLIDES), axis=0) for part in parts])
+    shares = np.array(
+        [np.nanmean(np.where(np.isnan(part), np.nan, part > _SLIDES), axis=0) for part in parts]
+    )
     share, std = shares.mean(axis=0), shares.std(axis=0) / np.sqrt(len(shares)) + 1e-3
     usual = float(np.median(share))
     clear = share - usual > np.maximum(SLIP.least, _SURE * std)

@@ -1,13 +1,13 @@
 """What torques do to the limbs of a robot that walks: joints' rows with the forces at its feet taken out.
 
-Joints of one kind, left and right, share what the model has (:mod:`excite.regressor.contact_forces` says how forces go);
-a joint's own is an effect: torque that does not arrive, friction, zeros of encoders. So are readings of the IMU, which
-tells how the base moves, from another frame or late.
+Joints of one kind, left and right, share what the model has (:mod:`excite.regressor.contact_forces` says how forces
+go); a joint's own is an effect: torque that does not arrive, friction, zeros of encoders. So are readings of the
+IMU, which tells how the base moves, from another frame or late.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -24,7 +24,7 @@ from excite.diagnosis.selection import sampler
 from excite.diagnosis.walking.kinds import LATE_IMU, ROW_KINDS, TURNED, Kind, joint_kinds
 from excite.doctor.inertial_prior import count_effective_samples, likely_spread
 from excite.identification.problem import IdentificationProblem, build_problem
-from excite.logs.log import Log, Trial
+from excite.logs.log import Log
 from excite.regressor.tree import read_tree
 from excite.robot.robot import Robot
 from excite.rows.joint_rows import JointRows
@@ -245,7 +245,7 @@ class Limbs:
         return bool(size > least) and with_it < _CLEAR * without
 
     def sizes(self, atoms: Sequence[int]) -> tuple[Array, Array]:
-        """Sizes of atoms' columns in their units, with deviations: the larger of the equations' and of stretches left out."""
+        """Sizes of atoms' columns, with deviations: the larger of the equations' and of stretches left out."""
         columns = self.with_atoms(atoms)
         whole, covariance = self.fitted(columns)
         without = np.array([self.fitted(columns, without=k).size for k in range(len(self.parts))])
@@ -330,56 +330,48 @@ class Limbs:
 # Readings of the IMU, as they would be were it turned or late.
 
 
+Change = Callable[[Array, Array], Array]
+"""From times ``(n,)`` [s] and readings ``(n, 6)`` of the IMU to what they would be."""
+
+
 class _Reading(NamedTuple):
     """Changes of the IMU's readings, each with the size that it is of."""
 
     kind: Kind
-    changes: tuple[tuple[Callable[[Trial], Array], float], ...]
+    changes: tuple[tuple[Change, float], ...]
 
 
 def _readings(log: Log) -> Iterator[_Reading]:
     """Effects of the IMU, where a log has one."""
     if any(trial.imu is None for trial in log.trials):
         return
-    turns = np.eye(3) * TURNED.least
-    yield _Reading(TURNED, tuple((_turned(turn), TURNED.least) for turn in turns))
+    yield _Reading(TURNED, tuple((_turned(turn), TURNED.least) for turn in np.eye(3) * TURNED.least))
     for delay in _IMU_DELAYS:
         yield _Reading(LATE_IMU, ((_earlier(delay), delay),))
 
 
-def _turned(turn: Array) -> Callable[[Trial], Array]:
-    """Readings ``(n, 6)`` in the frame that the IMU is said to have, of one turned by a rotation vector from there."""
-    matrix = Rotation.from_rotvec(turn).as_matrix().T
-
-    def readings(trial: Trial) -> Array:
-        assert trial.imu is not None
-        return np.hstack([trial.imu[:, :3] @ matrix, trial.imu[:, 3:] @ matrix])
-
-    return readings
+def _turned(turn: Array) -> Change:
+    """Readings of an IMU that is turned by a rotation vector, in the frame that it is said to have."""
+    back = Rotation.from_rotvec(turn).as_matrix().T
+    return lambda _, imu: np.hstack([imu[:, :3] @ back, imu[:, 3:] @ back])
 
 
-def _earlier(delay: float) -> Callable[[Trial], Array]:
-    """Readings ``(n, 6)`` that a log tells so much later [s]."""
-
-    def readings(trial: Trial) -> Array:
-        assert trial.imu is not None
-        columns = [np.interp(trial.time + delay, trial.time, column) for column in trial.imu.T]
-        return np.column_stack(columns)
-
-    return readings
+def _earlier(delay: float) -> Change:
+    """Readings that a log tells so much later [s]."""
+    return lambda time, imu: np.column_stack([np.interp(time + delay, time, column) for column in imu.T])
 
 
 def _changed(
     problem: IdentificationProblem, log: Log, settings: ProblemSettings, readings: Sequence[_Reading]
 ) -> Array:
     """Change of the rows per unit of each change of the readings, ``(n_rows, n_changes)``."""
-    robot, filters = problem.robot, problem.filters
-    assert filters is not None
+    robot, filters = problem.robot, settings.filters(floating=False, lowpass_hz=log.header.lowpass_hz)
     builder = JointRows(robot, log.header, settings, filters, tuple(ROW_KINDS))
     changes = [change for reading in readings for change in reading.changes]
     parts = []
     for trial in log.trials:
-        trials = [trial, *(replace(trial, imu=change(trial)) for change, _ in changes)]
+        imu = np.zeros((len(trial.time), 6)) if trial.imu is None else trial.imu
+        trials = [trial, *(replace(trial, imu=change(trial.time, imu)) for change, _ in changes)]
         k, *others = (trial_kinematics(robot, log.header, one, settings, filters) for one in trials)
         rows = builder.change(trial, k, others)
         parts.append(rows.values[np.nonzero(rows.use)] / [size for _, size in changes])

@@ -44,7 +44,7 @@ class Way(NamedTuple):
 
 
 class _Law(NamedTuple):
-    """A servo's law ``(6,)``: kp, kd, constant, what the command counts beyond kp, its blur, delay in samples; its rest."""
+    """A servo's law: kp, kd, constant, the command beyond kp, its blur, delay in samples ``(6,)``; its rest."""
 
     sizes: Array
     left: float
@@ -63,8 +63,8 @@ class Servo:
     Attributes:
         joint: its joint.
         way: the command that it follows.
-        law: kp [N·m/rad], kd [N·m·s/rad], constant [N·m], share of the command beyond kp [N·m/rad], its blur (what delays
-            that scatter make of a command in the mean is its second derivative) [N·m·s²/rad], delay [samples].
+        law: kp [N·m/rad], kd [N·m·s/rad], constant [N·m], share of the command beyond kp [N·m/rad], its blur
+            [N·m·s²/rad] (in the mean delays that scatter add a command's second derivative), delay [samples].
         parts: ``(n_stretches, 6)`` the same with a stretch left out.
         stated: gains that the log states, kp and kd, NaN where it does not.
         explained: share of the torque's power that the law explains.
@@ -122,7 +122,9 @@ def read_servos(log: Log) -> Iterator[Servo]:
     for j, joint in enumerate(log.header.joints):
         if joint in log.header.no_torque:
             continue
-        told = max((_told(signals, j, Way(j, rate)) for rate in stated.follows), key=lambda one: one.law.explained)
+        told = max(
+            (_told(signals, j, Way(j, rate)) for rate in stated.follows), key=lambda one: one.law.explained
+        )
         if told.law.explained <= _FOLLOWS or not 0.5 < 1.0 + told.law.sizes[3] / told.law.sizes[0] < 1.5:
             # What follows no command of its own, or turned about, may follow another's as it is.
             ways = [Way(k, rate) for k in columns for rate in stated.follows]
@@ -183,10 +185,11 @@ class _Signals:
     @classmethod
     def of(cls, trial: Trial) -> _Signals:
         """The law is linear: filtered alike on both sides it holds, and the noise of velocities is less."""
-        assert trial.q_cmd is not None and trial.tau is not None
         step = float(np.median(np.diff(trial.time)))
         v = np.gradient(trial.q, trial.time, axis=0) if trial.v is None else trial.v
-        raw = (trial.q, v, trial.tau, trial.q_cmd)
+        nothing = np.full_like(trial.q, np.nan)
+        tau, command = (nothing if x is None else x for x in (trial.tau, trial.q_cmd))
+        raw = (trial.q, v, tau, command)
         cutoff = min(CUTOFF_HZ, 0.2 / step)
         q, v, tau, command = (lowpass(x, 1.0 / step, cutoff) for x in raw)
         return cls(q, v, tau, command, np.gradient(command, step, axis=0), raw, step)
@@ -265,14 +268,26 @@ def _limit(signals: Sequence[_Signals], j: int, way: Way, law: _Law) -> tuple[fl
 
 
 def servo_effects(robot: Robot, log: Log, servos: Sequence[Servo]) -> Iterator[Candidate]:
-    """Sizes that are not the stated ones, or not those of the joint's kind, of one drive or of all."""
+    """What of servos is not as stated, or not as those of the joint's kind, of one drive or of all."""
     follow = [servo for servo in servos if servo.follows]
     if not follow:
         return
-    kinds, joints = joint_kinds(robot), log.header.joints
-    told = []
+    yield from _sizes(robot, follow)
     for servo in follow:
-        alike = [one.law[:2] for one in follow if kinds[one.joint] == kinds[servo.joint]]
+        if np.isfinite(servo.limit) and servo.limit < 0.95 * _stated_limit(robot, servo.joint):
+            yield SATURATION.candidate(servo.joint, servo.limit, servo.gap[1], usual=0.0)
+        if log.header.joints[servo.way.column] != servo.joint:
+            yield ORDER.candidate(servo.joint, servo.way.column, 0.0, usual=-1.0)
+    jitter = _jitter(log, follow)
+    if jitter is not None and jitter[0] > max(JITTER.least, _SURE * jitter[1]):
+        yield JITTER.candidate("command", *jitter)
+
+
+def _sizes(robot: Robot, servos: Sequence[Servo]) -> Iterator[Candidate]:
+    """Sizes of laws that are not the stated ones, or not those of the joint's kind, of one drive or of all."""
+    kinds, told = joint_kinds(robot), []
+    for servo in servos:
+        alike = [one.law[:2] for one in servos if kinds[one.joint] == kinds[servo.joint]]
         usual = np.where(servo.stated > 0.0, servo.stated, np.median(alike, axis=0))
         told.append(servo.sizes(np.where(usual == 0.0, 1e-9, usual)))
     sizes, stds = (np.array(part) for part in zip(*told, strict=True))
@@ -282,17 +297,9 @@ def servo_effects(robot: Robot, log: Log, servos: Sequence[Servo]) -> Iterator[C
             yield kind.candidate("command", common, std)
         else:
             common = kind.usual
-        for servo, size, spread in zip(follow, sizes[:, k], stds[:, k], strict=True):
+        for servo, size, spread in zip(servos, sizes[:, k], stds[:, k], strict=True):
             if abs(size - common) > max(kind.least, _SURE * spread):
                 yield kind.candidate(servo.joint, size, spread, usual=common)
-    for servo in follow:
-        if np.isfinite(servo.limit) and servo.limit < 0.95 * _stated_limit(robot, servo.joint):
-            yield SATURATION.candidate(servo.joint, servo.limit, servo.gap[1], usual=0.0)
-        if joints[servo.way.column] != servo.joint:
-            yield ORDER.candidate(servo.joint, servo.way.column, 0.0, usual=-1.0)
-    jitter = _jitter(log, follow)
-    if jitter is not None and jitter[0] > max(JITTER.least, _SURE * jitter[1]):
-        yield JITTER.candidate("command", *jitter)
 
 
 def _stated_limit(robot: Robot, joint: str) -> float:
@@ -301,10 +308,10 @@ def _stated_limit(robot: Robot, joint: str) -> float:
 
 
 def _jitter(log: Log, servos: Sequence[Servo]) -> tuple[float, float] | None:
-    """Deviation of the delays of commands that are held between ticks, and its own deviation [s]; None where they are not.
+    """Deviation of the delays of held commands, and its own deviation [s]; None where commands are not held.
 
-    A command that acts δ late leaves ``−k_p Δq_cmd`` for δ, an area about its tick. Every other joint tells δ for itself:
-    what both halves have in common is no noise.
+    A command that acts δ late leaves ``−k_p Δq_cmd`` for δ, an area about its tick. Every other joint tells δ for
+    itself: what both halves have in common is no noise.
     """
     areas, pushes = [], []
     for trial in log.trials:
@@ -325,7 +332,9 @@ def _jitter(log: Log, servos: Sequence[Servo]) -> tuple[float, float] | None:
         pushes.append(np.array(push).T)
     area, push = np.concatenate(areas), np.concatenate(pushes)
     weight = np.array([(push[:, half::2] ** 2).sum(axis=1) for half in (0, 1)])
-    delays = np.array([-(area * push)[:, half::2].sum(axis=1) for half in (0, 1)]) / np.maximum(weight, 1e-300)
+    delays = np.array([-(area * push)[:, half::2].sum(axis=1) for half in (0, 1)]) / np.maximum(
+        weight, 1e-300
+    )
     clear = (weight > 0.1 * np.median(weight, axis=1, keepdims=True)).all(axis=0)
     delays = delays[:, clear] - np.median(delays[:, clear], axis=1, keepdims=True)
     shared = np.clip(delays, -_LATEST_S, _LATEST_S).prod(axis=0)
