@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 import excite
 from excite.arrays import Array
-from excite.logs.header_blocks import TrialHeader
+from excite.logs.header_blocks import Role, TrialHeader
 from excite.logs.log import Log, Trial
 from excite.robot.robot import Robot
 from excite.simulation.mjcf import World, build_spec
@@ -282,10 +282,11 @@ def _logged(robot: Robot, told: dict[str, Array], rng: np.random.Generator) -> L
     cut = begun + 2 * (n - begun) // 3
     time = np.arange(n) / RATE_HZ
     trials = []
-    for name, role, part in (
+    parts: tuple[tuple[str, Role, slice], ...] = (
         ("learn", "identification", slice(begun, cut)),
         ("judge", "validation", slice(cut, n)),
-    ):
+    )
+    for name, role, part in parts:
         trials.append(
             Trial(
                 name=name,
@@ -296,10 +297,10 @@ def _logged(robot: Robot, told: dict[str, Array], rng: np.random.Generator) -> L
                 tau=told["tau"][part],
                 q_cmd=told["cmd"][part],
                 imu=told["imu"][part],
-                contacts={leg: told["feet"][part, i] for i, leg in enumerate(_LEGS)},
+                contacts={leg: told["feet"][part, i] > 0.5 for i, leg in enumerate(_LEGS)},
             )
         )
-    entries = tuple(TrialHeader(file=f"{t.name}.parquet", role=t.role) for t in trials)
+    entries = tuple(TrialHeader(file=f"{name}.parquet", role=role) for name, role, _ in parts)
     header = log_header(robot, entries).model_copy(
         update={
             "controller": {"mode": "position", "kp": KP, "kd": KD, "feedforward": "none"},

@@ -17,10 +17,11 @@ from excite.diagnosis.answer.candidate import Candidate, Estimate, RobotChanges
 from excite.diagnosis.answer.gap import ChannelGap, Gap, share_closed
 from excite.diagnosis.servo.gains import stated_servo
 from excite.diagnosis.walking.feet import foot_effects
-from excite.diagnosis.walking.kinds import OF_COMMANDS, ORDER, SLIP
+from excite.diagnosis.walking.kinds import JITTER, LATE_IMU, OF_COMMANDS, ORDER, SLIP, TURNED
 from excite.diagnosis.walking.limbs import Limbs
-from excite.diagnosis.walking.servos import CUTOFF_HZ, Servo, read_servos, servo_effects
+from excite.diagnosis.walking.servos import CUTOFF_HZ, Servo, command_ticks, read_servos, servo_effects
 from excite.errors import LogError
+from excite.finding import list_names
 from excite.logs.log import Log, Trial
 from excite.robot.robot import Robot
 
@@ -59,7 +60,7 @@ def diagnose_walking(robot: Robot, log: Log) -> Diagnosis:
     rivals = tuple(limbs.rivals())
     at_servos = any(one.effect in OF_COMMANDS for one in effects)
     gap = _with_servos(limbs.gap, servos) if at_servos else limbs.gap
-    first = effects[0] if effects else None
+    first, untold = effects[0] if effects else None, list(_untold(log, effects, rivals))
     verdict: Verdict = "none"
     if first is not None:
         verdict = "ambiguous" if rivals and first.effect not in {*OF_COMMANDS, SLIP.effect} else "effect"
@@ -76,8 +77,8 @@ def diagnose_walking(robot: Robot, log: Log) -> Diagnosis:
         gap=gap,
         where=limbs.where(),
         n_tied=1 + len(rivals) if verdict == "ambiguous" else 0,
-        next_experiment=_next(log),
-        warnings=tuple(_limits(log, servos, effects)),
+        next_experiment=untold[0] if untold else None,
+        warnings=(*_limits(log, servos, effects), *(f"not told: {one.why}" for one in untold[1:])),
         absorbed=tuple(_told_of_servos(servos)),
         changes=tuple(_changes(effects[:k]) for k in range(len(effects) + 1)),
     )
@@ -142,9 +143,7 @@ def _told_of_servos(servos: Sequence[Servo]) -> Iterator[Absorbed]:
 
 
 def _limits(log: Log, servos: Sequence[Servo], effects: Sequence[Candidate]) -> Iterator[str]:
-    """What the record does not tell."""
-    if not servos and any(t.q_cmd is None for t in log.trials):
-        yield "no commands beside torques: whether gains are applied and commands are late is not told; log q_cmd.*"
+    """What limits the answer, but for what another recording would tell."""
     for one in effects:
         if one.effect == ORDER.effect:
             command = log.header.joints[round(one.parameters[ORDER.parameter].value)]
@@ -161,16 +160,36 @@ def _limits(log: Log, servos: Sequence[Servo], effects: Sequence[Candidate]) -> 
         if np.isfinite(servo.limit):
             yield f"the torque of {servo.joint} is cut at {servo.limit:.3g} for {100 * servo.cut:.1f} % of the time"
     if log.header.imu is None:
-        yield (
-            "no IMU: the base's motion is that of its pose, differentiated twice; "
-            "the IMU's mounting and delay are not told"
+        yield "no IMU: the base's motion is that of its pose, differentiated twice"
+
+
+def _untold(log: Log, effects: Sequence[Candidate], rivals: Sequence[Candidate]) -> Iterator[NextExperiment]:
+    """What this walk cannot tell, and which seconds would."""
+    if rivals:
+        places = list_names(list(dict.fromkeys(str(one.location) for one in rivals)))
+        yield NextExperiment(
+            f"what could stand in the place of the first effect is told by ten seconds in which {places} alone swings, "
+            "slowly and fast, the robot hung up (base: suspended)",
+            tuple(f"{one.effect}@{one.location}" for one in rivals),
         )
-
-
-def _next(log: Log) -> NextExperiment | None:
-    """What would tell more than walking does."""
-    if all(t.q_cmd is not None for t in log.trials):
-        return None
-    return NextExperiment(
-        "the same walk with commands logged tells gains and delays", ("servo_gain", "command_delay")
-    )
+    tied = [one for one in effects if len(one.tied_locations) > 1]
+    if tied:
+        yield NextExperiment(
+            "which of the feet slips is told by ten seconds in which the robot stands on all feet and leans about",
+            tuple(f"{one.effect}@{one.location}" for one in tied),
+        )
+    if any(trial.q_cmd is None for trial in log.trials):
+        yield NextExperiment(
+            "whether gains are applied and commands are late is told by the same walk with q_cmd.* logged",
+            tuple(sorted(OF_COMMANDS)),
+        )
+    elif not all(len(command_ticks(trial)) for trial in log.trials):
+        yield NextExperiment(
+            "jitter of the commands is told by ten seconds logged at several times the policy's rate, q_cmd.* as sent",
+            (JITTER.effect,),
+        )
+    if any(trial.imu is None for trial in log.trials):
+        yield NextExperiment(
+            "mounting and delay of the IMU are told by ten seconds of walking and turning with imu.* logged",
+            (TURNED.effect, LATE_IMU.effect),
+        )

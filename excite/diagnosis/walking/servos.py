@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from excite.arrays import Array, widen_flags
 from excite.diagnosis.answer.candidate import Candidate
@@ -32,8 +33,13 @@ _LATEST_S = 0.1
 _FOLLOWS = 0.8
 # Deviations that a size has to be off by.
 _SURE = 4.0
+# Rows for which commands are held, and ticks, that their jitter is told by.
+_HELD, _FEWEST_TICKS = 4, 20
 # Share of samples at the largest torque that is worth a name; times that a law and its limit are told by each other.
 _CUT_OFTEN, _TIMES = 0.005, 3
+
+
+Indices = NDArray[np.int64]
 
 
 class Way(NamedTuple):
@@ -302,6 +308,15 @@ def _sizes(robot: Robot, servos: Sequence[Servo]) -> Iterator[Candidate]:
                 yield kind.candidate(servo.joint, size, spread, usual=common)
 
 
+def command_ticks(trial: Trial) -> Indices:
+    """Rows at which commands change that are held in between, logged several times as often; none of others."""
+    if trial.q_cmd is None:
+        return np.zeros(0, dtype=np.int64)
+    ticks = np.flatnonzero((np.diff(trial.q_cmd, axis=0) != 0.0).any(axis=1)) + 1
+    held = len(ticks) >= _FEWEST_TICKS and np.median(np.diff(ticks)) >= _HELD
+    return np.asarray(ticks if held else ticks[:0])
+
+
 def _stated_limit(robot: Robot, joint: str) -> float:
     limit = float(robot.model.effortLimit[robot.n_base_v + robot.joint_index(joint)])
     return limit if limit > 0.0 else np.inf
@@ -317,9 +332,10 @@ def _jitter(log: Log, servos: Sequence[Servo]) -> tuple[float, float] | None:
     for trial in log.trials:
         one = _Signals.of(trial)
         command = one.raw[3]
-        ticks = np.flatnonzero((np.diff(command, axis=0) != 0.0).any(axis=1)) + 1
-        if len(ticks) < 20 or (hold := int(np.median(np.diff(ticks)))) < 4:
+        ticks = command_ticks(trial)
+        if not len(ticks):
             return None
+        hold = int(np.median(np.diff(ticks)))
         ticks = ticks[(ticks > hold) & (ticks < len(command) - 2 * hold - _LATEST_S / one.step)]
         area, push = [], []
         for servo in servos:
