@@ -36,7 +36,7 @@ _BLOCKS = 10
 # An effect is clear where judging rows of its joint are left with more than a tenth more power without it.
 _CLEAR = 1.0 / 1.1
 # Delays of the IMU that are tried [s]: of each the change of the rows is exact there.
-_IMU_DELAYS = (0.004, 0.008, 0.012, 0.016, 0.02, 0.024)
+_IMU_DELAYS = tuple(0.002 * k for k in range(2, 13))
 
 
 class Atom(NamedTuple):
