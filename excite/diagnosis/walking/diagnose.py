@@ -60,7 +60,7 @@ def diagnose_walking(robot: Robot, log: Log) -> Diagnosis:
     rivals = tuple(limbs.rivals())
     at_servos = any(one.effect in OF_COMMANDS for one in effects)
     gap = _with_servos(limbs.gap, servos) if at_servos else limbs.gap
-    first, untold = effects[0] if effects else None, list(_untold(log, effects, rivals))
+    first, untold = effects[0] if effects else None, list(_untold(log, servos, effects, rivals))
     verdict: Verdict = "none"
     if first is not None:
         verdict = "ambiguous" if rivals and first.effect not in {*OF_COMMANDS, SLIP.effect} else "effect"
@@ -165,11 +165,14 @@ def _limits(log: Log, servos: Sequence[Servo], effects: Sequence[Candidate]) -> 
 
 def _untold(log: Log, effects: Sequence[Candidate], rivals: Sequence[Candidate]) -> Iterator[NextExperiment]:
     """What this walk cannot tell, and which seconds would."""
+    joints = dict.fromkeys(
+        str(one.location) for one in (*effects[:1], *rivals) if rivals and one.location in log.header.joints
+    )
     if rivals:
-        places = list_names(list(dict.fromkeys(str(one.location) for one in rivals)))
+        swung = f"{list_names(list(joints))} alone swings" if joints else "its trunk is tilted by hand"
         yield NextExperiment(
-            f"what could stand in the place of the first effect is told by ten seconds in which {places} alone swings, "
-            "slowly and fast, the robot hung up (base: suspended)",
+            f"what could stand in the place of the first effect is told by ten seconds in which {swung}, slowly and "
+            "fast, the robot hung up (base: suspended)",
             tuple(f"{one.effect}@{one.location}" for one in rivals),
         )
     tied = [one for one in effects if len(one.tied_locations) > 1]
@@ -178,9 +181,9 @@ def _untold(log: Log, effects: Sequence[Candidate], rivals: Sequence[Candidate])
             "which of the feet slips is told by ten seconds in which the robot stands on all feet and leans about",
             tuple(f"{one.effect}@{one.location}" for one in tied),
         )
-    if any(trial.q_cmd is None for trial in log.trials):
+    if not servos:
         yield NextExperiment(
-            "whether gains are applied and commands are late is told by the same walk with q_cmd.* logged",
+            "whether gains are applied and commands are late is told by the same walk with q_cmd.* and tau.* logged",
             tuple(sorted(OF_COMMANDS)),
         )
     elif not all(len(command_ticks(trial)) for trial in log.trials):

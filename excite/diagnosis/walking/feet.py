@@ -13,7 +13,7 @@ import numpy as np
 
 from excite.arrays import Array, distinct_rows, widen_flags
 from excite.diagnosis.answer.candidate import Candidate, Estimate
-from excite.diagnosis.walking.kinds import SLIP
+from excite.diagnosis.walking.kinds import SLIP, SURE
 from excite.logs.log import Log, Trial
 from excite.regressor.contact_forces import contact_maps
 from excite.robot.robot import Robot
@@ -24,11 +24,11 @@ from excite.rows.settings import ProblemSettings
 # Of a simulated trot on a floor of friction 0.6 feet that carry move by less for 97 % of the time [m/s]: they roll, and
 # touch and leave.
 _SLIDES = 0.15
-_STRETCHES, _SURE = 10, 4.0
+_STRETCHES = 10
 
 
 def foot_effects(robot: Robot, log: Log, cutoff_hz: float) -> Iterator[Candidate]:
-    """Feet that slip for a larger share of the time in which they carry than the others do.
+    """Feet that slip for a larger share of the time in which they carry than the others do, or all of them.
 
     Args:
         robot: the nominal model.
@@ -45,7 +45,9 @@ def foot_effects(robot: Robot, log: Log, cutoff_hz: float) -> Iterator[Candidate
     )
     share, std = shares.mean(axis=0), shares.std(axis=0) / np.sqrt(len(shares)) + 1e-3
     usual = float(np.median(share))
-    clear = share - usual > np.maximum(SLIP.least, _SURE * std)
+    if usual > SLIP.least:
+        yield SLIP.candidate("feet", usual, float(np.median(std)))
+    clear = share - usual > np.maximum(SLIP.least, SURE * std)
     for k in np.flatnonzero(clear):
         alike = tuple(name for i, name in enumerate(names) if clear[i] and abs(share[i] - share[k]) < std[k])
         fast = Estimate(float(np.nanmedian(speed[speed[:, k] > _SLIDES, k])), None, "m/s")

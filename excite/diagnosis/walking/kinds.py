@@ -10,6 +10,9 @@ from excite.diagnosis.answer.candidate import Candidate, Estimate
 from excite.regressor.tree import read_tree
 from excite.robot.robot import Robot
 
+SURE = 4.0
+"""Deviations that a size has to be off by."""
+
 
 @dataclass(frozen=True)
 class Kind:

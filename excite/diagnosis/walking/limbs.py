@@ -21,7 +21,7 @@ from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Candidate, Estimate
 from excite.diagnosis.answer.gap import ChannelGap, Gap, Where, share_closed
 from excite.diagnosis.selection import sampler
-from excite.diagnosis.walking.kinds import LATE_IMU, ROW_KINDS, TURNED, Kind, joint_kinds
+from excite.diagnosis.walking.kinds import LATE_IMU, ROW_KINDS, SURE, TURNED, Kind, joint_kinds
 from excite.doctor.inertial_prior import count_effective_samples, likely_spread
 from excite.identification.problem import IdentificationProblem, build_problem
 from excite.logs.log import Log
@@ -234,15 +234,14 @@ class Limbs:
     def _matters(self, k: int, chosen: Sequence[int]) -> bool:
         """Whether a size is one, and the judging rows that it acts on are clearly better for it."""
         atom, rest = self.atoms[k], [other for other in chosen if other != k]
-        own = slice(-atom.width, None)
         least = atom.kind.least / atom.kind.spread * self.scales[self.n_base + atom.first]
-        size = np.linalg.norm(self.sizes([*rest, k])[0][own])
+        size, std = (float(np.linalg.norm(part[-atom.width :])) for part in self.sizes([*rest, k]))
         names = self.problem.channel_names
         rows = self.judge & (self.problem.rows_of(atom.place) if atom.place in names else True)
         with_it, without = (
             float((self.left(self.with_atoms(some))[rows] ** 2).sum()) for some in ([*rest, k], rest)
         )
-        return bool(size > least) and with_it < _CLEAR * without
+        return size > max(least, SURE * std) and with_it < _CLEAR * without
 
     def sizes(self, atoms: Sequence[int]) -> tuple[Array, Array]:
         """Sizes of atoms' columns, with deviations: the larger of the equations' and of stretches left out."""

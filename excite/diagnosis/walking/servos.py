@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from excite.arrays import Array, widen_flags
 from excite.diagnosis.answer.candidate import Candidate
 from excite.diagnosis.servo.gains import stated_servo
-from excite.diagnosis.walking.kinds import JITTER, ORDER, SATURATION, SERVO_KINDS, joint_kinds
+from excite.diagnosis.walking.kinds import JITTER, ORDER, SATURATION, SERVO_KINDS, SURE, joint_kinds
 from excite.logs.log import Log, Trial
 from excite.logs.signals.butterworth import lowpass
 from excite.robot.robot import Robot
@@ -31,10 +31,10 @@ _STRETCHES = 5
 _LATEST_S = 0.1
 # Share of a torque's power that a servo's law explains where the joint has such a servo.
 _FOLLOWS = 0.8
-# Deviations that a size has to be off by.
-_SURE = 4.0
 # Rows for which commands are held, and ticks, that their jitter is told by.
 _HELD, _FEWEST_TICKS = 4, 20
+# Torques pile up at a limit: they stray from it by less than this share of the power that is asked beyond it.
+_PILED = 0.2
 # Share of samples at the largest torque that is worth a name; times that a law and its limit are told by each other.
 _CUT_OFTEN, _TIMES = 0.005, 3
 
@@ -269,8 +269,8 @@ def _limit(signals: Sequence[_Signals], j: int, way: Way, law: _Law) -> tuple[fl
     # What a cut leaves beyond the limit is the law's rest elsewhere.
     rest = ((told - asked)[~beyond] ** 2).mean() if (~beyond).any() else np.inf
     cut = ((told - np.clip(asked, -limit, limit))[beyond] ** 2).mean() if beyond.any() else np.inf
-    worse = ((told - asked)[beyond] ** 2).mean() if beyond.any() else 0.0
-    return limit, float(beyond.mean()) if cut < 2.0 * rest < worse else 0.0
+    lost = ((np.abs(asked[beyond]) - limit) ** 2).mean() if beyond.any() else 0.0
+    return limit, float(beyond.mean()) if cut < min(2.0 * rest, _PILED * lost) else 0.0
 
 
 def servo_effects(robot: Robot, log: Log, servos: Sequence[Servo]) -> Iterator[Candidate]:
@@ -285,7 +285,7 @@ def servo_effects(robot: Robot, log: Log, servos: Sequence[Servo]) -> Iterator[C
         if log.header.joints[servo.way.column] != servo.joint:
             yield ORDER.candidate(servo.joint, servo.way.column, 0.0, usual=-1.0)
     jitter = _jitter(log, follow)
-    if jitter is not None and jitter[0] > max(JITTER.least, _SURE * jitter[1]):
+    if jitter is not None and jitter[0] > max(JITTER.least, SURE * jitter[1]):
         yield JITTER.candidate("command", *jitter)
 
 
@@ -297,14 +297,17 @@ def _sizes(robot: Robot, servos: Sequence[Servo]) -> Iterator[Candidate]:
         usual = np.where(servo.stated > 0.0, servo.stated, np.median(alike, axis=0))
         told.append(servo.sizes(np.where(usual == 0.0, 1e-9, usual)))
     sizes, stds = (np.array(part) for part in zip(*told, strict=True))
+    # A command that is scaled about some pose is off at any other: its offset is no cause of its own.
+    scaled = np.abs(sizes[:, 3] - 1.0) > np.maximum(SERVO_KINDS[3].least, SURE * stds[:, 3])
+    sizes[scaled, 2] = 0.0
     for k, kind in enumerate(SERVO_KINDS):
         common, std = float(np.median(sizes[:, k])), float(np.median(stds[:, k]))
-        if abs(common - kind.usual) > max(kind.least, _SURE * std):
+        if abs(common - kind.usual) > max(kind.least, SURE * std):
             yield kind.candidate("command", common, std)
         else:
             common = kind.usual
         for servo, size, spread in zip(servos, sizes[:, k], stds[:, k], strict=True):
-            if abs(size - common) > max(kind.least, _SURE * spread):
+            if abs(size - common) > max(kind.least, SURE * spread):
                 yield kind.candidate(servo.joint, size, spread, usual=common)
 
 
