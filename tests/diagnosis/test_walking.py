@@ -75,7 +75,7 @@ def test_commands_the_imu_and_a_foot_are_named_where_they_are_off(go2: Robot) ->
 def test_nothing_is_named_where_nothing_was_changed(go2: Robot) -> None:
     log = trot(seconds=13.0, seed=91)
     found = excite.diagnose(log, go2)
-    assert (found.verdict, found.effects) == ("none", ())
+    assert (found.verdict, found.effects, found.next_experiment) == ("none", (), None)
     # Without torques the stated servo tells them; without its gains nothing does.
     bare = log.header.model_copy(update={"torque": "none", "controller": {"mode": "position"}})
     silent = replace(log, header=bare, trials=tuple(replace(t, tau=None) for t in log.trials))

@@ -163,7 +163,9 @@ def _limits(log: Log, servos: Sequence[Servo], effects: Sequence[Candidate]) -> 
         yield "no IMU: the base's motion is that of its pose, differentiated twice"
 
 
-def _untold(log: Log, effects: Sequence[Candidate], rivals: Sequence[Candidate]) -> Iterator[NextExperiment]:
+def _untold(
+    log: Log, servos: Sequence[Servo], effects: Sequence[Candidate], rivals: Sequence[Candidate]
+) -> Iterator[NextExperiment]:
     """What this walk cannot tell, and which seconds would."""
     joints = dict.fromkeys(
         str(one.location) for one in (*effects[:1], *rivals) if rivals and one.location in log.header.joints
@@ -183,7 +185,7 @@ def _untold(log: Log, effects: Sequence[Candidate], rivals: Sequence[Candidate])
         )
     if not servos:
         yield NextExperiment(
-            "whether gains are applied and commands are late is told by the same walk with q_cmd.* and tau.* logged",
+            "whether gains are applied and commands late is told by a walk with q_cmd.* and tau.* logged",
             tuple(sorted(OF_COMMANDS)),
         )
     elif not all(len(command_ticks(trial)) for trial in log.trials):
