@@ -223,7 +223,8 @@ class Limbs:
             idle = {k for k in chosen if not self._matters(k, chosen)}
             if not idle:
                 return dict(sorted(gains.items(), key=lambda item: -item[1]))
-            barred |= idle
+            # One after the other, the faintest first: what stands beside the true one takes its part until it goes.
+            barred.add(min(idle, key=lambda k: gains[k]))
 
     def _gains(self, problem: sampler.Problem, others: Sequence[int]) -> dict[int, float]:
         """By atom, evidence of an effect beside others."""
