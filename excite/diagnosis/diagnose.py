@@ -20,7 +20,7 @@ from excite.diagnosis.floating.registry import FLOATING_EFFECTS
 from excite.diagnosis.servo.diagnose import diagnose_commands
 from excite.diagnosis.servo.gains import torque_constants
 from excite.diagnosis.servo.servo import read_signals
-from excite.diagnosis.walking import diagnose_walking, walks
+from excite.diagnosis.walking.diagnose import diagnose_walking, walks
 from excite.doctor.doubt import Doubt
 from excite.doctor.examine import Chart, examine
 from excite.errors import InputError, LogError

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -185,6 +186,23 @@ class JointRows:
             if closed is None or not self.robot.feet:
                 return torque[part, :, None]
             return self._contact_elimination_of(k.q[part], closed[part])[:, :, joints] @ torque[part, :, None]
+
+        rows = filtered_rows(rows_of, k, self.filters, self._usable_samples(trial, k, joints))
+        return self._weigh_standing(away_from_changes(rows, k, closed), k)
+
+    def change(self, trial: Trial, k: TrialKinematics, others: Sequence[TrialKinematics]) -> TrialRows:
+        """Change of :meth:`rows`' nominal torques where other kinematics are true, ``(m, n_joints, n_others)``.
+
+        Others differ from ``k`` in velocities and accelerations alone, as those of another reading of the IMU do.
+        """
+        joints, closed = self._joints_of(), closed_on_grid(self.robot, trial, k.time)
+
+        def rows_of(part: slice) -> Array:
+            nominal = motor_torques(self.robot, k.q[part], k.v[part], k.a[part])
+            changes = [motor_torques(self.robot, k.q[part], o.v[part], o.a[part]) - nominal for o in others]
+            return np.asarray(
+                self._contact_elimination_of(k.q[part], closed[part]) @ np.stack(changes, axis=2)
+            )
 
         rows = filtered_rows(rows_of, k, self.filters, self._usable_samples(trial, k, joints))
         return self._weigh_standing(away_from_changes(rows, k, closed), k)

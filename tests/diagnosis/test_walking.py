@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 import excite
+from benchmarks.walking.trot import Fault, trot
 from excite.campaign.capture import capture_policy
 from excite.errors import InputError, LogError
 from excite.robot.robot import Robot
-from tests.trot import Fault, trot
 
 
 @pytest.fixture(scope="module")
@@ -40,10 +40,42 @@ def test_a_weak_drive_a_late_one_and_a_worn_one_are_named_at_their_joints(go2: R
     assert gains == pytest.approx([40.0] * 12, rel=0.02)
 
 
+def test_commands_the_imu_and_a_foot_are_named_where_they_are_off(go2: Robot) -> None:
+    faults = (
+        Fault("RL_thigh_joint", scale=0.75),
+        Fault("FR_calf_joint", damping=1.8),
+        Fault("RR_calf_joint", limit=14.0),
+        Fault("FL_hip_joint", swapped="FR_hip_joint"),
+        Fault(turned=(0.05, 0.08, -0.05)),
+        Fault("FR", slippery=0.1),
+        Fault(jitter_s=0.004),
+    )
+    found = excite.diagnose(trot(faults, seconds=13.0, seed=5), go2)
+    sizes = {(one.effect, one.location): one.parameters for one in found.effects}
+    assert set(sizes) == {
+        ("command_scale", "RL_thigh_joint"),
+        ("servo_damping", "FR_calf_joint"),
+        ("torque_saturation", "RR_calf_joint"),
+        ("joint_order", "FL_hip_joint"),
+        ("joint_order", "FR_hip_joint"),
+        ("imu_mounting", "imu"),
+        ("foot_slip", "FR"),
+        ("command_jitter", "command"),
+        ("command_delay", "command"),
+    }
+    assert sizes["command_scale", "RL_thigh_joint"]["scale"].value == pytest.approx(0.75, abs=0.03)
+    assert sizes["servo_damping", "FR_calf_joint"]["damping"].value == pytest.approx(1.8, abs=0.1)
+    assert sizes["torque_saturation", "RR_calf_joint"]["limit"].value == pytest.approx(14.0, abs=0.3)
+    assert sizes["command_jitter", "command"]["deviation"].value == pytest.approx(0.004, abs=0.0008)
+    turned = [sizes["imu_mounting", "imu"][f"turn_{axis}"].value for axis in "xyz"]
+    assert turned == pytest.approx([0.05, 0.08, -0.05], abs=0.015)
+    assert any("FL_hip_joint follows the command of FR_hip_joint" in text for text in found.warnings)
+
+
 def test_nothing_is_named_where_nothing_was_changed(go2: Robot) -> None:
     log = trot(seconds=13.0, seed=91)
     found = excite.diagnose(log, go2)
-    assert (found.verdict, found.effects) == ("none", ())
+    assert (found.verdict, found.effects, found.next_experiment) == ("none", (), None)
     # Without torques the stated servo tells them; without its gains nothing does.
     bare = log.header.model_copy(update={"torque": "none", "controller": {"mode": "position"}})
     silent = replace(log, header=bare, trials=tuple(replace(t, tau=None) for t in log.trials))

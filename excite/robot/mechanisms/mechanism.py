@@ -80,7 +80,9 @@ class Mechanism:
         data, out, before = self.model.createData(), np.array(q, dtype=float), self.rest
         for i in range(len(out)):
             before = out[i] = (
-                self._closed(data, out[i], i) if near else self._reach_configuration(data, before, out[i], i)
+                self._close_configuration(data, out[i], i)
+                if near
+                else self._reach_configuration(data, before, out[i], i)
             )
         return out
 
