@@ -164,8 +164,8 @@ ToyLaw = SpringLaw
             "simulation/effects/registry.py",
             "simulation.effects.toy",
             "ToyLaw",
-            '_E("toy", "a spring", "N·m/rad", 0.0, 100.0, _joints, _constant(5.0),'
-            " lambda v, name, x: v.with_law(ToyLaw(_joint(v, name), x)))",
+            '_E("toy", "a spring", "N·m/rad", 0.0, 100.0, _all_joints, _constant_value(5.0),'
+            " lambda v, name, x: v.with_law(ToyLaw(_joint_index(v, name), x)))",
             "    # readings",
         ),
     ),

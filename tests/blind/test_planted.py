@@ -70,8 +70,6 @@ def test_friction_planted_in_a_real_record_is_scored(bench: Bench, tmp_path: Pat
         ("panda", Effect("time_delay", 0, 0.012), "torque"),
         # The tilt beside it fits in a form that no base has.
         ("ar5", Effect("joint_spring", 0, 2.988), "AR5-5_07R-W4C4A2_joint_1"),
-        # Friction is fitted anew beside what is left of the others, at the sign's own width.
-        ("tiago", Effect("coulomb_friction", 2, 0.7988), "arm_3_joint"),
         # Its torque is that of the joint before.
         ("panda", Effect("encoder_offset", 2, -0.03), "panda_joint3"),
         # Whitened rows tell a delay by when friction changes sign.

@@ -22,7 +22,7 @@ MAKERS = {
     "first_violations": 0,
     "build_finding": 0,
     "add_finding": 0,
-    "_say": 0,
+    "_say_finding": 0,
     "magnitude_result": 0,
     "rejected": 0,
     "Rejection": 1,

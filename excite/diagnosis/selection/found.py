@@ -186,6 +186,7 @@ class _Turns:
             again = _whole_delay(maker, term, x) or maker.again(term)
             if again is None:
                 continue
+            again = replace(again, started=term.started)
             if term.known and not term.effect.timing:
                 # What is made anew may have lost what the old column had.
                 old = TermMaker(term.context, self.full.strict)
@@ -459,7 +460,7 @@ def _of_some_share(
                 changed.add(like.key)
             continue
         worth = _worth(model, floor, scale)
-        small = [k for k, term in enumerate(kept) if worth[k] < 1.0]
+        small = [k for k, term in enumerate(kept) if worth[k] < 1.0 and not term.started]
         if not small:
             break
         gone.append(kept.pop(min(small, key=lambda k: worth[k])))
@@ -469,7 +470,7 @@ def _of_some_share(
             model = fit(Design(rows, tuple(more)), range(len(more)))
             fits = (one.can_be(context, model.parameters(k)) for k, one in enumerate(more))
             worth = _worth(model, floor, scale)
-            if all(fits) and (worth >= 1.0).all():
+            if all(fits) and all(w >= 1.0 or one.started for w, one in zip(worth, more, strict=True)):
                 kept = more
                 break
     return kept

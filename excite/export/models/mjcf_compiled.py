@@ -31,7 +31,7 @@ def compile_mjcf(content: bytes, template: Path | None) -> mujoco.MjModel:
     )
 
 
-def compile_text(content: bytes, folder: Path | None) -> mujoco.MjModel:
+def compile_text(content: bytes, folder: Path | None, source: object = "written model") -> mujoco.MjModel:
     """Compile a text in this process; paths in it are relative to ``folder``."""
     import mujoco
 
@@ -45,7 +45,7 @@ def compile_text(content: bytes, folder: Path | None) -> mujoco.MjModel:
     except (ValueError, OSError, RuntimeError) as error:
         raise InputError(
             f"MuJoCo refuses it ({' '.join(str(error).split())})",
-            source="written model",
+            source=source,
             remedy="check that it loads in MuJoCo's viewer, with its meshes beside it",
         ) from error
 

@@ -171,8 +171,7 @@ class TermMaker:
     def again(self, term: Term) -> Term | None:
         """A term made anew at these predictions."""
         whole = len(term.kept) == len(term.effect.linear)
-        made = self.make(term.effect, term.location, term.theta, None if whole else term.kept)
-        return None if made is None else replace(made, started=term.started)
+        return self.make(term.effect, term.location, term.theta, None if whole else term.kept)
 
     def _context_for(self, effect: Effect) -> Context:
         """Effects of the load are told from the rigid bodies' torque: friction would explain itself."""
