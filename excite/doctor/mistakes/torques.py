@@ -268,9 +268,10 @@ def _without_part(samples: TorqueSamples, reading: Reading, parts: ModelParts) -
     """A share of the weight is off all torques, or the weight under a gravity that points elsewhere.
 
     The gravity that was taken off is that of least squares over all joints, by what each leaves. A share is told
-    beside the inertial forces alone: without them it is any scale of the torques.
+    beside the inertial forces alone: without them, or where joints have factors of their own, it is any scale.
     """
-    if not (np.abs(parts.inertia - 1.0) < 0.5).any():
+    factors = np.abs(reading.torque_factor)
+    if not (np.abs(parts.inertia - 1.0) < 0.5).any() or np.ptp(factors) > 0.0:
         return
     size = float(np.linalg.norm(reading.gravity))
     taken = _taken_gravity(samples, reading)
@@ -280,7 +281,8 @@ def _without_part(samples: TorqueSamples, reading: Reading, parts: ModelParts) -
     aside = THRESHOLD.least_tilt_rad < off < np.pi - THRESHOLD.least_tilt_rad
     part = float(np.copysign(share, np.pi / 2 - off))
     if not aside:
-        if is_near_one(max(1.0 - part, 1e-9), tells):
+        # Twice the weight is that of a gravity that points up; no driver adds another share.
+        if is_near_one(max(1.0 - part, 1e-9), tells) or (part < 0.0 and not is_near_one(-part, tells)):
             return
         did = "subtracted {} of the weight from" if part > 0.0 else "added {} of the weight to"
         text = f"a driver has {did.format(percent(100.0 * share))} the torques"
