@@ -132,6 +132,14 @@ class FloatingRecord:
             repeats=repeats,
         )
 
+    def smooth(self, values: Array, cutoff_hz: float) -> Array:
+        """``(n, …)`` without what is above a frequency, trial by trial."""
+        return np.concatenate([lowpass(values[span], self.rate_hz, cutoff_hz) for span in self.spans])
+
+    def rates(self, values: Array) -> Array:
+        """``(n, …)`` derivative with respect to time, by central differences within each trial [1/s]."""
+        return np.concatenate([np.gradient(values[span], 1.0 / self.rate_hz, axis=0) for span in self.spans])
+
     def validation_samples(self) -> NDArray[np.bool_]:
         """``(n,)`` which samples are of validation trials."""
         mask = np.zeros(self.n_samples, dtype=bool)

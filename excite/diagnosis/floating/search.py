@@ -28,7 +28,6 @@ from excite.diagnosis.floating.hypotheses import (
 from excite.diagnosis.floating.problem import NOISE_SLACK, Problem, build_problem
 from excite.diagnosis.floating.registry import FLOATING_EFFECTS, FURTHER_FORMS
 from excite.diagnosis.floating.state import State
-from excite.logs.signals.butterworth import lowpass
 from excite.progress import step
 
 # All effects at all places, as one more beside those that are accepted already.
@@ -254,7 +253,7 @@ def find_contact(problem: Problem, before: Fitted, shortlist: int = 2) -> Fitted
         before: what is explained already.
         shortlist: places refined a round.
     """
-    residual = _smooth(problem, _leftover(problem, before))
+    residual = problem.record.smooth(explained_state(problem, before).residual, _SMOOTH_HZ)
     noise = np.sqrt(np.diag(problem.record.sensor_noise))
     centred = (residual - residual.mean(axis=0)) / noise
     direction = np.linalg.svd(centred, full_matrices=False)[2][0]
@@ -311,10 +310,6 @@ def _alternate(problem: Problem, before: Fitted, share: Array, shortlist: int) -
     return best
 
 
-def _leftover(problem: Problem, fitted: Fitted) -> Array:
-    return explained_state(problem, fitted).residual
-
-
 def pulled(problem: Problem, fitted: Fitted) -> Array:
     """Share of the fitted force that acts at each instant, ``(n,)``, by weighted projection."""
     *_, place = fitted.placed
@@ -324,9 +319,7 @@ def pulled(problem: Problem, fitted: Fitted) -> Array:
     always = UnloggedContact(np.ones(problem.record.n_samples)).apply(state, place.location, force)
     pull = state.residual - always.residual
     weight = np.linalg.inv(problem.record.sensor_noise)
-    residual = np.concatenate(
-        [lowpass(state.residual[s], problem.record.rate_hz, 5.0) for s in problem.record.spans]
-    )
+    residual = problem.record.smooth(state.residual, 5.0)
     return np.einsum("ni,ij,nj->n", residual, weight, pull) / np.einsum("ni,ij,nj->n", pull, weight, pull)
 
 
@@ -342,11 +335,6 @@ def _tidy(problem: Problem, raw: Array) -> Array:
             near = slice(max(0, index - 2), min(len(on), index + 4))
             share[span][near] = np.clip(raw[span][near], 0.0, 1.0)
     return share
-
-
-def _smooth(problem: Problem, values: Array) -> Array:
-    rate = problem.record.rate_hz
-    return np.concatenate([lowpass(values[span], rate, _SMOOTH_HZ) for span in problem.record.spans])
 
 
 def _two_means(score: Array, rounds: int = 20) -> tuple[float, float]:

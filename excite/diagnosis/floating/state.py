@@ -18,7 +18,6 @@ from excite.diagnosis.effects.readings import TorqueBias
 from excite.diagnosis.floating.record import TORQUE, FloatingRecord
 from excite.errors import LogError
 from excite.logs.columns import WRENCH_AXES
-from excite.logs.signals.butterworth import lowpass
 from excite.regressor.contact_forces import carried_wrench, tree_contact_maps
 from excite.regressor.kernels import (
     Placements,
@@ -31,6 +30,8 @@ from excite.regressor.tree import KinematicTree
 from excite.rows.drive_terms import smooth_sign
 
 _MOTION = {"tree", "q"}
+# Above this joint torques hold noise of accelerations.
+_SMOOTH_HZ = 4.0
 _DEPENDS: dict[str, set[str]] = {
     "poses": _MOTION,
     "levers": _MOTION | {"placements"},
@@ -100,6 +101,14 @@ class State:
             if name in self.__dict__ and not depends & changed:
                 other.__dict__[name] = self.__dict__[name]
         return other
+
+    def moved(self, joint: int, **changes: Array | float) -> Self:
+        """The state with ``(n,)`` added to a joint's position ``q``, velocity ``v`` or acceleration ``a``."""
+        made = {}
+        for name, change in changes.items():
+            made[name] = getattr(self, name).copy()
+            made[name][:, (self.tree.idx_q if name == "q" else self.tree.idx_v)[joint]] += change
+        return self.replace(**made)
 
     @cached_property
     def poses(self) -> Placements:
@@ -214,15 +223,12 @@ class State:
 
     @cached_property
     def smooth_torques(self) -> Array:
-        """The same without what is above 4 Hz, where they hold noise of accelerations."""
-        return self._smooth(self.joint_torques)
+        """The same without what is above 4 Hz."""
+        return self.record.smooth(self.joint_torques, _SMOOTH_HZ)
 
     def smooth_torque(self, iv: int) -> Array:
         """``(n,)`` the same of one joint, by its index in the velocities, where no other is asked for."""
-        return self._smooth(self.joint_torques[:, iv])
-
-    def _smooth(self, values: Array) -> Array:
-        return np.concatenate([lowpass(values[s], self.record.rate_hz, 4.0) for s in self.record.spans])
+        return self.record.smooth(self.joint_torques[:, iv], _SMOOTH_HZ)
 
     @property
     def channels(self) -> dict[str, str]:
@@ -342,7 +348,7 @@ class JointTurn:
     @cached_property
     def _by_q(self) -> tuple[Array, dict[str, Array]]:
         """Of minus the predicted wrench; of the levers of the sensors that it carries."""
-        turned = self._changed("q", int(self.state.tree.idx_q[self.joint]), _STEP_Q)
+        turned = self.state.moved(self.joint, q=_STEP_Q)
         levers = {
             name: (turned.levers[name] - lever) / _STEP_Q
             for name, lever in self.state.levers.items()
@@ -353,24 +359,19 @@ class JointTurn:
     @cached_property
     def by_v(self) -> Array:
         """With respect to its velocity."""
-        moved = self._changed("v", int(self.state.tree.idx_v[self.joint]), _STEP_V)
+        moved = self.state.moved(self.joint, v=_STEP_V)
         return (self.state.predicted - moved.predicted) / _STEP_V
 
     @cached_property
     def by_a(self) -> Array:
         """With respect to its acceleration."""
-        moved = self._changed("a", int(self.state.tree.idx_v[self.joint]), _STEP_A)
+        moved = self.state.moved(self.joint, a=_STEP_A)
         return (self.state.predicted - moved.predicted) / _STEP_A
 
     def columns(self, readings: dict[str, Array], q: Array, v: Array, a: Array) -> Array:
         """Minus the derivative along ``k`` changes of the joint's motion, each ``(n, k)``: ``(n, 6, k)``."""
         parts = ((self.by_q(readings), q), (self.by_v, v), (self.by_a, a))
         return -np.sum([by[:, :, None] * change[:, None, :] for by, change in parts], axis=0)
-
-    def _changed(self, what: str, column: int, step: float) -> State:
-        values = getattr(self.state, what).copy()
-        values[:, column] += step
-        return self.state.replace(**{what: values})
 
 
 def joint_turn(state: State, joint: int) -> JointTurn:
