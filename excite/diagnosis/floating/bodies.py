@@ -22,7 +22,7 @@ from excite.diagnosis.floating.effect import (
     links,
     segment_of,
 )
-from excite.diagnosis.floating.state import State, cross, joint_turn, moved_branch
+from excite.diagnosis.floating.state import State, cross, joint_turn
 from excite.doctor.doubt import Doubt
 
 # A link's inertial parameters are wrong, or it carries a body that the model lacks.
@@ -207,14 +207,6 @@ class LinkLengthError(FloatingEffect):
         translations = state.tree.translations.copy()
         translations[joint_of(state, location)] += theta
         return state.replace(tree=replace(state.tree, translations=translations))
-
-    def columns(self, state: State, location: str, theta: Array) -> Array:
-        """What the joint carries moves as one, turning with the parent: its mass, its moment, its sensors."""
-        if not state.record.robot.sensors:
-            return super().columns(state, location, theta)
-        moved = self.apply(state, location, theta) if theta.any() else state
-        joint = joint_of(moved, location)
-        return -moved_branch(moved, joint)
 
 
 # Markers or straps on soft tissue: a segment seems to turn when the body shakes.

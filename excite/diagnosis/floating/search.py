@@ -245,13 +245,12 @@ _TWO_LEVELS = 0.8
 _PRICE_OF_A_SWITCH = 6.0
 
 
-def find_contact(problem: Problem, before: Fitted, shortlist: int = 2) -> Fitted | None:
+def find_contact(problem: Problem, before: Fitted) -> Fitted | None:
     """Alternate between when and where, from two clusters of the smoothed residual; None if there are not two.
 
     Args:
         problem: the problem.
         before: what is explained already.
-        shortlist: places refined a round.
     """
     residual = problem.record.smooth(explained_state(problem, before).residual, _SMOOTH_HZ)
     noise = np.sqrt(np.diag(problem.record.sensor_noise))
@@ -265,7 +264,7 @@ def find_contact(problem: Problem, before: Fitted, shortlist: int = 2) -> Fitted
         return None
     best: Fitted | None = None
     for raw in ((score - low) / (high - low), (high - score) / (high - low)):
-        found = _alternate(problem, before, _tidy(problem, raw), shortlist)
+        found = _alternate(problem, before, _tidy(problem, raw))
         if found is not None and (best is None or found.evidence > best.evidence):
             best = found
         if best is not None and best.power < 2.0 * len(problem.nominal_rows):
@@ -273,7 +272,7 @@ def find_contact(problem: Problem, before: Fitted, shortlist: int = 2) -> Fitted
     return best
 
 
-def _alternate(problem: Problem, before: Fitted, share: Array, shortlist: int) -> Fitted | None:
+def _alternate(problem: Problem, before: Fitted, share: Array) -> Fitted | None:
     best: Fitted | None = None
     beside, state, rows = linearised(problem, before)
     for _ in range(_ROUNDS):
@@ -290,7 +289,7 @@ def _alternate(problem: Problem, before: Fitted, share: Array, shortlist: int) -
                 for link in effect.locations(state)
             ),
             key=lambda item: -item[0].evidence,
-        )[:shortlist]
+        )[:2]
         fits = [
             refine(
                 problem,
@@ -337,9 +336,9 @@ def _tidy(problem: Problem, raw: Array) -> Array:
     return share
 
 
-def _two_means(score: Array, rounds: int = 20) -> tuple[float, float]:
+def _two_means(score: Array) -> tuple[float, float]:
     low, high = (float(x) for x in np.quantile(score, [0.1, 0.9]))
-    for _ in range(rounds):
+    for _ in range(20):
         upper = score > 0.5 * (low + high)
         if upper.all() or not upper.any():
             break
