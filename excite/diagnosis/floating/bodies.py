@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import ClassVar
 
 import numpy as np
 from scipy.fft import dct, idct
@@ -12,6 +11,7 @@ from scipy.fft import dct, idct
 from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Estimate
 from excite.diagnosis.floating.effect import (
+    POINT,
     Beyond,
     FloatingEffect,
     Parameter,
@@ -20,10 +20,9 @@ from excite.diagnosis.floating.effect import (
     joint_of,
     joints,
     links,
-    points,
     segment_of,
 )
-from excite.diagnosis.floating.state import State, cross, joint_turn, moved_branch
+from excite.diagnosis.floating.state import State, cross, joint_turn
 from excite.doctor.doubt import Doubt
 
 # A link's inertial parameters are wrong, or it carries a body that the model lacks.
@@ -35,13 +34,12 @@ _UNITS = ("kg", "kg·m", "kg·m", "kg·m") + ("kg·m²",) * 6
 class LinkInertia(FloatingEffect):
     """True parameters = the model's + error; also what a payload does, which is a positive error."""
 
-    name: ClassVar[str] = "link_inertia"
+    name = "link_inertia"
     seen_by = frozenset(Reads)
     told_by = frozenset({Doubt.POSITION, Doubt.GRAVITY, Doubt.CLOCK, Doubt.SIZE})
-    reads_as: ClassVar[str] = "constant sensor bias, and the neighbouring links where they move as one"
-    confusable_with: ClassVar[tuple[str, ...]] = ("sensor_bias",)
+    reads_as = "constant sensor bias, and the neighbouring links where they move as one"
+    confusable_with = ("sensor_bias",)
     says = Part.BODIES
-    mujoco: ClassVar[str] = "body mass, pos and inertia"
 
     def locations(self, state: State) -> tuple[str, ...]:
         """Links with mass, where the inertial parameters are not identified anyway."""
@@ -96,24 +94,20 @@ class JointElasticity(FloatingEffect):
     (Tuttle and Seering 1996); a straight line is the case without it.
     """
 
-    name: ClassVar[str] = "joint_elasticity"
+    name = "joint_elasticity"
     seen_by = frozenset(Reads)
-    reads_as: ClassVar[str] = "encoder offset, where the joint's load hardly changes"
-    confusable_with: ClassVar[tuple[str, ...]] = ("encoder_offset",)
-    leaves: ClassVar[tuple[str, ...]] = ("encoder_offset",)
+    reads_as = "encoder offset, where the joint's load hardly changes"
+    confusable_with = ("encoder_offset",)
+    leaves = ("encoder_offset",)
     says = Beyond.MOTION
-    least_shrink: ClassVar[float] = 0.15
+    least_shrink = 0.15
 
-    def locations(self, state: State) -> tuple[str, ...]:
-        """Joints."""
-        return joints(state)
-
-    def parameters(self, state: State, location: str) -> tuple[Parameter, ...]:
-        """Compliance of the unloaded joint, one over its stiffness, and how that changes with load."""
-        return (
-            Parameter("compliance", "rad/(N·m)", 3e-3, 1e-4),
-            Parameter("stiffening", "rad/(N·m)", 1e-3, 1e-4),
-        )
+    places = staticmethod(joints)
+    # Compliance of the unloaded joint, one over its stiffness, and how that changes with load.
+    own = (
+        Parameter("compliance", "rad/(N·m)", 3e-3, 1e-4),
+        Parameter("stiffening", "rad/(N·m)", 1e-3, 1e-4),
+    )
 
     def apply(self, state: State, location: str, theta: Array) -> State:
         """Bend the joint, with the rates that this brings."""
@@ -121,20 +115,16 @@ class JointElasticity(FloatingEffect):
             return state
         joint = joint_of(state, location)
         bend = self.bend(state, joint, theta)[0]
-        iq, iv, rate = state.tree.idx_q[joint], state.tree.idx_v[joint], _rates(state, bend)
-        q, v, a = state.q.copy(), state.v.copy(), state.a.copy()
-        q[:, iq] += bend
-        v[:, iv] += rate
-        a[:, iv] += _rates(state, rate)
-        return state.replace(q=q, v=v, a=a)
+        rate = state.record.rates(bend)
+        return state.moved(joint, q=bend, v=rate, a=state.record.rates(rate))
 
     def columns(self, state: State, location: str, theta: Array) -> Array:
         """The joint's columns along what each parameter lets it yield."""
         joint = joint_of(state, location)
         yields = self.bend(state, joint, theta)[1]
-        rates = _rates(state, yields)
+        rates = state.record.rates(yields)
         bent = self.apply(state, location, theta)
-        return joint_turn(bent, joint).columns(state.readings, yields, rates, _rates(state, rates))
+        return joint_turn(bent, joint).columns(state.readings, yields, rates, state.record.rates(rates))
 
     def report(self, state: State, location: str, theta: Array, std: Array) -> dict[str, Estimate]:
         """Stiffness of the unloaded joint, and the parameters."""
@@ -191,15 +181,8 @@ def loads_of(state: State, joint: int) -> Loads:
 
 def leaning_of(state: State, joint: int) -> Array:
     """``(n,)`` change of a joint's torque by its own turn [N·m/rad]."""
-    iv, q = state.tree.idx_v[joint], state.q.copy()
-    q[:, state.tree.idx_q[joint]] += _TURN
-    return (state.replace(q=q).smooth_torque(iv) - state.smooth_torques[:, iv]) / _TURN
-
-
-def _rates(state: State, values: Array) -> Array:
-    """Derivative with respect to time within each trial, ``(n, …)``."""
-    spans, rate = state.record.spans, state.record.rate_hz
-    return np.concatenate([np.gradient(values[span], 1.0 / rate, axis=0) for span in spans])
+    iv = state.tree.idx_v[joint]
+    return (state.moved(joint, q=_TURN).smooth_torque(iv) - state.smooth_torques[:, iv]) / _TURN
 
 
 # A joint does not sit where the model says.
@@ -208,39 +191,22 @@ def _rates(state: State, values: Array) -> Array:
 class LinkLengthError(FloatingEffect):
     """True placement of the joint = the model's + error, in the parent's frame."""
 
-    name: ClassVar[str] = "link_length_error"
+    name = "link_length_error"
     seen_by = frozenset(Reads)
     told_by = frozenset({Doubt.POSITION, Doubt.GRAVITY, Doubt.CLOCK, Doubt.SIZE})
-    reads_as: ClassVar[str] = "sensor frame at the leg's end; inertia of what the joint carries"
-    confusable_with: ClassVar[tuple[str, ...]] = ("sensor_frame_offset", "link_inertia")
+    reads_as = "sensor frame at the leg's end; inertia of what the joint carries"
+    confusable_with = ("sensor_frame_offset", "link_inertia")
     says = Part.LENGTHS
-    mujoco: ClassVar[str] = "body pos"
-
-    def locations(self, state: State) -> tuple[str, ...]:
-        """Joints."""
-        return joints(state)
-
-    def parameters(self, state: State, location: str) -> tuple[Parameter, ...]:
-        """Displacement of the joint's origin."""
-        return tuple(Parameter(axis, "m", 0.015, 1e-3) for axis in "xyz")
+    places = staticmethod(joints)
+    # Displacement of the joint's origin; the contract counts the model's placement less the true one.
+    own = Parameter.each("xyz", "m", 0.015, 1e-3)
+    counts = -1.0
 
     def apply(self, state: State, location: str, theta: Array) -> State:
         """Move the joint."""
         translations = state.tree.translations.copy()
         translations[joint_of(state, location)] += theta
         return state.replace(tree=replace(state.tree, translations=translations))
-
-    def columns(self, state: State, location: str, theta: Array) -> Array:
-        """What the joint carries moves as one, turning with the parent: its mass, its moment, its sensors."""
-        if not state.record.robot.sensors:
-            return super().columns(state, location, theta)
-        moved = self.apply(state, location, theta) if theta.any() else state
-        joint = joint_of(moved, location)
-        return -moved_branch(moved, joint)
-
-    def report(self, state: State, location: str, theta: Array, std: Array) -> dict[str, Estimate]:
-        """The model's placement less the true one."""
-        return super().report(state, location, -theta, std)
 
 
 # Markers or straps on soft tissue: a segment seems to turn when the body shakes.
@@ -255,12 +221,12 @@ class SoftTissue(FloatingEffect):
     ``inertia·φ'' + lag·φ' + φ = by·acceleration`` (Leardini et al. 2005 review what such artefacts look like).
     """
 
-    name: ClassVar[str] = "soft_tissue"
+    name = "soft_tissue"
     told_by = frozenset({Doubt.CLOCK, Doubt.DELAY})
-    reads_as: ClassVar[str] = "elasticity, where the joint's load is the segment's own inertia"
-    confusable_with: ClassVar[tuple[str, ...]] = ("joint_elasticity",)
+    reads_as = "elasticity, where the joint's load is the segment's own inertia"
+    confusable_with = ("joint_elasticity",)
     says = Beyond.MOTION
-    least_shrink: ClassVar[float] = 0.3
+    least_shrink = 0.3
 
     def locations(self, state: State) -> tuple[str, ...]:
         """Links with mass; joints through massless links belong to the next link with mass."""
@@ -268,25 +234,18 @@ class SoftTissue(FloatingEffect):
 
     def parameters(self, state: State, location: str) -> tuple[Parameter, ...]:
         """Each joint's angle by acceleration in the world's axes; the tissue's damper and inertia."""
-        direct = tuple(
-            Parameter(f"{name}_by_{axis}", "rad·s²/m", 0.03, 1e-3)
-            for name in self._joints(state, location)
-            for axis in "xyz"
-        )
-        return (*direct, Parameter("lag", "s", 0.015, 1e-3), Parameter("inertia", "s²", 1e-3, 1e-4))
+        names = [f"{name}_by_{axis}" for name in self._joints(state, location) for axis in "xyz"]
+        tissue = (Parameter("lag", "s", 0.015, 1e-3), Parameter("inertia", "s²", 1e-3, 1e-4))
+        return Parameter.each(names, "rad·s²/m", 0.03, 1e-3) + tissue
 
     def apply(self, state: State, location: str, theta: Array) -> State:
         """Turn the joints, with the rates that this brings."""
         turned = [joint_of(state, name) for name in self._joints(state, location)]
         turns = self._wobble(state, turned[0], theta[-2:])
-        q, v, a = state.q.copy(), state.v.copy(), state.a.copy()
         for joint, by in zip(turned, theta[:-2].reshape(-1, 3), strict=True):
-            iq, iv = state.tree.idx_q[joint], state.tree.idx_v[joint]
             turn, rate, again = turns @ by
-            q[:, iq] += turn
-            v[:, iv] += rate
-            a[:, iv] += again
-        return state.replace(q=q, v=v, a=a)
+            state = state.moved(joint, q=turn, v=rate, a=again)
+        return state
 
     def columns(self, state: State, location: str, theta: Array) -> Array:
         """The joints' columns along what each parameter makes them do."""
@@ -359,7 +318,7 @@ class SwingingJoint(JointElasticity):
     motion of the encoder is a large one of it.
     """
 
-    form: ClassVar[str] = "swinging_joint"
+    form = "swinging_joint"
 
     def bend(self, state: State, joint: int, theta: Array) -> tuple[Array, Array]:
         """What a joint yields, ``(n,)`` [rad], and its derivative by each parameter, ``(n, 2)``."""
@@ -367,9 +326,8 @@ class SwingingJoint(JointElasticity):
         torque, loads, softer = at.torque, at.by_parameter, at.per_torque
         if not theta.any():
             return np.zeros(len(torque)), -loads
-        leaning, iv, a = leaning_of(state, joint), state.tree.idx_v[joint], state.a.copy()
-        a[:, iv] += _ACCELERATION
-        inertia = float((state.replace(a=a).smooth_torque(iv) - torque).mean()) / _ACCELERATION
+        leaning, faster = leaning_of(state, joint), state.moved(joint, a=_ACCELERATION)
+        inertia = float((faster.smooth_torque(state.tree.idx_v[joint]) - torque).mean()) / _ACCELERATION
 
         def bend(theta: Array) -> Array:
             compliance = softer @ theta
@@ -427,14 +385,14 @@ class WobblingMass(FloatingEffect):
 
     level: bool = False
 
-    name: ClassVar[str] = "soft_tissue"
-    form: ClassVar[str] = "wobbling_mass"
-    reads_as: ClassVar[str] = "an external force, and elasticity of the joints that carry the segment"
-    confusable_with: ClassVar[tuple[str, ...]] = ("external_force", "joint_elasticity")
+    name = "soft_tissue"
+    form = "wobbling_mass"
+    reads_as = "an external force, and elasticity of the joints that carry the segment"
+    confusable_with = ("external_force", "joint_elasticity")
     says = Beyond.FORCES
-    least_shrink: ClassVar[float] = 0.3
+    least_shrink = 0.3
     # A resonance is narrow.
-    rough_steps: ClassVar[int] = 10
+    rough_steps = 10
 
     def locations(self, state: State) -> tuple[str, ...]:
         """Links with a good part of the whole mass."""
@@ -445,7 +403,7 @@ class WobblingMass(FloatingEffect):
         """Mass, where it rests, and how it wobbles: logarithms, so that neither can be negative."""
         return (
             Parameter("mass", "kg", 0.5 * self._own_mass(state, location), _MASS_STEP),
-            *points(),
+            *POINT,
             Parameter("log_frequency", "", 1.0, 1e-2),
             Parameter("log_damping", "", 0.7, 1e-2),
         )

@@ -436,17 +436,28 @@ def _candidate(
     own = [other for other in step if other.last.effect.name == item.last.effect.name]
     close = tuple(other.last.location for other in own if other.evidence > item.evidence - DECISIVE)
     tied = found.tied[0] if found.tied and item is step[0] else close
-    share, after = _closed(problem, found, item.fitted, gap)
-    placed = item.last
+    closed = _closed(problem, found, item.fitted, gap)
+    return _reported(problem, item.fitted, -1, item.evidence, closed, tied, weight)
+
+
+def _reported(
+    problem: Problem,
+    fitted: Fitted,
+    k: int,
+    evidence: float,
+    closed: tuple[float, float],
+    tied: tuple[str, ...],
+    weight: float,
+) -> Candidate:
+    """An effect of a fit, by its place among them, with its parameters there."""
+    placed, theta = fitted.placed[k], fitted.theta[k]
     return Candidate(
-        effect=_name(item),
+        effect=placed.effect.called(theta),
         location=placed.location,
-        parameters=placed.effect.report(
-            problem.nominal, placed.location, item.fitted.theta[-1], item.fitted.std[-1]
-        ),
-        evidence=float(item.evidence),
-        gap_after=after,
-        share_closed=share,
+        parameters=placed.effect.report(problem.nominal, placed.location, theta, fitted.std[k]),
+        evidence=float(evidence),
+        gap_after=closed[1],
+        share_closed=closed[0],
         tied_locations=tied,
         probability=weight,
     )
@@ -463,26 +474,12 @@ def _closed(problem: Problem, found: Attribution, fitted: Fitted, gap: Gap) -> t
 
 def _effects(problem: Problem, found: Attribution, gap: Gap) -> tuple[Candidate, ...]:
     """The accepted effects in the order in which they were added, at the parameters of the joint fit."""
-    final, out = found.accepted, []
-    for k, step in enumerate(found.steps):
-        best = step[0]
-        placed = final.placed[k]
-        share, after = _closed(problem, found, found.partial[k], gap)
-        out.append(
-            Candidate(
-                effect=placed.effect.called(final.theta[k]),
-                location=placed.location,
-                parameters=placed.effect.report(
-                    problem.nominal, placed.location, final.theta[k], final.std[k]
-                ),
-                evidence=float(best.evidence),
-                gap_after=after,
-                share_closed=share,
-                tied_locations=found.tied[k],
-                probability=float(_probabilities(_one_each((), step))[0]),
-            )
-        )
-    return tuple(out)
+    weights = [float(_probabilities(_one_each((), step))[0]) for step in found.steps]
+    closed = [_closed(problem, found, fitted, gap) for fitted in found.partial]
+    return tuple(
+        _reported(problem, found.accepted, k, step[0].evidence, closed[k], found.tied[k], weights[k])
+        for k, step in enumerate(found.steps)
+    )
 
 
 def _next(found: Attribution) -> NextExperiment | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, ClassVar
@@ -86,6 +86,11 @@ class Parameter:
     scale: float
     step: float
 
+    @classmethod
+    def each(cls, names: Sequence[str], unit: str, scale: float, step: float) -> tuple[Parameter, ...]:
+        """Parameters that differ by their names alone."""
+        return tuple(cls(name, unit, scale, step) for name in names)
+
 
 class FloatingEffect(ABC):
     """One effect; parameters at zero mean that it is absent.
@@ -98,7 +103,9 @@ class FloatingEffect(ABC):
         leaves: effects as which an approximate form of it leaves its own rest, at the same place.
         told_by: quantities of a log that it is measured by: where these are in doubt it cannot be named.
         says: the part of a MuJoCo model that has it, or why none can.
-        mujoco: the same in words; empty where it is noted beside the model.
+        places: where it can sit.
+        own: its parameters, where they are the same at all places.
+        counts: sign with which the contract counts its parameters: -1 where it counts what is logged less what is true.
         least_shrink: share of the noise's power that it must take away as well, however significant it looks:
             noise in the regressors' kinematics lets a fit to a clean record shrink it a little, and more so
             where the columns are made of accelerations.
@@ -115,7 +122,9 @@ class FloatingEffect(ABC):
     leaves: ClassVar[tuple[str, ...]] = ()
     told_by: ClassVar[frozenset[Doubt]] = frozenset()
     says: ClassVar[Part | Beyond]
-    mujoco: ClassVar[str] = ""
+    places: ClassVar[staticmethod[[State], tuple[str, ...]]]
+    own: ClassVar[tuple[Parameter, ...]]
+    counts: ClassVar[float] = 1.0
     least_shrink: ClassVar[float] = 0.1
     exact: ClassVar[bool] = False
     seen_by: ClassVar[frozenset[Reads]] = frozenset({Reads.WRENCHES})
@@ -132,17 +141,22 @@ class FloatingEffect(ABC):
         return (Reads.WRENCHES if record.robot.sensors else Reads.TORQUES) in self.seen_by
 
     @property
+    def mujoco(self) -> str:
+        """What of a MuJoCo model it is, in words; empty where it is noted beside the model."""
+        return str(self.says) if isinstance(self.says, Part) else ""
+
+    @property
     def changes_readings(self) -> bool:
         """Whether it says something else of what the sensors read."""
         return self.says is Beyond.READINGS
 
-    @abstractmethod
     def locations(self, state: State) -> tuple[str, ...]:
         """Places where it can sit."""
+        return self.places(state)
 
-    @abstractmethod
     def parameters(self, state: State, location: str) -> tuple[Parameter, ...]:
         """Its parameters there."""
+        return self.own
 
     def beginnings(self, state: State, location: str) -> tuple[Array, ...]:
         """Parameters with which it is absent and from which a fit may begin; by default zeros alone."""
@@ -195,7 +209,7 @@ class FloatingEffect(ABC):
     def report(self, state: State, location: str, theta: Array, std: Array) -> dict[str, Estimate]:
         """Parameters by name, as the contract defines the effect; by default those of :meth:`parameters`."""
         return {
-            p.name: Estimate(float(value), float(spread), p.unit)
+            p.name: Estimate(self.counts * float(value), float(spread), p.unit)
             for p, value, spread in zip(self.parameters(state, location), theta, std, strict=True)
         }
 
@@ -218,9 +232,13 @@ def links(state: State) -> tuple[str, ...]:
     )
 
 
-def points() -> tuple[Parameter, ...]:
-    """A point of a link, in its joint's frame; the same for all links, so that large ones pay no more."""
-    return tuple(Parameter(f"at_{axis}", "m", _REACH, 1e-3) for axis in "xyz")
+# A point of a link, in its joint's frame; the same for all links, so that large ones pay no more.
+POINT = Parameter.each(("at_x", "at_y", "at_z"), "m", _REACH, 1e-5)
+
+
+def sensors(state: State) -> tuple[str, ...]:
+    """Names of what is read."""
+    return tuple(state.readings)
 
 
 def segment_of(state: State, link: str) -> int:

@@ -59,15 +59,13 @@ class UnloadedRows:
 
     def values(self, readings: dict[str, Array]) -> Array:
         """``(n_blocks, 6)`` mean readings; the expected ones are subtracted by the caller."""
-        blocks = [
-            readings[name][mask].mean(axis=0) for name, mask in zip(self.sensors, self.masks, strict=True)
-        ]
-        return np.array(blocks).reshape(-1, 6)
+        pairs = zip(self.sensors, self.masks, strict=True)
+        return np.array([readings[name][mask].mean(axis=0) for name, mask in pairs]).reshape(-1, 6)
 
     def residual(self, state: State) -> Array:
         """``(6·n_blocks,)`` mean reading less expected, over its standard deviation."""
-        expected = self.foot @ state.phi
-        return ((self.values(state.readings) - expected) / np.array(self.std).reshape(-1, 6)).ravel()
+        off = self.values(state.readings) - self.foot @ state.phi
+        return (off / np.array(self.std).reshape(-1, 6)).ravel()
 
     def foot_columns(self) -> Array:
         """``(6·n_blocks, k)`` columns of the feet's inertials in units of their scales."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import permutations
 from typing import ClassVar
 
 import numpy as np
@@ -14,7 +15,16 @@ from excite.diagnosis.effects.effect import Effect
 from excite.diagnosis.effects.friction import CoulombFriction, ViscousFriction
 from excite.diagnosis.effects.gears.gear_effect import Armature
 from excite.diagnosis.effects.readings import TorqueBias, TorqueGain
-from excite.diagnosis.floating.effect import Beyond, FloatingEffect, Parameter, Part, Reads, joint_of, joints
+from excite.diagnosis.floating.effect import (
+    Beyond,
+    FloatingEffect,
+    Parameter,
+    Part,
+    Reads,
+    joint_of,
+    joints,
+    sensors,
+)
 from excite.diagnosis.floating.record import TORQUE, FloatingRecord
 from excite.diagnosis.floating.state import State, drive_shapes, joint_turn
 from excite.doctor.doubt import Doubt
@@ -26,21 +36,13 @@ from excite.logs.columns import WRENCH_AXES
 class SensorBias(FloatingEffect):
     """Logged = true + bias, all six axes."""
 
-    name: ClassVar[str] = "sensor_bias"
-    reads_as: ClassVar[str] = "constant external force, inertials, base orientation; the unloaded foot tells"
-    confusable_with: ClassVar[tuple[str, ...]] = ("external_force", "link_inertia", "base_orientation_bias")
+    name = "sensor_bias"
+    reads_as = "constant external force, inertials, base orientation; the unloaded foot tells"
+    confusable_with = ("external_force", "link_inertia", "base_orientation_bias")
     says = Beyond.READINGS
 
-    def locations(self, state: State) -> tuple[str, ...]:
-        """Sensors."""
-        return tuple(state.readings)
-
-    def parameters(self, state: State, location: str) -> tuple[Parameter, ...]:
-        """The bias of each axis."""
-        return tuple(
-            Parameter(axis, "N" if axis[0] == "f" else "N·m", 15.0 if axis[0] == "f" else 3.0, 1.0)
-            for axis in WRENCH_AXES
-        )
+    places = staticmethod(sensors)
+    own = Parameter.each(WRENCH_AXES[:3], "N", 15.0, 1.0) + Parameter.each(WRENCH_AXES[3:], "N·m", 3.0, 1.0)
 
     def apply(self, state: State, location: str, theta: Array) -> State:
         """Subtract it."""
@@ -56,38 +58,31 @@ class BaseOrientationBias(FloatingEffect):
     With foot sensors a tilt of gravity in the base frame (``base_tilt``) is the same thing.
     """
 
-    name: ClassVar[str] = "base_orientation_bias"
+    name = "base_orientation_bias"
     told_by = frozenset({Doubt.POSITION, Doubt.GRAVITY})
-    reads_as: ClassVar[str] = "constant horizontal sensor bias or external force; bending forward and turning"
-    confusable_with: ClassVar[tuple[str, ...]] = ("sensor_bias", "external_force")
+    reads_as = "constant horizontal sensor bias or external force; bending forward and turning"
+    confusable_with = ("sensor_bias", "external_force")
     says = Beyond.MOTION
+
+    own = Parameter.each(("rx", "ry", "rz"), "rad", 0.03, 1e-3)
+    # Logged against true.
+    counts = -1.0
 
     def locations(self, state: State) -> tuple[str, ...]:
         """The base."""
         return ("base",)
-
-    def parameters(self, state: State, location: str) -> tuple[Parameter, ...]:
-        """Rotation vector."""
-        return tuple(Parameter(axis, "rad", 0.03, 1e-3) for axis in ("rx", "ry", "rz"))
 
     def apply(self, state: State, location: str, theta: Array) -> State:
         """Turn the base; its rates, logged in the base frame, turn back."""
         turn = pin.exp3(theta)
         x, y, z, w = pin.Quaternion(turn).coeffs()
         q, v, a = state.q.copy(), state.v.copy(), state.a.copy()
-        a0, a1, a2, a3 = q[:, 3].copy(), q[:, 4].copy(), q[:, 5].copy(), q[:, 6].copy()
-        q[:, 3] = a3 * x + a0 * w + a1 * z - a2 * y
-        q[:, 4] = a3 * y - a0 * z + a1 * w + a2 * x
-        q[:, 5] = a3 * z + a0 * y - a1 * x + a2 * w
-        q[:, 6] = a3 * w - a0 * x - a1 * y - a2 * z
+        # The product of quaternions from the right, x y z w.
+        q[:, 3:7] = q[:, 3:7] @ np.array([[w, -z, y, -x], [z, w, -x, -y], [-y, x, w, -z], [x, y, z, w]])
         for first in (0, 3):
             v[:, first : first + 3] = v[:, first : first + 3] @ turn
             a[:, first : first + 3] = a[:, first : first + 3] @ turn
         return state.replace(q=q, v=v, a=a)
-
-    def report(self, state: State, location: str, theta: Array, std: Array) -> dict[str, Estimate]:
-        """Logged against true."""
-        return super().report(state, location, -theta, std)
 
 
 # A joint's encoder is off by a constant.
@@ -96,37 +91,26 @@ class BaseOrientationBias(FloatingEffect):
 class EncoderOffset(FloatingEffect):
     """True position = logged + offset."""
 
-    name: ClassVar[str] = "encoder_offset"
+    name = "encoder_offset"
     seen_by = frozenset(Reads)
     told_by = frozenset({Doubt.POSITION, Doubt.GRAVITY})
-    reads_as: ClassVar[str] = (
-        "link length and inertia beyond the joint; postures that turn it against gravity"
-    )
-    confusable_with: ClassVar[tuple[str, ...]] = ("link_length_error", "link_inertia")
+    reads_as = "link length and inertia beyond the joint; postures that turn it against gravity"
+    confusable_with = ("link_length_error", "link_inertia")
     says = Beyond.MOTION
 
-    def locations(self, state: State) -> tuple[str, ...]:
-        """Joints."""
-        return joints(state)
-
-    def parameters(self, state: State, location: str) -> tuple[Parameter, ...]:
-        """The offset, true less logged."""
-        return (Parameter("offset", "rad", 0.05, 1e-3),)
+    places = staticmethod(joints)
+    # The offset, true less logged; the contract counts the opposite.
+    own = (Parameter("offset", "rad", 0.05, 1e-3),)
+    counts = -1.0
 
     def apply(self, state: State, location: str, theta: Array) -> State:
         """Turn the joint."""
-        q = state.q.copy()
-        q[:, state.tree.idx_q[joint_of(state, location)]] += theta[0]
-        return state.replace(q=q)
+        return state.moved(joint_of(state, location), q=theta[0])
 
     def columns(self, state: State, location: str, theta: Array) -> Array:
         """The joint's own column: it turns, and no more."""
         turned = self.apply(state, location, theta) if theta.any() else state
         return -joint_turn(turned, joint_of(state, location)).by_q(state.readings)[:, :, None]
-
-    def report(self, state: State, location: str, theta: Array, std: Array) -> dict[str, Estimate]:
-        """Logged less true, as the contract counts it."""
-        return super().report(state, location, -theta, std)
 
 
 # One channel of a sensor leaks into another.
@@ -135,9 +119,9 @@ class EncoderOffset(FloatingEffect):
 class SensorCrosstalk(FloatingEffect):
     """Logged B = true B + c · true A, at ``SENSOR.A->B``."""
 
-    name: ClassVar[str] = "sensor_crosstalk"
-    reads_as: ClassVar[str] = "a turn of the sensor's frame, which couples A to B and B to A"
-    confusable_with: ClassVar[tuple[str, ...]] = ("sensor_frame_offset",)
+    name = "sensor_crosstalk"
+    reads_as = "a turn of the sensor's frame, which couples A to B and B to A"
+    confusable_with = ("sensor_frame_offset",)
     says = Beyond.READINGS
 
     def locations(self, state: State) -> tuple[str, ...]:
@@ -145,21 +129,14 @@ class SensorCrosstalk(FloatingEffect):
         return tuple(
             f"{name}.{source}->{target}"
             for name in state.readings
-            for source in WRENCH_AXES
-            for target in WRENCH_AXES
-            if source != target
+            for source, target in permutations(WRENCH_AXES, 2)
         )
 
     def parameters(self, state: State, location: str) -> tuple[Parameter, ...]:
         """The coefficient."""
         source, target = location.partition(".")[2].split("->")
-        if source[0] == target[0]:
-            return (Parameter("coefficient", "1", 0.05, 1e-3),)
-        return (
-            Parameter("coefficient", "m", 0.03, 1e-3)
-            if source[0] == "f"
-            else Parameter("coefficient", "1/m", 0.3, 1e-2),
-        )
+        kinds = {"ft": ("m", 0.03, 1e-3), "tf": ("1/m", 0.3, 1e-2)}
+        return (Parameter("coefficient", *kinds.get(source[0] + target[0], ("1", 0.05, 1e-3))),)
 
     def apply(self, state: State, location: str, theta: Array) -> State:
         """Subtract the leak; the source's channel is right as logged."""
@@ -176,39 +153,18 @@ class SensorCrosstalk(FloatingEffect):
 class SensorFrameOffset(FloatingEffect):
     """True pose = declared · (translation, exp(rotation))."""
 
-    name: ClassVar[str] = "sensor_frame_offset"
-    reads_as: ClassVar[str] = "cross-talk between force axes; the last link's length for a foot sensor"
-    confusable_with: ClassVar[tuple[str, ...]] = ("sensor_crosstalk", "link_length_error")
+    name = "sensor_frame_offset"
+    reads_as = "cross-talk between force axes; the last link's length for a foot sensor"
+    confusable_with = ("sensor_crosstalk", "link_length_error")
     says = Part.SENSORS
-    mujoco: ClassVar[str] = "pos and quat of the site that is the sensor"
-
-    def locations(self, state: State) -> tuple[str, ...]:
-        """Sensors."""
-        return tuple(state.readings)
-
-    def parameters(self, state: State, location: str) -> tuple[Parameter, ...]:
-        """Translation and rotation vector, in the declared frame."""
-        shift = tuple(Parameter(axis, "m", 0.01, 1e-3) for axis in "xyz")
-        return shift + tuple(Parameter(axis, "rad", 0.02, 1e-3) for axis in ("rx", "ry", "rz"))
+    places = staticmethod(sensors)
+    # Translation and rotation vector, in the declared frame.
+    own = Parameter.each("xyz", "m", 0.01, 1e-3) + Parameter.each(("rx", "ry", "rz"), "rad", 0.02, 1e-3)
 
     def apply(self, state: State, location: str, theta: Array) -> State:
         """Move the sensor."""
-        moved = state.placements[location] * _offset(theta)
+        moved = state.placements[location] * pin.SE3(pin.exp3(theta[3:]), theta[:3])
         return state.replace(placements=state.placements | {location: moved})
-
-    def columns(self, state: State, location: str, theta: Array) -> Array:
-        """What it makes of the reading in the declared frame, by finite differences; the lever is the same."""
-        here, turned = _offset(theta).toDualActionMatrix(), []
-        for i, parameter in enumerate(self.parameters(state, location)):
-            ahead = theta.copy()
-            ahead[i] += parameter.step
-            turned.append((_offset(ahead).toDualActionMatrix() - here) / parameter.step)
-        changes = np.einsum("kij,nj->nik", turned, state.readings[location])
-        return -state.levers[location] @ changes
-
-
-def _offset(theta: Array) -> pin.SE3:
-    return pin.SE3(pin.exp3(theta[3:]), theta[:3])
 
 
 # A sensor's channel reads too much or too little.
@@ -217,20 +173,17 @@ def _offset(theta: Array) -> pin.SE3:
 class SensorGain(FloatingEffect):
     """Logged = gain × true, on one axis or on all six."""
 
-    name: ClassVar[str] = "sensor_gain"
+    name = "sensor_gain"
     told_by = frozenset({Doubt.CLOCK, Doubt.SIZE})
-    reads_as: ClassVar[str] = "with free inertials a gain common to all sensors is invisible"
-    confusable_with: ClassVar[tuple[str, ...]] = ("link_inertia",)
+    reads_as = "with free inertials a gain common to all sensors is invisible"
+    confusable_with = ("link_inertia",)
     says = Beyond.READINGS
+    own = (Parameter("gain_error", "1", 0.1, 1e-3),)
 
     def locations(self, state: State) -> tuple[str, ...]:
         """Sensors, and each of their axes."""
-        names = tuple(state.readings)
+        names = sensors(state)
         return names + tuple(f"{name}.{axis}" for name in names for axis in WRENCH_AXES)
-
-    def parameters(self, state: State, location: str) -> tuple[Parameter, ...]:
-        """Gain less one."""
-        return (Parameter("gain_error", "1", 0.1, 1e-3),)
 
     def apply(self, state: State, location: str, theta: Array) -> State:
         """Divide by the gain."""
@@ -250,19 +203,16 @@ class SensorGain(FloatingEffect):
 class TimeDelay(FloatingEffect):
     """reading(t) = true(t − delay), all sensors."""
 
-    name: ClassVar[str] = "time_delay"
+    name = "time_delay"
     seen_by = frozenset(Reads)
     told_by = frozenset({Doubt.CLOCK, Doubt.DELAY})
-    reads_as: ClassVar[str] = "nothing else follows the wrench's rate"
+    reads_as = "nothing else follows the wrench's rate"
     says = Beyond.READINGS
+    own = (Parameter("delay", "s", 0.02, 1e-3),)
 
     def locations(self, state: State) -> tuple[str, ...]:
         """The wrench channels, or the torques, as a whole."""
         return ("wrench",) if state.record.robot.sensors else (TORQUE,)
-
-    def parameters(self, state: State, location: str) -> tuple[Parameter, ...]:
-        """The delay."""
-        return (Parameter("delay", "s", 0.02, 1e-3),)
 
     def apply(self, state: State, location: str, theta: Array) -> State:
         """Read ahead, trial by trial, by cubic Hermite interpolation."""
@@ -337,13 +287,6 @@ class DriveTerm(FloatingEffect):
         torque, joint = state.readings[TORQUE].copy(), _index(state, location)
         torque[:, joint] = self._carried(torque[:, joint], self._shape(state, joint), float(theta[0]))
         return state.replace(readings={TORQUE: torque})
-
-    def columns(self, state: State, location: str, theta: Array) -> Array:
-        """The joint's torque in the rows."""
-        joint, step = _index(state, location), self.parameters(state, location)[0].step
-        read, shape = state.readings[TORQUE][:, joint], self._shape(state, joint)
-        here, ahead = (self._carried(read, shape, float(theta[0]) + by) for by in (0.0, step))
-        return np.asarray((state.levers[TORQUE][:, :, joint] * ((here - ahead) / step)[:, None])[:, :, None])
 
     def _shape(self, state: State, joint: int) -> Array:
         """``(n,)`` torque of a unit [N·m]."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -92,17 +92,19 @@ class FloatingRecord:
 
     def thinned(self) -> FloatingRecord:
         """Every other sample; still more than the band of the likelihood needs."""
-        keep = self.every_other
-        ends = np.cumsum([0, *((span.stop - span.start + 1) // 2 for span in self.spans)])
+        lengths = [(span.stop - span.start + 1) // 2 for span in self.spans]
+        return replace(self._at(self.every_other, lengths), rate_hz=0.5 * self.rate_hz)
+
+    def _at(self, samples: NDArray[np.int64], lengths: Sequence[int]) -> FloatingRecord:
+        """Some samples, so many of each trial."""
         return replace(
             self,
-            rate_hz=0.5 * self.rate_hz,
-            q=self.q[keep],
-            v=self.v[keep],
-            a=self.a[keep],
-            readings={name: values[keep] for name, values in self.readings.items()},
-            readings_rate={name: values[keep] for name, values in self.readings_rate.items()},
-            spans=tuple(slice(int(lo), int(hi)) for lo, hi in pairwise(ends)),
+            q=self.q[samples],
+            v=self.v[samples],
+            a=self.a[samples],
+            readings={name: values[samples] for name, values in self.readings.items()},
+            readings_rate={name: values[samples] for name, values in self.readings_rate.items()},
+            spans=_spans(lengths),
         )
 
     def learnt(self) -> FloatingRecord:
@@ -114,23 +116,24 @@ class FloatingRecord:
         if all(self.validation) or not any(self.validation):
             return self
         kept = [i for i, judges in enumerate(self.validation) if not judges]
-        samples = np.concatenate([np.arange(self.spans[i].start, self.spans[i].stop) for i in kept])
-        ends = np.cumsum([0, *(self.spans[i].stop - self.spans[i].start for i in kept)])
+        samples = [np.arange(self.spans[i].start, self.spans[i].stop) for i in kept]
         repeats = tuple((kept.index(a), kept.index(b)) for a, b in self.repeats if {a, b} <= {*kept})
         alone = [i for i in range(len(kept)) if not any(i in pair for pair in repeats)]
         check = alone[-1] if len(alone) > 1 else None
         return replace(
-            self,
-            q=self.q[samples],
-            v=self.v[samples],
-            a=self.a[samples],
-            readings={name: values[samples] for name, values in self.readings.items()},
-            readings_rate={name: values[samples] for name, values in self.readings_rate.items()},
-            spans=tuple(slice(int(lo), int(hi)) for lo, hi in pairwise(ends)),
+            self._at(np.concatenate(samples), [len(own) for own in samples]),
             trials=tuple(self.trials[i] for i in kept),
             validation=tuple(i == check for i in range(len(kept))),
             repeats=repeats,
         )
+
+    def smooth(self, values: Array, cutoff_hz: float) -> Array:
+        """``(n, …)`` without what is above a frequency, trial by trial."""
+        return np.concatenate([lowpass(values[span], self.rate_hz, cutoff_hz) for span in self.spans])
+
+    def rates(self, values: Array) -> Array:
+        """``(n, …)`` derivative with respect to time, by central differences within each trial [1/s]."""
+        return np.concatenate([np.gradient(values[span], 1.0 / self.rate_hz, axis=0) for span in self.spans])
 
     def validation_samples(self) -> NDArray[np.bool_]:
         """``(n,)`` which samples are of validation trials."""
@@ -138,6 +141,11 @@ class FloatingRecord:
         for span, held_out in zip(self.spans, self.validation, strict=True):
             mask[span] = held_out
         return mask
+
+
+def _spans(lengths: Sequence[int]) -> tuple[slice, ...]:
+    """Samples of trials that follow each other."""
+    return tuple(slice(int(lo), int(hi)) for lo, hi in pairwise(np.cumsum([0, *lengths])))
 
 
 def prepare_record(log: Log, robot: Robot | None = None) -> FloatingRecord:
@@ -157,7 +165,6 @@ def prepare_record(log: Log, robot: Robot | None = None) -> FloatingRecord:
     settings = ProblemSettings()
     filters = Filters(CUTOFF_HZ, CUTOFF_HZ, 4, ROW_RATE_HZ)
     parts = [_prepare_trial(robot, log, trial, settings, filters) for trial in log.trials]
-    lengths = np.cumsum([0, *(len(part.q) for part in parts)])
     names = [trial.name for trial in log.trials]
     heard = [i for i, t in enumerate(log.trials) if t.role != "validation"] or range(len(parts))
     return FloatingRecord(
@@ -171,7 +178,7 @@ def prepare_record(log: Log, robot: Robot | None = None) -> FloatingRecord:
             name: np.concatenate([part.readings[name] for part in parts]) for name in parts[0].readings
         },
         readings_rate={name: np.concatenate([part.rates[name] for part in parts]) for name in parts[0].rates},
-        spans=tuple(slice(int(lo), int(hi)) for lo, hi in pairwise(lengths)),
+        spans=_spans([len(part.q) for part in parts]),
         trials=tuple(names),
         validation=tuple(trial.role == "validation" for trial in log.trials),
         repeats=tuple(
@@ -256,17 +263,11 @@ def _readings(
 def _above_band(values: Array, rate_hz: float) -> Array:
     """What is left between 9 and 15 Hz, scaled so that white noise keeps its variance."""
     low, high = min(9.0, 0.2 * rate_hz), min(15.0, 0.35 * rate_hz)
-    share = _difference_bandwidth(rate_hz, low, high)
-    return (lowpass(values, rate_hz, high, 6) - lowpass(values, rate_hz, low, 6)) / np.sqrt(share)
-
-
-def _difference_bandwidth(rate_hz: float, low: float, high: float, order: int = 6) -> float:
-    """Share of white noise's power in the difference of two zero-phase Butterworth filters."""
     angle = np.tan(0.5 * np.pi * (np.arange(4096) + 0.5) / 4096)
-    gains = [
-        1.0 / (1.0 + (angle / np.tan(np.pi * corner / rate_hz)) ** (2 * order)) for corner in (high, low)
-    ]
-    return float(((gains[0] - gains[1]) ** 2).mean())
+    upper, lower = (1.0 / (1.0 + (angle / np.tan(np.pi * f / rate_hz)) ** 12) for f in (high, low))
+    # Share of white noise's power in the difference of two zero-phase Butterworth filters.
+    share = ((upper - lower) ** 2).mean()
+    return (lowpass(values, rate_hz, high, 6) - lowpass(values, rate_hz, low, 6)) / np.sqrt(share)
 
 
 def robust_covariance(values: Array, kept: float = 0.9, rounds: int = 5) -> Array:

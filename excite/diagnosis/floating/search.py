@@ -28,7 +28,6 @@ from excite.diagnosis.floating.hypotheses import (
 from excite.diagnosis.floating.problem import NOISE_SLACK, Problem, build_problem
 from excite.diagnosis.floating.registry import FLOATING_EFFECTS, FURTHER_FORMS
 from excite.diagnosis.floating.state import State
-from excite.logs.signals.butterworth import lowpass
 from excite.progress import step
 
 # All effects at all places, as one more beside those that are accepted already.
@@ -246,15 +245,14 @@ _TWO_LEVELS = 0.8
 _PRICE_OF_A_SWITCH = 6.0
 
 
-def find_contact(problem: Problem, before: Fitted, shortlist: int = 2) -> Fitted | None:
+def find_contact(problem: Problem, before: Fitted) -> Fitted | None:
     """Alternate between when and where, from two clusters of the smoothed residual; None if there are not two.
 
     Args:
         problem: the problem.
         before: what is explained already.
-        shortlist: places refined a round.
     """
-    residual = _smooth(problem, _leftover(problem, before))
+    residual = problem.record.smooth(explained_state(problem, before).residual, _SMOOTH_HZ)
     noise = np.sqrt(np.diag(problem.record.sensor_noise))
     centred = (residual - residual.mean(axis=0)) / noise
     direction = np.linalg.svd(centred, full_matrices=False)[2][0]
@@ -266,7 +264,7 @@ def find_contact(problem: Problem, before: Fitted, shortlist: int = 2) -> Fitted
         return None
     best: Fitted | None = None
     for raw in ((score - low) / (high - low), (high - score) / (high - low)):
-        found = _alternate(problem, before, _tidy(problem, raw), shortlist)
+        found = _alternate(problem, before, _tidy(problem, raw))
         if found is not None and (best is None or found.evidence > best.evidence):
             best = found
         if best is not None and best.power < 2.0 * len(problem.nominal_rows):
@@ -274,7 +272,7 @@ def find_contact(problem: Problem, before: Fitted, shortlist: int = 2) -> Fitted
     return best
 
 
-def _alternate(problem: Problem, before: Fitted, share: Array, shortlist: int) -> Fitted | None:
+def _alternate(problem: Problem, before: Fitted, share: Array) -> Fitted | None:
     best: Fitted | None = None
     beside, state, rows = linearised(problem, before)
     for _ in range(_ROUNDS):
@@ -291,7 +289,7 @@ def _alternate(problem: Problem, before: Fitted, share: Array, shortlist: int) -
                 for link in effect.locations(state)
             ),
             key=lambda item: -item[0].evidence,
-        )[:shortlist]
+        )[:2]
         fits = [
             refine(
                 problem,
@@ -311,10 +309,6 @@ def _alternate(problem: Problem, before: Fitted, share: Array, shortlist: int) -
     return best
 
 
-def _leftover(problem: Problem, fitted: Fitted) -> Array:
-    return explained_state(problem, fitted).residual
-
-
 def pulled(problem: Problem, fitted: Fitted) -> Array:
     """Share of the fitted force that acts at each instant, ``(n,)``, by weighted projection."""
     *_, place = fitted.placed
@@ -324,9 +318,7 @@ def pulled(problem: Problem, fitted: Fitted) -> Array:
     always = UnloggedContact(np.ones(problem.record.n_samples)).apply(state, place.location, force)
     pull = state.residual - always.residual
     weight = np.linalg.inv(problem.record.sensor_noise)
-    residual = np.concatenate(
-        [lowpass(state.residual[s], problem.record.rate_hz, 5.0) for s in problem.record.spans]
-    )
+    residual = problem.record.smooth(state.residual, 5.0)
     return np.einsum("ni,ij,nj->n", residual, weight, pull) / np.einsum("ni,ij,nj->n", pull, weight, pull)
 
 
@@ -344,14 +336,9 @@ def _tidy(problem: Problem, raw: Array) -> Array:
     return share
 
 
-def _smooth(problem: Problem, values: Array) -> Array:
-    rate = problem.record.rate_hz
-    return np.concatenate([lowpass(values[span], rate, _SMOOTH_HZ) for span in problem.record.spans])
-
-
-def _two_means(score: Array, rounds: int = 20) -> tuple[float, float]:
+def _two_means(score: Array) -> tuple[float, float]:
     low, high = (float(x) for x in np.quantile(score, [0.1, 0.9]))
-    for _ in range(rounds):
+    for _ in range(20):
         upper = score > 0.5 * (low + high)
         if upper.all() or not upper.any():
             break

@@ -38,7 +38,6 @@ from excite.diagnosis.simulator.augmented_plant import (
 )
 from excite.errors import InputError
 from excite.logs.columns import BASE_POSE
-from excite.logs.signals.butterworth import lowpass
 from excite.progress import step
 from excite.robot.robot import Robot
 from excite.simulation.coordinates import body_name
@@ -441,8 +440,8 @@ def _noise(problem: Problem, rng: np.random.Generator) -> Noise:
         spectrum[:bins] = np.sqrt(n) * (real + 1j * imaginary)
         wrench[span] = np.fft.irfft(spectrum, n, axis=0)
     twist = record.v[:, :6]
-    slow = np.concatenate([lowpass(twist[span], record.rate_hz, BAND_HZ) for span in record.spans])
-    return Noise(wrench, (twist - slow).std(axis=0) * rng.standard_normal((record.n_samples, 6)))
+    fast = (twist - record.smooth(twist, BAND_HZ)).std(axis=0)
+    return Noise(wrench, fast * rng.standard_normal((record.n_samples, 6)))
 
 
 def _rms(values: Array) -> dict[str, float]:

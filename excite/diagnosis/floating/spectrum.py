@@ -249,12 +249,8 @@ def in_band(record: FloatingRecord, values: Array, below_hz: float = BAND_HZ) ->
     """
     out = []
     for span in record.spans:
-        n = span.stop - span.start
-        # scipy.signal takes 0.4 s to load, and an arm's diagnosis, which loads this module too, needs none of it.
-        from scipy.signal.windows import tukey
-
-        taper = tukey(n, 0.1)
-        spectrum = np.fft.rfft(values[span] * (taper / np.sqrt((taper**2).mean()))[:, None], axis=0)
-        spectrum[np.fft.rfftfreq(n, 1.0 / record.rate_hz) > below_hz] = 0.0
-        out.append(np.fft.irfft(spectrum, n, axis=0))
+        taper, frequency = _taper_and_frequency(record, span)
+        spectrum = np.fft.rfft(values[span] * (taper * np.sqrt(len(taper)))[:, None], axis=0)
+        spectrum[frequency > below_hz] = 0.0
+        out.append(np.fft.irfft(spectrum, len(taper), axis=0))
     return np.concatenate(out)

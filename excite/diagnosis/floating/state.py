@@ -18,7 +18,6 @@ from excite.diagnosis.effects.readings import TorqueBias
 from excite.diagnosis.floating.record import TORQUE, FloatingRecord
 from excite.errors import LogError
 from excite.logs.columns import WRENCH_AXES
-from excite.logs.signals.butterworth import lowpass
 from excite.regressor.contact_forces import carried_wrench, tree_contact_maps
 from excite.regressor.kernels import (
     Placements,
@@ -100,6 +99,14 @@ class State:
             if name in self.__dict__ and not depends & changed:
                 other.__dict__[name] = self.__dict__[name]
         return other
+
+    def moved(self, joint: int, **changes: Array | float) -> Self:
+        """The state with ``(n,)`` added to a joint's position ``q``, velocity ``v`` or acceleration ``a``."""
+        made = {}
+        for name, change in changes.items():
+            made[name] = getattr(self, name).copy()
+            made[name][:, (self.tree.idx_q if name == "q" else self.tree.idx_v)[joint]] += change
+        return self.replace(**made)
 
     @cached_property
     def poses(self) -> Placements:
@@ -222,7 +229,7 @@ class State:
         return self._smooth(self.joint_torques[:, iv])
 
     def _smooth(self, values: Array) -> Array:
-        return np.concatenate([lowpass(values[s], self.record.rate_hz, 4.0) for s in self.record.spans])
+        return self.record.smooth(values, 4.0)
 
     @property
     def channels(self) -> dict[str, str]:
@@ -342,7 +349,7 @@ class JointTurn:
     @cached_property
     def _by_q(self) -> tuple[Array, dict[str, Array]]:
         """Of minus the predicted wrench; of the levers of the sensors that it carries."""
-        turned = self._changed("q", int(self.state.tree.idx_q[self.joint]), _STEP_Q)
+        turned = self.state.moved(self.joint, q=_STEP_Q)
         levers = {
             name: (turned.levers[name] - lever) / _STEP_Q
             for name, lever in self.state.levers.items()
@@ -353,13 +360,13 @@ class JointTurn:
     @cached_property
     def by_v(self) -> Array:
         """With respect to its velocity."""
-        moved = self._changed("v", int(self.state.tree.idx_v[self.joint]), _STEP_V)
+        moved = self.state.moved(self.joint, v=_STEP_V)
         return (self.state.predicted - moved.predicted) / _STEP_V
 
     @cached_property
     def by_a(self) -> Array:
         """With respect to its acceleration."""
-        moved = self._changed("a", int(self.state.tree.idx_v[self.joint]), _STEP_A)
+        moved = self.state.moved(self.joint, a=_STEP_A)
         return (self.state.predicted - moved.predicted) / _STEP_A
 
     def columns(self, readings: dict[str, Array], q: Array, v: Array, a: Array) -> Array:
@@ -367,59 +374,11 @@ class JointTurn:
         parts = ((self.by_q(readings), q), (self.by_v, v), (self.by_a, a))
         return -np.sum([by[:, :, None] * change[:, None, :] for by, change in parts], axis=0)
 
-    def _changed(self, what: str, column: int, step: float) -> State:
-        values = getattr(self.state, what).copy()
-        values[:, column] += step
-        return self.state.replace(**{what: values})
-
 
 def joint_turn(state: State, joint: int) -> JointTurn:
     """Derivatives for one joint (index in the tree); those of a state are computed once."""
     kept: JointTurn = state.turns.setdefault(joint, JointTurn(state, joint))
     return kept
-
-
-# How the residual changes when a joint and all that it carries are moved in the parent's frame.
-
-
-def moved_branch(state: State, joint: int) -> Array:
-    """``(n, 6, 3)`` derivative of the residual with respect to the joint's placement along the parent's axes.
-
-    Every body beyond the joint is displaced by r, the same vector, which turns with the parent: their wrench
-    at the base gains ``m r''`` and, about the base, ``(Σ m c) × r'' + r × Σ f``. A body's own regressor says
-    what r'' is: a unit of its first moment needs the force ``ω' × r + ω × (ω × r)``.
-
-    Args:
-        state: where to linearise.
-        joint: index in the tree.
-    """
-    tree, regressor = state.tree, state.regressor
-    parent = int(tree.parents[joint])
-    base, turn = state.poses.rotation[:, 1], state.poses.rotation[:, parent]
-    along = np.einsum("nji,njk->nik", base, turn)
-    lifted = regressor[:, :3, 10 * parent - 9 : 10 * parent - 6]
-    carried, mass = branch(tree.parents, joint), 0.0
-    force, moment = np.zeros((len(state.q), 3)), np.zeros((len(state.q), 3))
-    for body in carried:
-        block = slice(10 * body - 10, 10 * body)
-        phi = state.measured_phi[block]
-        if not phi.any():
-            continue
-        force = force + regressor[:, :3, block] @ phi
-        offset = state.poses.translation[:, body] - state.poses.translation[:, 1]
-        moment = moment + phi[0] * offset + state.poses.rotation[:, body] @ phi[1:4]
-        mass += phi[0]
-    out = np.zeros((len(state.q), 6, 3))
-    if mass:
-        first = np.einsum("nji,nj->ni", base, moment)
-        out[:, :3] -= mass * lifted
-        out[:, 3:] -= cross(first, lifted) - cross(force, along)
-    for sensor in state.record.robot.sensors:
-        if sensor.joint in carried:
-            rotation = state.poses.rotation[:, sensor.joint] @ state.placements[sensor.name].rotation
-            push = np.einsum("nij,nj->ni", rotation, state.readings[sensor.name][:, :3])
-            out[:, 3:] -= cross(np.einsum("nji,nj->ni", base, push), along)
-    return out
 
 
 def branch(parents: NDArray[np.int64], joint: int) -> list[int]:

@@ -1,31 +1,49 @@
 """Why a policy shakes, drifts or falls: what of a robot that walks is not as its simulator has it.
 
 Three equations that do not know the forces at the feet: the servos' law (:mod:`excite.diagnosis.walking.servos`), the
-limbs' rows (:mod:`excite.diagnosis.walking.limbs`), and the feet's, which stand still against each other while they
-carry.
+limbs' rows, and the feet's, which stand still against each other while they carry.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+from scipy.spatial.transform import Rotation
 
 from excite.arrays import Array, distinct_rows, widen_flags
 from excite.diagnosis.answer.answer import Absorbed, Diagnosis, NextExperiment, Verdict
 from excite.diagnosis.answer.candidate import Candidate, Estimate, RobotChanges
-from excite.diagnosis.answer.gap import ChannelGap, Gap, share_closed
+from excite.diagnosis.answer.gap import ChannelGap, Gap, Where, share_closed
+from excite.diagnosis.selection import sampler
 from excite.diagnosis.servo.gains import stated_servo
-from excite.diagnosis.walking.kinds import JITTER, LATE_IMU, OF_COMMANDS, ORDER, SLIP, SURE, TURNED
-from excite.diagnosis.walking.limbs import Limbs
+from excite.diagnosis.walking.kinds import (
+    JITTER,
+    LATE_IMU,
+    OF_COMMANDS,
+    ORDER,
+    ROW_KINDS,
+    SLIP,
+    SURE,
+    TURNED,
+    Kind,
+    joint_kinds,
+)
 from excite.diagnosis.walking.servos import CUTOFF_HZ, Servo, command_ticks, read_servos, servo_effects
+from excite.doctor.inertial_prior import count_effective_samples, likely_spread
 from excite.errors import LogError
 from excite.finding import list_names
+from excite.identification.problem import IdentificationProblem, build_problem
 from excite.logs.log import Log, Trial
 from excite.regressor.contact_forces import contact_maps
+from excite.regressor.tree import read_tree
 from excite.robot.robot import Robot
-from excite.rows.joint_rows import CHANGE_S, closed_on_grid
+from excite.rows.joint_rows import CHANGE_S, JointRows, closed_on_grid
 from excite.rows.kinematics import trial_kinematics
 from excite.rows.settings import ProblemSettings
 
@@ -267,3 +285,380 @@ def _speeds(robot: Robot, log: Log, trial: Trial, cutoff_hz: float) -> Array:
         against = moved[:, ::-1] if len(feet) == 2 else np.median(moved, axis=1, keepdims=True)
         out[at[:, None], feet] = np.linalg.norm(moved - against, axis=2)
     return out
+
+
+# What torques do to the limbs: joints' rows with the forces at the feet taken out.
+#
+# Joints of one kind, left and right, share what the model has (:mod:`excite.regressor.contact_forces` says how forces
+# go); a joint's own is an effect: torque that does not arrive, friction, zeros of encoders. So are readings of the
+# IMU, which tells how the base moves, from another frame or late.
+
+# Stretches by which sizes are told anew, each left out once.
+_BLOCKS = 10
+# An effect is clear where judging rows of its joint are left with more than a tenth more power without it.
+_CLEAR = 1.0 / 1.1
+# Delays of the IMU that are tried [s]: of each the change of the rows is exact there.
+_IMU_DELAYS = tuple(0.002 * k for k in range(2, 13))
+
+
+class Atom(NamedTuple):
+    """An effect, or one form of it.
+
+    Attributes:
+        kind: what it is.
+        place: joint, or ``imu``.
+        first: its first column, counted among effects'.
+        width: number of its columns.
+    """
+
+    kind: Kind
+    place: str
+    first: int
+    width: int
+
+    @property
+    def group(self) -> tuple[str, str]:
+        """Forms of one effect exclude each other."""
+        return self.kind.effect, self.place
+
+
+class _Sized(NamedTuple):
+    """Sizes of columns in units of their deviations, and their covariance."""
+
+    size: Array
+    covariance: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Limbs:
+    """Rows of all joints, contact forces taken out, and the effects in them.
+
+    Sizes are a posteriori means of a linear model with normal priors; which effects there are is what the selection of
+    all records ascends to. Noise is that of a model with every column, in effective samples.
+
+    Attributes:
+        problem: its rows.
+        columns: ``(n_rows, n)`` baseline first, then effects', in units of the prior's deviations.
+        scales: ``(n,)`` these deviations.
+        atoms: the effects, forms of one beside each other.
+        n_base: number of the baseline's columns.
+        target: ``(n_rows,)`` torque less that of the nominal robot.
+        weight: ``(n_rows,)`` root of effective samples a row over the noise's deviation.
+        learn: rows that are fitted on, by stretch.
+        judge: ``(n_rows,)`` whether a row judges.
+    """
+
+    problem: IdentificationProblem
+    columns: Array
+    scales: Array
+    atoms: tuple[Atom, ...]
+    n_base: int
+    target: Array
+    weight: Array
+    learn: tuple[Array, ...]
+    judge: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, robot: Robot, log: Log, cutoff_hz: float) -> Limbs:
+        """What the rows of a log's trials tell, filtered at a frequency."""
+        settings = ProblemSettings(cutoff_hz=cutoff_hz, drive_terms=tuple(ROW_KINDS))
+        problem = build_problem(robot, log, settings, role=None)
+        n, drives = problem.n_inertial, problem.parameter_names[problem.n_inertial :]
+        place = {name: n + k for k, name in enumerate(drives)}
+        torque = np.concatenate([t.tau for t in log.trials if t.tau is not None])
+        speed = np.concatenate([np.gradient(t.q, t.time, axis=0) for t in log.trials])
+        load = dict(zip(log.header.joints, torque.std(axis=0), strict=True))
+        fast = dict(zip(log.header.joints, np.maximum(speed.std(axis=0), 1e-3), strict=True))
+        kinds = joint_kinds(problem.robot)
+        blocks, scales, atoms = [np.zeros((problem.n_rows, 0))], [], []
+        if "rigid_body" in log.header.modelled:
+            spread = likely_spread(read_tree(problem.robot.model))
+            used = np.flatnonzero((spread > 0.0) & np.abs(problem.Y[:, :n]).any(axis=0))
+            blocks.append(problem.Y[:, used])
+            scales += list(spread[used])
+        # What joints of one kind share is the model's: friction, rotors, contacts that are not where it has them.
+        for term in ROW_KINDS:
+            for kind in dict.fromkeys(kinds.values()):
+                alike = [place[f"{term}.{j}"] for j in problem.channel_names if kinds[j] == kind]
+                if alike:
+                    blocks.append(problem.Y[:, alike].sum(axis=1, keepdims=True))
+                    scales.append(max(_scale(term, load[j], fast[j]) for j in problem.channel_names))
+        n_base = len(scales)
+        for term, kind_of in ROW_KINDS.items():
+            for joint in problem.channel_names:
+                alone = sum(kinds[j] == kinds[joint] for j in problem.channel_names) < 2
+                if alone or not np.isfinite(kind_of.least):
+                    continue
+                atoms.append(Atom(kind_of, joint, len(scales) - n_base, 1))
+                blocks.append(problem.Y[:, [place[f"{term}.{joint}"]]])
+                scales.append(_scale(term, load[joint], fast[joint]))
+        readings = list(_readings(log))
+        for reading in readings:
+            atoms.append(Atom(reading.kind, "imu", len(scales) - n_base, len(reading.changes)))
+            scales += [reading.kind.spread] * len(reading.changes)
+        if readings:
+            blocks.append(_changed(problem, log, settings, readings))
+        columns = np.hstack(blocks) * scales
+        prior = problem.prior.copy()
+        prior[n:] = 0.0
+        target = problem.y - problem.Y @ prior
+        validation = np.array([t.role == "validation" for t in log.trials])
+        judge = validation[problem.trial] if validation.any() else np.ones(len(target), dtype=bool)
+        fitted = (
+            np.flatnonzero(~validation[problem.trial]) if not validation.all() else np.arange(len(target))
+        )
+        limbs = cls(
+            problem,
+            columns,
+            np.array(scales),
+            tuple(atoms),
+            n_base,
+            target,
+            1.0 / _noise(problem, target),
+            tuple(np.array_split(fitted, _BLOCKS)),
+            judge,
+        )
+        return replace(limbs, weight=1.0 / _noise(problem, limbs.left(range(len(scales)))))
+
+    @cached_property
+    def parts(self) -> list[tuple[Array, Array]]:
+        """By stretch to learn on, weighted products of columns with each other and with the target."""
+        made = []
+        for rows in self.learn:
+            x, y = self.columns[rows] * self.weight[rows, None], self.target[rows] * self.weight[rows]
+            made.append((x.T @ x, x.T @ y))
+        return made
+
+    def fitted(self, columns: Sequence[int], *, without: int | None = None) -> _Sized:
+        """Columns fitted, a stretch left out."""
+        kept = [part for k, part in enumerate(self.parts) if k != without]
+        a = np.sum([part[0] for part in kept], axis=0)[np.ix_(columns, columns)] + np.eye(len(columns))
+        h = np.sum([part[1] for part in kept], axis=0)[list(columns)]
+        factor = cho_factor(a)
+        return _Sized(cho_solve(factor, h), cho_solve(factor, np.eye(len(columns))))
+
+    def left(self, columns: Sequence[int]) -> Array:
+        """``(n_rows,)`` target less what columns explain of it."""
+        return np.asarray(self.target - self.columns[:, columns] @ self.fitted(columns).size)
+
+    def with_atoms(self, atoms: Sequence[int]) -> list[int]:
+        """Columns of the baseline, then of atoms."""
+        chosen = [self.atoms[k] for k in atoms]
+        own = [self.n_base + atom.first + i for atom in chosen for i in range(atom.width)]
+        return [*range(self.n_base), *own]
+
+    def _selection(self, barred: set[int]) -> sampler.Problem:
+        """Which effects there are, all else integrated out; each pays for the choice among all."""
+        gram, right = (np.sum(part, axis=0) for part in zip(*self.parts, strict=True))
+        n, k, atoms = self.n_base, len(right) - self.n_base, self.atoms
+        seen = np.linalg.solve(gram[:n, :n] + np.eye(n), np.column_stack([gram[:n, n:], right[:n]]))
+        free, groups = np.full(k, 1e30), list(dict.fromkeys(atom.group for atom in atoms))
+        group = np.array([groups.index(atom.group) for atom in atoms])
+        count = np.bincount(group)
+        odds = -np.log(len(groups)) - np.log(count[group])
+        return sampler.Problem(
+            gram=np.ascontiguousarray(gram[n:, n:] - gram[n:, :n] @ seen[:, :-1]),
+            right=right[n:] - gram[n:, :n] @ seen[:, -1],
+            precision=np.ones(k),
+            constant=np.zeros(k),
+            low=-free,
+            high=free,
+            mass=np.zeros(k),
+            first=np.array([atom.first for atom in atoms]),
+            width=np.array([atom.width for atom in atoms]),
+            group=group,
+            log_prior=np.where([i in barred for i in range(len(atoms))], -np.inf, odds),
+            begin=np.searchsorted(group, np.arange(len(groups))),
+            n_atoms=count,
+            needs=np.full(len(groups), -1),
+        )
+
+    @cached_property
+    def chosen(self) -> dict[int, float]:
+        """Atoms of effects and the evidence of each, most first; none that is small or leaves judging rows more."""
+        barred: set[int] = set()
+        while True:
+            problem = self._selection(barred)
+            mode = sampler.climb(problem, np.full(len(problem.begin), -1))
+            chosen = [int(a) for a in mode if a >= 0]
+            gains = {k: self._gains(problem, [other for other in chosen if other != k])[k] for k in chosen}
+            idle = {k for k in chosen if not self._matters(k, chosen)}
+            if not idle:
+                return dict(sorted(gains.items(), key=lambda item: -item[1]))
+            # One after the other, the faintest first: what stands beside the true one takes its part until it goes.
+            barred.add(min(idle, key=lambda k: gains[k]))
+
+    def _gains(self, problem: sampler.Problem, others: Sequence[int]) -> dict[int, float]:
+        """By atom, evidence of an effect beside others."""
+        state = np.full(len(problem.begin), -1)
+        state[problem.group[list(others)]] = list(others)
+        return dict(enumerate(sampler.gains_beside(problem, state).tolist()))
+
+    def _matters(self, k: int, chosen: Sequence[int]) -> bool:
+        """Whether a size is one, and the judging rows that it acts on are clearly better for it."""
+        atom, rest = self.atoms[k], [other for other in chosen if other != k]
+        least = atom.kind.least / atom.kind.spread * self.scales[self.n_base + atom.first]
+        size, std = (float(np.linalg.norm(part[-atom.width :])) for part in self.sizes([*rest, k]))
+        names = self.problem.channel_names
+        rows = self.judge & (self.problem.rows_of(atom.place) if atom.place in names else True)
+        with_it, without = (
+            float((self.left(self.with_atoms(some))[rows] ** 2).sum()) for some in ([*rest, k], rest)
+        )
+        return size > max(least, SURE * std) and with_it < _CLEAR * without
+
+    def sizes(self, atoms: Sequence[int]) -> tuple[Array, Array]:
+        """Sizes of atoms' columns, with deviations: the larger of the equations' and of stretches left out."""
+        columns = self.with_atoms(atoms)
+        whole, covariance = self.fitted(columns)
+        without = np.array([self.fitted(columns, without=k).size for k in range(len(self.parts))])
+        spread = np.sqrt((len(without) - 1) * without.var(axis=0))
+        std = np.maximum(spread, np.sqrt(np.diagonal(covariance)))
+        scales = self.scales[columns]
+        return (whole * scales)[self.n_base :], (std * scales)[self.n_base :]
+
+    def effects(self) -> Iterator[Candidate]:
+        """What was chosen."""
+        before = self.gap.before
+        for k, evidence in self.chosen.items():
+            alone = self._gap(self.with_atoms([k]))
+            share = share_closed(before, alone, self.gap.noise_floor)
+            named = self.candidate(k, [other for other in self.chosen if other != k], evidence)
+            yield replace(named, gap_after=alone, share_closed=share)
+
+    def candidate(self, k: int, others: Sequence[int], evidence: float) -> Candidate:
+        """An effect beside others; torque that is lost reads as a gain of what is logged over what is delivered."""
+        atom = self.atoms[k]
+        sizes, stds = (part[-atom.width :] for part in self.sizes([*others, k]))
+        kind, size, std = atom.kind, float(sizes[0]), float(stds[0])
+        parameters = {kind.parameter: Estimate(size, std, kind.unit)}
+        if atom.width == 3:
+            parameters = {
+                f"{kind.parameter}_{axis}": Estimate(float(s), float(d), kind.unit)
+                for axis, s, d in zip("xyz", sizes, stds, strict=True)
+            }
+        if kind.term == "lost":
+            arrives = max(1.0 - size, 1e-3)
+            parameters = {
+                "gain": Estimate(1.0 / arrives, std / arrives**2, "1"),
+                "delivered": Estimate(arrives, std, "1"),
+            }
+        return Candidate(kind.effect, atom.place, parameters, evidence, 0.0, 0.0, (atom.place,))
+
+    def rivals(self) -> Iterator[Candidate]:
+        """What could stand in the place of the first effect, beside the others, at odds of one to twenty."""
+        if not self.chosen:
+            return
+        first, *others = self.chosen
+        taken = {self.atoms[k].group for k in self.chosen}
+        for k, evidence in self._gains(self._selection(set()), others).items():
+            if self.atoms[k].group not in taken and evidence > self.chosen[first] - np.log(20.0):
+                yield self.candidate(k, others, evidence)
+
+    def _gap(self, columns: Sequence[int]) -> float:
+        rows, left = self.judge, self.left(columns)
+        shares = [
+            (left[rows & self.problem.rows_of(j)] ** 2).mean()
+            / max(self.problem.y[self.problem.rows_of(j)].var(), 1e-12)
+            for j in self.problem.channel_names
+        ]
+        return float(np.sqrt(np.mean(shares)))
+
+    @cached_property
+    def gap(self) -> Gap:
+        """Before any effect and with those chosen; the floor is what a model with every column leaves."""
+        names, rows = self.problem.channel_names, self.judge
+        models = (self.with_atoms([]), self.with_atoms([*self.chosen]), list(range(len(self.scales))))
+        before, after, floor = (self._gap(columns) for columns in models)
+        floor = min(before, after, floor)
+        lefts = [self.left(columns) for columns in models]
+        channels = {}
+        for joint, unit in zip(names, self.problem.channel_units, strict=True):
+            own = rows & self.problem.rows_of(joint)
+            was, now, least = (float(np.sqrt((left[own] ** 2).mean())) for left in lefts)
+            channels[joint] = ChannelGap(was, now, min(was, now, least), unit)
+        return Gap(before, after, floor, share_closed(before, after, floor), channels)
+
+    def where(self) -> tuple[Where, ...]:
+        """Joints by their part of the gap."""
+        power = {
+            name: max(one.before**2 - one.noise_floor**2, 0.0) for name, one in self.gap.per_channel.items()
+        }
+        total = max(sum(power.values()), 1e-300)
+        cutoff = self.problem.filters.cutoff_hz if self.problem.filters else 0.0
+        lines = [Where(name, share / total, "none", (0.0, cutoff)) for name, share in power.items()]
+        return tuple(sorted(lines, key=lambda line: -line.share))
+
+
+# Readings of the IMU, as they would be were it turned or late.
+
+
+Change = Callable[[Array, Array], Array]
+"""From times ``(n,)`` [s] and readings ``(n, 6)`` of the IMU to what they would be."""
+
+
+class _Reading(NamedTuple):
+    """Changes of the IMU's readings, each with the size that it is of."""
+
+    kind: Kind
+    changes: tuple[tuple[Change, float], ...]
+
+
+def _readings(log: Log) -> Iterator[_Reading]:
+    """Effects of the IMU, where a log has one."""
+    if any(trial.imu is None for trial in log.trials):
+        return
+    yield _Reading(TURNED, tuple((_turned(turn), TURNED.least) for turn in np.eye(3) * TURNED.least))
+    for delay in _IMU_DELAYS:
+        yield _Reading(LATE_IMU, ((_earlier(delay), delay),))
+
+
+def _turned(turn: Array) -> Change:
+    """Readings of an IMU that is turned by a rotation vector, in the frame that it is said to have."""
+    back = Rotation.from_rotvec(turn).as_matrix().T
+    return lambda _, imu: np.hstack([imu[:, :3] @ back, imu[:, 3:] @ back])
+
+
+def _earlier(delay: float) -> Change:
+    """Readings that a log tells so much later [s]."""
+    return lambda time, imu: np.column_stack([np.interp(time + delay, time, column) for column in imu.T])
+
+
+def _changed(
+    problem: IdentificationProblem, log: Log, settings: ProblemSettings, readings: Sequence[_Reading]
+) -> Array:
+    """Change of the rows per unit of each change of the readings, ``(n_rows, n_changes)``."""
+    robot, filters = problem.robot, settings.filters(floating=False, lowpass_hz=log.header.lowpass_hz)
+    builder = JointRows(robot, log.header, settings, filters, tuple(ROW_KINDS))
+    changes = [change for reading in readings for change in reading.changes]
+    parts = []
+    for trial in log.trials:
+        imu = np.zeros((len(trial.time), 6)) if trial.imu is None else trial.imu
+        trials = [trial, *(replace(trial, imu=change(trial.time, imu)) for change, _ in changes)]
+        k, *others = (trial_kinematics(robot, log.header, one, settings, filters) for one in trials)
+        rows = builder.change(trial, k, others)
+        parts.append(rows.values[np.nonzero(rows.use)] / [size for _, size in changes])
+    return np.asarray(np.concatenate(parts))
+
+
+def _noise(problem: IdentificationProblem, left: Array) -> Array:
+    """``(n_rows,)`` deviation that each row counts with: of its joint's rest, as effective samples are fewer."""
+    out = np.ones(len(left))
+    for k in range(len(problem.channel_names)):
+        rows = problem.channel == k
+        count = float(count_effective_samples(left[rows, None], problem.trial[rows])[0])
+        out[rows] = max(float(np.sqrt((left[rows] ** 2).mean())), 1e-9) * np.sqrt(rows.sum() / count)
+    return out
+
+
+def _scale(term: str, load: float, fast: float) -> float:
+    """Standard deviation expected of a term: of friction and constants what makes a share of a joint's torque.
+
+    Args:
+        term: its name.
+        load: deviation of the joint's torque [N·m or N].
+        fast: deviation of its velocity [rad/s or m/s].
+    """
+    kind = ROW_KINDS[term]
+    if not kind.unit.startswith("N"):
+        return kind.spread
+    return kind.spread * load / (fast if term == "viscous" else 1.0)
