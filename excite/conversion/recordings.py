@@ -148,7 +148,7 @@ def _trials(recordings: Sequence[Recording]) -> dict[str, list[Recording]]:
 
 
 def _columns(recording: Recording) -> frozenset[str]:
-    return frozenset(column.name for stream in recording.streams for column in stream.columns)
+    return frozenset(column.name for column in recording.columns)
 
 
 def _join_parts(recordings: Sequence[Recording]) -> list[Recording]:

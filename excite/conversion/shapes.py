@@ -298,7 +298,13 @@ def stream_of_arrays(name: str, arrays: Mapping[str, Any], time: Array | None = 
     """
     lengths: dict[int, list[Column]] = {}
     words: dict[int, dict[str, NDArray[np.object_]]] = {}
-    arrays = _in_one_order({key: _as_words(values) for key, values in arrays.items()})
+    tables = {key: np.asarray(values) for key, values in arrays.items()}
+    arrays = _in_one_order(
+        {
+            key: np.char.decode(table, "utf-8", "replace") if table.dtype.kind == "S" else table
+            for key, table in tables.items()
+        }
+    )
     for key, values in arrays.items():
         array = np.squeeze(values)
         if array.dtype.kind in "UO" and array.ndim == 1 and len(array) > _MOST:
@@ -385,11 +391,6 @@ def with_labels(stream: Stream, names: Mapping[str, Sequence[str]]) -> Stream:
 def _shared_depth(a: str, b: str) -> int:
     """Folders that two paths have in common."""
     return sum(one == other for one, other in zip(a.split("/")[:-1], b.split("/")[:-1], strict=False))
-
-
-def _as_words(values: Any) -> NDArray[Any]:
-    array = np.asarray(values)
-    return np.char.decode(array, "utf-8", "replace") if array.dtype.kind == "S" else array
 
 
 def _word_list(array: NDArray[Any]) -> list[str]:
