@@ -64,14 +64,12 @@ class Stream:
         name: of the topic, table or group.
         columns: in the file's order.
         time: ``(n,)`` [s] where the format says when rows were recorded; None where a column may say it.
-        late_by_name: whether ``time`` is when rows were written rather than measured.
         words: ``(n,)`` texts of columns that hold no numbers, by their names; those that a table has.
     """
 
     name: str
     columns: tuple[Column, ...]
     time: Array | None = None
-    late_by_name: bool = False
     words: Mapping[str, NDArray[np.object_]] = field(default_factory=dict)
 
     @property

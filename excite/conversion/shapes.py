@@ -290,7 +290,7 @@ def _stem(name: str) -> str:
 # Arrays by name as streams.
 
 
-def stream_of_arrays(name: str, arrays: Mapping[str, Any], time: Array | None = None) -> list[Stream]:
+def stream_of_arrays(name: str, arrays: Mapping[str, Any]) -> list[Stream]:
     """Arrays as streams: those of one length together, ``(n, k)`` taken apart into ``NAME[0] … NAME[k-1]``.
 
     Lists of ``k`` words name the columns of arrays that are ``k`` wide, a word for every row is a text of that row.
@@ -325,15 +325,7 @@ def stream_of_arrays(name: str, arrays: Mapping[str, Any], time: Array | None = 
             del lengths[n - 1]
     names = {key: _word_list(values) for key, values in arrays.items()}
     return [
-        with_labels(
-            Stream(
-                name,
-                tuple(columns),
-                time if time is not None and len(time) == n else None,
-                words=words.get(n, {}),
-            ),
-            names,
-        )
+        with_labels(Stream(name, tuple(columns), words=words.get(n, {})), names)
         for n, columns in lengths.items()
     ]
 

@@ -86,7 +86,7 @@ class Gathered:
         self._block.append(row)
         if len(self._block) >= self._every:
             alike = [one for one in self._block if len(one) == len(row)]
-            self._numbers.frombytes((sum(alike) / len(alike)).tobytes())
+            self._numbers.frombytes(np.asarray(sum(alike) / len(alike)).tobytes())
             self._block.clear()
             self._room.fit()
 

@@ -256,9 +256,11 @@ def _without_part(samples: TorqueSamples, reading: Reading, parts: ModelParts) -
     """A share of the weight is off all torques, or the weight under a gravity that points elsewhere.
 
     The gravity that was taken off is that of least squares over all joints, by what each leaves. A share is told
-    beside the inertial forces alone: without them it is any scale of the torques.
+    beside the inertial forces alone: without them it is any scale of the torques, and so it is beside another clock,
+    by which these grow and weights do not, or where every torque has a scale that the model's masses told.
     """
-    if not (np.abs(parts.inertia - 1.0) < 0.5).any():
+    told = reading.tick == 1.0 and (np.abs(reading.torque_factor) == 1.0).any()
+    if not told or not (np.abs(parts.inertia - 1.0) < 0.5).any():
         return
     size = float(np.linalg.norm(reading.gravity))
     taken = _taken_gravity(samples, reading)
