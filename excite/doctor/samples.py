@@ -215,7 +215,7 @@ class Correction:
     changes: int = 1
     surprise: float | None = None
     ask: str = ""
-    as_logged: Callable[[Reading], Reading] = field(default=lambda read: read)
+    as_logged: Callable[[Reading], Reading] | None = None
     along: tuple[str, ...] = ()
     certain: bool = True
     mends: str = ""

@@ -58,7 +58,8 @@ def find_misreadings(case: Case) -> None:
     for item in found:
         _report_misreading(case, item, samples.what)
         # A person has to say first what is asked for.
-        reading = item.correction.as_logged(reading) if item.correction.ask else reading
+        back = item.correction.as_logged if item.correction.ask else None
+        reading = reading if back is None else back(reading)
     if not all(item.correction.ask for item in found):
         case.log = reading.of(case.log)
     # Where the weight of a payload was left in the torques it is told beside that of the bodies.
