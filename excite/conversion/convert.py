@@ -26,7 +26,7 @@ from excite.conversion.torques import (
     settle_by_torques,
     weigh_question,
 )
-from excite.conversion.trials import Cut, cut_trials
+from excite.conversion.trials import cut_trials
 from excite.display import count
 from excite.doctor.examine import Chart, examine
 from excite.errors import InputError
@@ -34,7 +34,7 @@ from excite.formats.file import PathsLike, as_paths
 from excite.logs.columns import read_columns
 from excite.logs.files import check_replaceable, header_text, load_log, save_log
 from excite.logs.header_blocks import Guess
-from excite.logs.log import Log, LogHeader
+from excite.logs.log import Log
 from excite.logs.robot import nominal_robot
 from excite.temporary_folder import TemporaryFolder
 
@@ -123,7 +123,9 @@ def _convert_recordings(
     if not weighs:
         ask_for_scale(cuts, header, machine, found, stated, recordings[0])
     text = map_text(found, header, cuts, stated)
-    _write_log(cuts, header, machine, out)
+    # What is cut is not held as read and as written at once.
+    written = [read_columns(cuts.pop(0).columns, entry, header, out / entry.file) for entry in header.trials]
+    save_log(Log(header=header, trials=tuple(written), robot_text=machine.text), out)
     (out / "map.yaml").write_text(text, encoding="utf-8")
     read = load_log(out)
     chart, note = _examine_log(read, machine)
@@ -162,14 +164,6 @@ def _note_losses(found: Guesses, machine: Machine, log: Log) -> list[str]:
             )
         )
     return notes
-
-
-def _write_log(cuts: list[Cut], header: LogHeader, machine: Machine, out: Path) -> None:
-    """The log folder; the cuts are emptied meanwhile."""
-    trials = []
-    for entry in header.trials:
-        trials.append(read_columns(cuts.pop(0).columns, entry, header, out / entry.file))
-    save_log(Log(header=header, trials=tuple(trials), robot_text=machine.text), out)
 
 
 def _build_tables(recording: Recording, found: Guesses, machine: Machine, stated: Map) -> list[Table]:

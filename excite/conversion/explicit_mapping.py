@@ -52,7 +52,8 @@ class TrialRules(BaseModel):
         default="pauses", description="Cut recordings at pauses and gaps, or keep each whole."
     )
     validation: tuple[str, ...] = Field(
-        default=(), description="Names of the trials to validate on, `*` for any letters; proposed if empty."
+        default=(),
+        description="Names of the trials to validate on, `*` for any letters, or `none`; proposed if empty.",
     )
     repeats: dict[str, str] = Field(default={}, description="By trial, the trial whose command it repeats.")
     start_s: dict[str, float] = Field(default={}, description="By source, the time where its use begins [s].")

@@ -37,7 +37,7 @@ from excite.conversion.columns.families import (
     without_base_columns,
 )
 from excite.conversion.columns.joints import BY_NAME, Doubt, Placed
-from excite.conversion.columns.scales import convert_units
+from excite.conversion.columns.scales import Scaling
 from excite.conversion.columns.vocabulary import FORCES, OF_WORD, SHARES
 from excite.conversion.columns.words import Clue, is_of_joints
 from excite.conversion.explicit_mapping import Map
@@ -97,7 +97,7 @@ class Guessing:
     @cached_property
     def values(self) -> dict[str, Array]:
         """Numbers of every column by its name, in the file's order."""
-        return {column.name: column.values for stream in self.recording.streams for column in stream.columns}
+        return {column.name: column.values for column in self.recording.columns}
 
     @cached_property
     def live(self) -> frozenset[str]:
@@ -108,11 +108,6 @@ class Guessing:
     def used(self) -> set[str]:
         """Columns that something was made of."""
         return {item.source for item in self.found.mapped} | set(self.clocks)
-
-    @property
-    def knows_loads(self) -> bool:
-        """Whether torques or currents are there, or a map says that there are none."""
-        return bool({"tau", "i"} & self.found.channels) or "torque" in self.mapping.log
 
 
 class Rule(NamedTuple):
@@ -346,24 +341,14 @@ def _take_axes(state: Guessing) -> None:
     ]
 
 
-def _leave_unfilled(state: Guessing) -> None:
-    """Leave out velocities, torques, currents and voltages that never change at any joint.
+def _leave_out(state: Guessing) -> None:
+    """Leave out loads and velocities that never change at any joint, and those called forces that are no joints'.
 
     Drivers without torque sensors leave the efforts of a joint state at zero, and servos that do not measure a load
     report a constant. One dead channel among live ones stays: it is a fault, which the doctor names.
-    """
-    for family in list(state.groups):
-        if family.quantity in _MOVING and state.live.isdisjoint(family.columns):
-            name = family.columns[0] if len(family.columns) == 1 else family.first
-            state.found.note("unfilled", columns=name)
-            state.groups.remove(family)
-
-
-def _leave_contacts(state: Guessing) -> None:
-    """Leave out those called forces that are fewer than the joints, which turn.
 
     A column is called a force where something slides, is pressed or stands: some programs call all joints' torques
-    forces, too, and then there is one for each joint of which there are positions.
+    forces, too, and then there is one for each joint of which there are positions, all of which turn.
     """
     machine = state.machine
     joints = max((len(f.placed.columns) for f in state.groups if f.quantity == "q"), default=machine.n)
@@ -371,15 +356,15 @@ def _leave_contacts(state: Guessing) -> None:
         force = family.quantity == "tau" and not family.stated and bool(family.words & FORCES)
         known = family.placed.named and family.placed.columns and not family.placed.left_over
         slides = any(machine.slides[machine.joints.index(j)] for j in family.placed.columns)
-        if (
-            force
-            and family.unit in ("", "N", "kN")
-            and not known
-            and not slides
-            and len(family.columns) < joints
-        ):
+        of_none = family.unit in ("", "N", "kN") and not (known or slides) and len(family.columns) < joints
+        if family.quantity in _MOVING and state.live.isdisjoint(family.columns):
+            name = family.columns[0] if len(family.columns) == 1 else family.first
+            state.found.note("unfilled", columns=name)
+        elif force and of_none:
             state.found.note("contact forces", columns=family.first)
-            state.groups.remove(family)
+        else:
+            continue
+        state.groups.remove(family)
 
 
 def _leave_base(state: Guessing) -> None:
@@ -401,10 +386,6 @@ def _leave_base(state: Guessing) -> None:
         axes = zip(("px", "py", "pz", *POSE_AXES[order]), posed.columns[:POSE], strict=True)
         found.mapped += [Mapped(f"base.{axis}", name, 1.0, because) for axis, name in axes]
     state.groups = [without_base_columns(family, joints) for family in state.groups]
-
-
-def _choose(state: Guessing) -> None:
-    state.chosen = choose_families(state.groups, state.found, state.recording, state.joints)
 
 
 def _tell_by_physics(state: Guessing) -> None:
@@ -657,7 +638,7 @@ def _ask_for_base(state: Guessing) -> None:
         f'; of a robot that stands, columns: {{contact.{foot}: "NAME", …}}, 1 where a foot carries'
         for foot in feet
     ]
-    imu = any(column.channel == "imu" for stream in state.recording.streams for column in stream.columns)
+    imu = any(column.channel == "imu" for column in state.recording.columns)
     link = machine.base_link
     hangs = f"; of a robot that hangs, log: {{base: suspended, base_link: {link}, imu: {{link: {link}}}}}"
     found.ask(
@@ -669,9 +650,8 @@ def _ask_for_base(state: Guessing) -> None:
 
 
 def _convert(state: Guessing) -> None:
-    state.found.mapped = convert_units(
-        state.found, state.recording, state.machine, state.mapping, state.clues
-    )
+    scaling = Scaling(state.found, state.recording, state.machine, state.mapping, state.clues, state.values)
+    state.found.mapped = scaling.convert()
 
 
 def _name_unused(state: Guessing) -> None:
@@ -702,12 +682,15 @@ RULES = (
     Rule("families", "columns of one quantity of all joints", _group_by_quantity),
     Rule("stated joints", "joints of which the map states another column", _leave_stated),
     Rule("axes", "axes that are called by the letter of accelerations: positions", _take_axes),
-    Rule("unfilled", "fields that nobody filled: left out", _leave_unfilled),
-    Rule("contacts", "forces of feet, tools and load cells: left out", _leave_contacts),
+    Rule("no measurements", "unfilled fields, forces of feet, tools and load cells: left out", _leave_out),
     Rule(
         "own base", "the base's part of arrays of joints: its pose", _leave_base, lambda s: s.machine.floating
     ),
-    Rule("choice", "the family of each channel", _choose),
+    Rule(
+        "choice",
+        "the family of each channel",
+        lambda s: s.chosen.update(choose_families(s.groups, s.found, s.recording, s.joints)),
+    ),
     Rule(
         "physics",
         "positions, velocities and torques among columns whose names say nothing",
@@ -734,7 +717,8 @@ RULES = (
         "lacking torques",
         "torques that nothing tells: questions",
         _ask_for_torques,
-        lambda s: not s.knows_loads,
+        # Torques or currents are there, or a map says that there are none.
+        lambda s: not ({"tau", "i"} & s.found.channels or "torque" in s.mapping.log),
     ),
     Rule("lacking base", "how the base was carried: a question", _ask_for_base, lambda s: s.machine.floating),
     Rule(

@@ -170,11 +170,10 @@ class UnclearError(LogError):
     Args:
         questions: the questions.
         source: the recording.
-        template: where a ``map.yaml`` to fill in was written, None where it was not.
     """
 
-    def __init__(self, questions: Sequence[Question], source: object, template: object = None):
+    def __init__(self, questions: Sequence[Question], source: object):
         self.questions = tuple(questions)
         what = "; ".join(f"{question.what} (map.yaml: {question.line})" for question in questions)
-        where = "write these lines into a map.yaml" if template is None else f"fill in {template}"
-        super().__init__(what, source=source, remedy=f"{where} and run again with --map")
+        remedy = "write these lines into a map.yaml and run again with --map"
+        super().__init__(what, source=source, remedy=remedy)

@@ -75,52 +75,61 @@ def write_header(folder: str | Path, *, overwrite: bool = False) -> WrittenHeade
 
 
 def _header_text(
-    files: Sequence[Path], columns: list[str], joints: list[str], rate: float, models: Sequence[Path]
+    files: Sequence[Path], columns: Sequence[str], joints: Sequence[str], rate: float, models: Sequence[Path]
 ) -> tuple[str, list[str]]:
-    fill_in = []
-    model = models[0].name if models else "robot.urdf"
-    if not models:
-        fill_in.append("robot: copy the nominal model's URDF into the folder")
-    torque = "none"
-    if any(name.startswith("tau.") for name in columns):
-        torque = "motor_side"
-        fill_in.append(
+    """The lines that apply, and what a person has to say."""
+    channels = {name.partition(".")[0] for name in columns}
+    torque = "motor_side" if "tau" in channels else "current" if "i" in channels else "none"
+    floating, current = set(BASE_POSE) <= set(columns), torque == "current"
+    roles = ["identification", *["identification"] * (len(files) - 2), *["validation"] * (len(files) > 1)]
+    # Lines, none where they do not apply, with what is to be filled in.
+    rows = (
+        ("schema: excite.log/1", ""),
+        (f"robot: {models[0].name}   # nominal model beside this file", "")
+        if models
+        else (
+            f"robot: robot.urdf   # nominal model beside this file   # {FILL_IN}",
+            "robot: copy the nominal model's URDF into the folder",
+        ),
+        (
+            f"base: {'suspended' if floating else 'fixed'}"
+            "   # fixed, floating (on feet with wrench sensors) or suspended",
+            "",
+        ),
+        ("gravity: [0.0, 0.0, -9.81]   # in the world frame [m/s²]", ""),
+        (f"rate_hz: {rate:.5g}   # rows a second; the stamps are believed where they differ", ""),
+        (f"joints: [{', '.join(joints)}]", ""),
+        (
+            f"torque: {torque}   # motor_side, link_side, current (columns i.JOINT) or none",
             "torque: motor_side if it contains the joint's friction, link_side if measured behind the gear"
-        )
-    elif any(name.startswith("i.") for name in columns):
-        torque = "current"
-        fill_in.append("torque_constants: N·m per A of each joint, where they are known")
-    floating = set(BASE_POSE) <= set(columns)
-    lines = [
-        "schema: excite.log/1",
-        f"robot: {model}   # nominal model beside this file" + ("" if models else f"   # {FILL_IN}"),
-        f"base: {'suspended' if floating else 'fixed'}   # fixed, floating (on feet with wrench sensors) or suspended",
-        "gravity: [0.0, 0.0, -9.81]   # in the world frame [m/s²]",
-        f"rate_hz: {rate:.5g}   # rows a second; the stamps are believed where they differ",
-        f"joints: [{', '.join(joints)}]",
-        f"torque: {torque}   # motor_side, link_side, current (columns i.JOINT) or none",
-    ]
-    if torque == "current":
-        lines.append(f"# torque_constants: {{{joints[0]}: 1.0}}   # N·m per A at the joint   # {FILL_IN}")
-    lines += [
-        "# no_torque: []   # joints that move but whose torque was not measured",
-        "# coupling: {}   # turns of a motor per turn of another joint, {wrist_6: {wrist_5: 1.0}}",
-        "# lowpass_hz: 50   # only where all channels went through the same low-pass already",
-    ]
-    if any(name.startswith("q_cmd.") for name in columns):
-        lines.append(
-            "# controller: {mode: position, kp: {}, kd: {}, rate_hz: 1000}   # what the servo does with q_cmd"
-        )
-        fill_in.append("controller: the servo's gains, where they are known")
-    if floating:
-        lines.append(f"base_link: base_link   # link whose pose is logged   # {FILL_IN}")
-        fill_in.append("base_link: the link whose pose is logged")
-    lines += [
-        "modelled: [rigid_body, viscous_friction, coulomb_friction, armature]   # what the baseline has",
-        "trials:   # role: identification or validation; repeats: the file whose command it runs again",
-    ]
-    for k, file in enumerate(files):
-        role = "validation" if k == len(files) - 1 and len(files) > 1 else "identification"
-        lines.append(f"  - {{file: {file.name}, role: {role}}}")
-    fill_in.append("trials: which of them validate, which repeat others")
-    return "\n".join(lines) + "\n", fill_in
+            if "tau" in channels
+            else "",
+        ),
+        (
+            current and f"# torque_constants: {{{joints[0]}: 1.0}}   # N·m per A at the joint   # {FILL_IN}",
+            "torque_constants: N·m per A of each joint, where they are known",
+        ),
+        ("# no_torque: []   # joints that move but whose torque was not measured", ""),
+        ("# coupling: {}   # turns of a motor per turn of another joint, {wrist_6: {wrist_5: 1.0}}", ""),
+        ("# lowpass_hz: 50   # only where all channels went through the same low-pass already", ""),
+        (
+            "q_cmd" in channels
+            and "# controller: {mode: position, kp: {}, kd: {}, rate_hz: 1000}   # what the servo does with q_cmd",
+            "controller: the servo's gains, where they are known",
+        ),
+        (
+            floating and f"base_link: base_link   # link whose pose is logged   # {FILL_IN}",
+            "base_link: the link whose pose is logged",
+        ),
+        (
+            "modelled: [rigid_body, viscous_friction, coulomb_friction, armature]   # what the baseline has",
+            "",
+        ),
+        (
+            "trials:   # role: identification or validation; repeats: the file whose command it runs again",
+            "trials: which of them validate, which repeat others",
+        ),
+        *((f"  - {{file: {file.name}, role: {role}}}", "") for file, role in zip(files, roles, strict=True)),
+    )
+    lines = [line for line, _ in rows if line]
+    return "\n".join(lines) + "\n", [what for line, what in rows if line and what]

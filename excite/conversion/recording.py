@@ -64,14 +64,12 @@ class Stream:
         name: of the topic, table or group.
         columns: in the file's order.
         time: ``(n,)`` [s] where the format says when rows were recorded; None where a column may say it.
-        late_by_name: whether ``time`` is when rows were written rather than measured.
         words: ``(n,)`` texts of columns that hold no numbers, by their names; those that a table has.
     """
 
     name: str
     columns: tuple[Column, ...]
     time: Array | None = None
-    late_by_name: bool = False
     words: Mapping[str, NDArray[np.object_]] = field(default_factory=dict)
 
     @property
@@ -107,6 +105,11 @@ class Recording:
     said: Mapping[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
+    @property
+    def columns(self) -> tuple[Column, ...]:
+        """Those of all streams."""
+        return tuple(column for stream in self.streams for column in stream.columns)
+
 
 def stated_rate(said: Mapping[str, Any]) -> float | None:
     """Rows a second [Hz] that a recording states as a rate or as the time between rows; None for none."""
@@ -125,7 +128,7 @@ def stated_rate(said: Mapping[str, Any]) -> float | None:
 
 def merged_names(recording: Recording) -> Recording:
     """The recording with every column's name unique: that of its stream before it where two streams share one."""
-    names = [column.name for stream in recording.streams for column in stream.columns]
+    names = [column.name for column in recording.columns]
     twice = {name for name in names if names.count(name) > 1} if len(set(names)) < len(names) else set()
     streams = []
     for stream in recording.streams:
@@ -298,7 +301,6 @@ def live_columns(recording: Recording) -> frozenset[str]:
     """Names of the columns whose numbers are not the same in every row."""
     return frozenset(
         column.name
-        for stream in recording.streams
-        for column in stream.columns
+        for column in recording.columns
         if len(np.unique(column.values[np.isfinite(column.values)])) > 1
     )

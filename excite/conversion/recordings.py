@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from excite.conversion.columns.clock import clock_column, clock_tick
-from excite.conversion.columns.words import name_tokens, read_clue
+from excite.conversion.columns.words import Clue, name_tokens, read_clue
 from excite.conversion.recording import NAMELESS, Recording, Stream, merged_names
 from excite.conversion.repairs import restore_signs, with_drives_on
 from excite.conversion.shapes import reshape_recording
@@ -148,7 +148,7 @@ def _trials(recordings: Sequence[Recording]) -> dict[str, list[Recording]]:
 
 
 def _columns(recording: Recording) -> frozenset[str]:
-    return frozenset(column.name for stream in recording.streams for column in stream.columns)
+    return frozenset(column.name for column in recording.columns)
 
 
 def _join_parts(recordings: Sequence[Recording]) -> list[Recording]:
@@ -166,7 +166,7 @@ def _join_parts(recordings: Sequence[Recording]) -> list[Recording]:
     apart = len(set(columns)) == len(columns) and len(frozenset.intersection(*columns)) <= 1
     if not apart or not (in_step or _are_of_one_time(recordings, streams)):
         return list(recordings)
-    timed = [stream for stream in streams if stream.time is not None or _clock(stream) is not None]
+    timed = [stream for stream in streams if stream.time is not None or clock_column(stream, _clues(stream))]
     if in_step and len(timed) <= 1 and sum(map(len, columns)) == len(frozenset.union(*columns)):
         # A few rows that some have more, as differences are one less, are cut off at the end.
         short = [stream.rows(slice(min(rows))) for stream in streams]
@@ -185,9 +185,9 @@ def _called_after_file(recording: Recording) -> Stream:
     return replace(stream, columns=tuple(columns))
 
 
-def _clock(stream: Stream) -> tuple[str, str] | None:
-    """The column of a stream that is its clock."""
-    return clock_column(stream, {c.name: read_clue(c.name, (), c.unit) for c in stream.columns})
+def _clues(stream: Stream) -> dict[str, Clue]:
+    """What the names of a stream's columns say."""
+    return {c.name: read_clue(c.name, (), c.unit) for c in stream.columns}
 
 
 def _are_of_one_time(recordings: Sequence[Recording], streams: Sequence[Stream]) -> bool:
@@ -199,7 +199,7 @@ def _are_of_one_time(recordings: Sequence[Recording], streams: Sequence[Stream])
     held: list[set[tuple[str, bool]]] = []
     spans = []
     for stream in streams:
-        clues = {c.name: read_clue(c.name, (), c.unit) for c in stream.columns}
+        clues = _clues(stream)
         said = {(c.quantity, c.commanded) for c in clues.values() if c.quantity not in ("", "time", "skip")}
         clock = clock_column(stream, clues)
         if clock is None or not said or any(said & other for other in held):

@@ -12,7 +12,8 @@ import yaml
 from pydantic import ValidationError
 
 from excite.conversion.columns.base_signals import base_fields
-from excite.conversion.columns.families import columns_of
+from excite.conversion.columns.families import TARGETS, columns_of
+from excite.conversion.columns.scales import USUAL
 from excite.conversion.columns.vocabulary import OF_WORD
 from excite.conversion.columns.words import name_tokens, read_clue
 from excite.conversion.explicit_mapping import SCHEMA, Map
@@ -162,6 +163,13 @@ def log_header(
             "cannot be written: " + "; ".join(faults[:10]), field="log", remedy="correct log: in map.yaml"
         ) from error
     check_header(header, Path("map.yaml"))
+    if zero := [joint for joint, constant in header.torque_constants.items() if not constant]:
+        raise LogError(
+            f"a torque constant of 0 leaves nothing of a current: {', '.join(zero)}",
+            source="map.yaml",
+            field="log.torque_constants",
+            remedy="write N·m per A, or list the joint under no_torque",
+        )
     return header
 
 
@@ -224,45 +232,23 @@ def map_text(found: Guesses, header: LogHeader, cuts: Sequence[Cut], stated: Map
         for cut in cuts
         if cut.role == "validation" and cut.name.removesuffix("_validation") not in names - {cut.name}
     ]
-    lines = [
-        f"schema: {SCHEMA}",
-        f"joints: {_flow_style(list(joints))}",
-        f"columns: {_flow_style(columns)}",
-        f"units: {_flow_style(_si_units(found))}",
-    ]
-    if scale:
-        lines.append(f"scale: {_flow_style(scale)}")
-    if offset:
-        lines.append(f"offset: {_flow_style(offset)}")
-    if stated.motors:
-        lines.append(f"motors: {_flow_style([list(row) for row in stated.motors])}")
-    if stated.ignore:
-        lines.append(f"ignore: {_flow_style(list(stated.ignore))}")
     rules = {"validation": validation} if validation else {}
-    rules |= stated.trials.model_dump(mode="json", exclude_defaults=True)
-    if rules:
-        lines.append(f"trials: {_flow_style(rules)}")
-    kept = {"torque": header.torque, "modelled": list(header.modelled)} | stated.log
-    lines.append(f"log: {_flow_style(kept)}")
-    return "\n".join(lines) + "\n"
-
-
-def _si_units(found: Guesses) -> dict[str, str]:
-    """Units of which ``scale`` is one: the factors are all written there."""
-    units = {
-        "q": "rad",
-        "q_cmd": "rad",
-        "v": "rad/s",
-        "a": "rad/s2",
-        "tau": "N·m",
-        "tau_cmd": "N·m",
-        "i": "A",
-        "time": "s",
+    fields = {
+        "joints": list(joints),
+        "columns": columns,
+        # Of these ``scale`` is one: the factors are all written there.
+        "units": {
+            name: USUAL[name.partition("_")[0]] for name in (*TARGETS.values(), "time") if found.of(name)
+        },
+        "scale": scale,
+        "offset": offset,
+        "motors": [list(row) for row in stated.motors],
+        "ignore": list(stated.ignore),
+        "trials": rules | stated.trials.model_dump(mode="json", exclude_defaults=True),
+        "log": {"torque": header.torque, "modelled": list(header.modelled)} | stated.log,
     }
-    return {name: unit for name, unit in units.items() if found.of(name)}
-
-
-def _flow_style(value: object) -> str:
-    return yaml.safe_dump(
-        value, default_flow_style=True, sort_keys=False, allow_unicode=True, width=10_000
-    ).strip()
+    style: dict[str, Any] = {"default_flow_style": True, "sort_keys": False, "allow_unicode": True}
+    lines = [
+        f"{name}: {yaml.safe_dump(of, width=10_000, **style).strip()}" for name, of in fields.items() if of
+    ]
+    return "\n".join([f"schema: {SCHEMA}", *lines]) + "\n"

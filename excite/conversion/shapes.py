@@ -290,7 +290,7 @@ def _stem(name: str) -> str:
 # Arrays by name as streams.
 
 
-def stream_of_arrays(name: str, arrays: Mapping[str, Any], time: Array | None = None) -> list[Stream]:
+def stream_of_arrays(name: str, arrays: Mapping[str, Any]) -> list[Stream]:
     """Arrays as streams: those of one length together, ``(n, k)`` taken apart into ``NAME[0] … NAME[k-1]``.
 
     Lists of ``k`` words name the columns of arrays that are ``k`` wide, a word for every row is a text of that row.
@@ -298,7 +298,13 @@ def stream_of_arrays(name: str, arrays: Mapping[str, Any], time: Array | None = 
     """
     lengths: dict[int, list[Column]] = {}
     words: dict[int, dict[str, NDArray[np.object_]]] = {}
-    arrays = _in_one_order({key: _as_words(values) for key, values in arrays.items()})
+    tables = {key: np.asarray(values) for key, values in arrays.items()}
+    arrays = _in_one_order(
+        {
+            key: np.char.decode(table, "utf-8", "replace") if table.dtype.kind == "S" else table
+            for key, table in tables.items()
+        }
+    )
     for key, values in arrays.items():
         array = np.squeeze(values)
         if array.dtype.kind in "UO" and array.ndim == 1 and len(array) > _MOST:
@@ -319,15 +325,7 @@ def stream_of_arrays(name: str, arrays: Mapping[str, Any], time: Array | None = 
             del lengths[n - 1]
     names = {key: _word_list(values) for key, values in arrays.items()}
     return [
-        with_labels(
-            Stream(
-                name,
-                tuple(columns),
-                time if time is not None and len(time) == n else None,
-                words=words.get(n, {}),
-            ),
-            names,
-        )
+        with_labels(Stream(name, tuple(columns), words=words.get(n, {})), names)
         for n, columns in lengths.items()
     ]
 
@@ -385,11 +383,6 @@ def with_labels(stream: Stream, names: Mapping[str, Sequence[str]]) -> Stream:
 def _shared_depth(a: str, b: str) -> int:
     """Folders that two paths have in common."""
     return sum(one == other for one, other in zip(a.split("/")[:-1], b.split("/")[:-1], strict=False))
-
-
-def _as_words(values: Any) -> NDArray[Any]:
-    array = np.asarray(values)
-    return np.char.decode(array, "utf-8", "replace") if array.dtype.kind == "S" else array
 
 
 def _word_list(array: NDArray[Any]) -> list[str]:

@@ -19,7 +19,7 @@ from excite.conversion.trials import Cut
 from excite.doctor.channel_errors import explained
 from excite.doctor.channel_mapping import Reading
 from excite.doctor.inertial_prior import STRONG_ODDS, Judgement
-from excite.doctor.mistakes.torques import carried_load
+from excite.doctor.mistakes.torques import best_load
 from excite.doctor.thresholds import THRESHOLD
 from excite.doctor.torque_samples import TorqueSamples, torque_samples
 from excite.doctor.torque_scale import Scale, find_scale
@@ -127,7 +127,7 @@ def _unknown_scale(log: Log) -> Scale | None:
     stated = Reading.as_stated(log)
     reading = replace(stated, torque_factor=np.where(samples.gains(stated)[0] < 0.0, -1.0, 1.0))
     scale = find_scale(samples, reading)
-    return scale if scale is not None and scale.far and carried_load(samples, reading) is None else None
+    return scale if scale is not None and scale.far and best_load(samples, reading).load is None else None
 
 
 class Gain(NamedTuple):
@@ -157,10 +157,10 @@ def torque_gains(robot: Robot, log: Log) -> dict[str, Gain]:
     samples, reading = _samples(robot, log), Reading.as_stated(log)
     if samples is None:
         return {}
-    rows = zip(log.header.torque_joints, *samples.gains(reading), samples.agreement(reading), strict=True)
+    rows = zip(log.header.torque_joints, *samples.gains(reading), strict=True)
     return {
         joint: Gain(float(gain), float(share))
-        for joint, gain, share, agreement in rows
+        for joint, gain, share, agreement, _ in rows
         if gain and (share > _TELLING or (share > _SOME and agreement > THRESHOLD.closely))
     }
 

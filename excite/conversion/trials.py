@@ -13,6 +13,8 @@ from excite.arrays import Array
 from excite.conversion.columns.clock import Table
 from excite.conversion.columns.words import name_tokens
 from excite.conversion.explicit_mapping import TrialRules
+from excite.errors import LogError
+from excite.finding import first_names
 from excite.logs.header_blocks import Role
 
 # Between motions people and programs wait for seconds; a motion that dwells does so for less [s].
@@ -198,30 +200,41 @@ def _alike(a: dict[str, Array], b: dict[str, Array], prefix: str, share: float) 
 
 
 def _with_roles(pieces: list[Cut], rules: TrialRules, roles: dict[str, Role]) -> list[Cut]:
-    def given(role: Role, because: str, chosen: set[str]) -> list[Cut]:
-        return [
-            replace(p, role=role, because=f"{p.because}; {because}") if p.name in chosen else p
-            for p in pieces
-        ]
+    """The pieces, those that validate chosen in the first way that tells them.
 
-    if rules.validation:
-        chosen = {p.name for p in pieces if any(fnmatchcase(p.name, mark) for mark in rules.validation)}
-        return given("validation", "validation as stated in the map", chosen)
-    said = {p.name for p in pieces if roles.get(p.name, roles.get(p.source)) == "validation"}
-    if said and len(said) < len(pieces):
-        return given("validation", "validation as its source says", said)
-    named = {p.name for p in pieces if not _VALIDATION.isdisjoint(name_tokens(p.name))}
-    if named and len(named) < len(pieces):
-        return given("validation", "validation by its name", named)
-    if len(pieces) == 1:
+    Raises:
+        LogError: the map names a trial that is none.
+    """
+    names = [p.name for p in pieces]
+    if len(pieces) == 1 and not rules.validation:
         return _halved(pieces[0])
+    found = {mark: {name for name in names if fnmatchcase(name, mark)} for mark in rules.validation}
+    if unknown := [mark for mark, of in found.items() if not of and mark != "none"]:
+        raise LogError(
+            f"names no trial: {', '.join(unknown)}",
+            source="map.yaml",
+            field="trials.validation",
+            remedy=f"the trials are {first_names(names)}",
+        )
     firsts = [p.name for p in pieces if p.repeats is None]
-    if len(firsts) == 1:
-        return given("validation", "the last of the repeats validates", {pieces[-1].name})
-    count = max(1, len(firsts) // 4)
-    chosen = set(firsts[-count:])
-    chosen |= {p.name for p in pieces if p.repeats in chosen}
-    return given("validation", "the last quarter of the motions validates", chosen)
+    last = set(firsts[-max(1, len(firsts) // 4) :])
+    ways = (
+        ("as stated in the map", set[str]().union(*found.values())),
+        (
+            "as its source says",
+            {p.name for p in pieces if roles.get(p.name, roles.get(p.source)) == "validation"},
+        ),
+        ("by its name", {name for name in names if not _VALIDATION.isdisjoint(name_tokens(name))}),
+        ("", {names[-1]} if len(firsts) == 1 else last | {p.name for p in pieces if p.repeats in last}),
+    )
+    told = ((by, of) for by, of in ways if (of and len(of) < len(pieces)) or not by)
+    by, chosen = ways[0] if rules.validation else next(told)
+    usual = "the last of the repeats" if len(firsts) == 1 else "the last quarter of the motions"
+    because = f"validation {by}" if by else f"{usual} validates"
+    return [
+        replace(p, role="validation", because=f"{p.because}; {because}") if p.name in chosen else p
+        for p in pieces
+    ]
 
 
 def _halved(piece: Cut) -> list[Cut]:

@@ -7,7 +7,7 @@ much, and the search goes on from there: mistakes come in company.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import combinations, permutations, product
@@ -61,6 +61,16 @@ class Misreading:
     gain: float
     sure: float
 
+    @classmethod
+    def of(
+        cls, correction: Correction, mistake: Mistake, before: Judgement, after: Judgement, merit: float
+    ) -> Misreading:
+        """By what is left before and after, and the logarithm of its posterior odds."""
+        left, then = (float(np.exp(2.0 * judged.left.mean())) for judged in (before, after))
+        # To the three digits of documents, in which only what was counted is certain.
+        sure = min(float(1.0 / (1.0 + np.exp(-merit))), 0.999)
+        return cls(correction, mistake, left, then, before.odds(after), sure)
+
 
 def misreadings(
     samples: Samples, reading: Reading, mistakes: Sequence[Mistake]
@@ -97,10 +107,7 @@ def misreadings(
         if not believed and not surprising:
             break
         merit, correction, mistake, then = max(believed or surprising, key=lambda item: item[0])
-        # To the three digits of documents, in which only what was counted is certain.
-        sure = min(float(1.0 / (1.0 + np.exp(-merit))), 0.999)
-        before, after = (float(np.exp(2.0 * values.left.mean())) for values in (left, then))
-        found.append(Misreading(correction, mistake, before, after, left.odds(then), sure))
+        found.append(Misreading.of(correction, mistake, left, then, merit))
         reading, left = correction.reading, samples.judged(correction.reading)
     return reading, tuple(found)
 
@@ -138,15 +145,13 @@ def refine_zeros(
         return reading, found
     correction = zeros_together(samples, reading, off, std)
     after = samples.judged(reading, before.counts)
-    left = float(np.exp(2.0 * after.left.mean()))
     if not mine:
         merit = before.posterior(after, tried=n, changes=correction.changes)
         if merit <= STRONG_ODDS or not _explains(samples, correction, before, after):
             return replace(reading, zero=start), found
-        sure, stood = min(float(1.0 / (1.0 + np.exp(-merit))), 0.999), float(np.exp(2.0 * before.left.mean()))
-        return reading, (Misreading(correction, zero, stood, left, before.odds(after), sure),)
+        return reading, (Misreading.of(correction, zero, before, after, merit),)
     first = mine[0]
-    merged = replace(first, correction=correction, after=left)
+    merged = replace(first, correction=correction, after=float(np.exp(2.0 * after.left.mean())))
     rest = tuple(merged if one is first else one for one in found if one is first or one not in mine)
     return reading, rest
 
@@ -194,21 +199,34 @@ _FORCES = {unit: size_of(unit) for unit in ("kgf", "kN", "lbf")}
 _LEVERS = {unit: size_of(unit) for unit in ("m", "mm", "cm")}
 
 
-def _groups(samples: WrenchSamples) -> list[tuple[tuple[int, ...], tuple[str, ...]]]:
-    """All sensors, and each one: indices and names."""
-    names = samples.sensors
-    groups: list[tuple[tuple[int, ...], tuple[str, ...]]] = [((s,), (name,)) for s, name in enumerate(names)]
-    return [(tuple(range(len(names))), names), *groups] if len(names) > 1 else groups
+# Signs of forces and moments, and orders and signs of three axes but for the one as it is and that with all turned.
+_SIGNS = {
+    what: np.diag(np.repeat(signs, 3))
+    for what, signs in (("wrench", (-1.0, -1.0)), ("force", (-1.0, 1.0)), ("moment", (1.0, -1.0)))
+}
+_AXES = {
+    ", ".join(("-" if s < 0.0 else "") + "xyz"[k] for k, s in zip(order, signs, strict=True)): np.kron(
+        np.eye(2), np.eye(3)[list(order)] * np.array(signs)[:, None]
+    )
+    for order, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3))
+    if order != (0, 1, 2) or len(set(signs)) > 1
+}
 
 
-def find_wrench_sign(samples: WrenchSamples, reading: Reading) -> Iterable[Correction]:
-    """Feet push up: a sensor that reads a pull has its sign turned, or says what the robot does to the ground."""
-    parts = {"wrench": np.ones(6), "force": np.repeat([1.0, 0.0], 3), "moment": np.repeat([0.0, 1.0], 3)}
-    for sensors, names in _groups(samples):
-        for what, mask in parts.items():
-            other = reading.with_wrenches(sensors, np.diag(1.0 - 2.0 * mask))
-            text = f"the {what} of {' and '.join(names)} has the opposite sign: what the ground feels, not the robot"
-            yield Correction(other, text, names)
+def find_wrench_maps(
+    samples: WrenchSamples, reading: Reading, *, maps: Mapping[str, Array], text: str
+) -> Iterable[Correction]:
+    """Wrenches of all sensors, or of each one, under other signs or axes.
+
+    Feet push up: a sensor that reads a pull has its sign turned, or says what the robot does to the ground. Axes stand
+    under other names, with or without a sign: columns in another order, or a frame turned by quarters.
+    """
+    n, names = len(samples.sensors), samples.sensors
+    for sensors in (*([tuple(range(n))] if n > 1 else []), *((s,) for s in range(n))):
+        some = tuple(names[s] for s in sensors)
+        for said, matrix in maps.items():
+            other = reading.with_wrenches(sensors, matrix)
+            yield Correction(other, text.format(said, " and ".join(some)), some)
 
 
 def find_wrench_order(samples: WrenchSamples, reading: Reading) -> Iterable[Correction]:
@@ -220,23 +238,6 @@ def find_wrench_order(samples: WrenchSamples, reading: Reading) -> Iterable[Corr
         text = f"wrenches of {names[0]} and {names[1]} are exchanged"
         other = replace(reading, sensor_of=reading.sensor_of[order], wrench_map=reading.wrench_map[order])
         yield Correction(other, text, names)
-
-
-def find_wrench_axes(samples: WrenchSamples, reading: Reading) -> Iterable[Correction]:
-    """Axes under other names, with or without a sign: columns in another order, or a frame turned by quarters."""
-    for sensors, names in _groups(samples):
-        for said, matrix in _axes():
-            other = reading.with_wrenches(sensors, np.asarray(np.kron(np.eye(2), matrix), dtype=float))
-            text = f"axes of {' and '.join(names)} are exchanged: x, y, z are columns {said}"
-            yield Correction(other, text, names)
-
-
-def _axes() -> Iterator[tuple[str, Array]]:
-    """Orders and signs of three axes but for the one as it is and that with all signs turned."""
-    for order, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3)):
-        if order != (0, 1, 2) or len(set(signs)) > 1:
-            said = ", ".join(("-" if s < 0.0 else "") + "xyz"[k] for k, s in zip(order, signs, strict=True))
-            yield said, np.eye(3)[list(order)] * np.array(signs)[:, None]
 
 
 def find_wrench_unit(samples: WrenchSamples, reading: Reading) -> Iterable[Correction]:
@@ -326,9 +327,19 @@ OF_TORQUES: tuple[Mistake, ...] = (
 )
 
 OF_WRENCHES: tuple[Mistake, ...] = (
-    Mistake("wrench_sign", find_wrench_sign),
+    Mistake(
+        "wrench_sign",
+        partial(
+            find_wrench_maps,
+            maps=_SIGNS,
+            text="the {} of {} has the opposite sign: what the ground feels, not the robot",
+        ),
+    ),
     Mistake("wrench_order", find_wrench_order),
-    Mistake("wrench_axes", find_wrench_axes),
+    Mistake(
+        "wrench_axes",
+        partial(find_wrench_maps, maps=_AXES, text="axes of {1} are exchanged: x, y, z are columns {0}"),
+    ),
     Mistake("wrench_unit", find_wrench_unit, leaves=frozenset({Doubt.SIZE}), may_surprise=True),
     Mistake("zeroed_wrenches", find_zeroed_wrenches, leaves=frozenset({Doubt.SIZE})),
     Mistake("base_pose", find_base_frame, of_posture=True),

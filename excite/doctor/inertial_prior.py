@@ -7,6 +7,7 @@ explain, such as a torque with its sign turned, costs more than what it brings.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -92,6 +93,31 @@ def likely_spread(tree: KinematicTree) -> Array:
     return np.column_stack([astray, *[astray * arm] * 3, inertias]).ravel()
 
 
+def normal_equations(
+    rows: Sequence[Array], places: Sequence[NDArray[np.int64]], target: Array, size: int
+) -> Callable[[Array], tuple[Array, Array]]:
+    """Matrix and right side of weighed least squares over channels, as a function of their weights ``(m,)``.
+
+    Args:
+        rows: of each channel ``(n, k)`` per unit of the unknowns that it has, ``places`` of those among all.
+        target: ``(n, m)`` the channels.
+        size: number of all unknowns.
+    """
+    parts = [
+        (place, part.T @ part / len(part), part.T @ channel / len(part))
+        for place, part, channel in zip(places, rows, target.T, strict=True)
+    ]
+
+    def weigh(weights: Array) -> tuple[Array, Array]:
+        matrix, right = np.zeros((size, size)), np.zeros(size)
+        for weight, (place, gram, side) in zip(weights, parts, strict=True):
+            matrix[place[:, None], place] += weight * gram
+            right[place] += weight * side
+        return matrix, right
+
+    return weigh
+
+
 def judge_bodies(
     spread: Array,
     body: Array,
@@ -118,7 +144,7 @@ def judge_bodies(
     """
     felt = np.abs(body).max(axis=0) * spread > 1e-9
     used = np.flatnonzero(felt.any(axis=0))
-    (n, m, k), first = own.shape, len(used)
+    (_, m, k), first = own.shape, len(used)
     size = first + k * (m if of_drives else 1)
     rows, places = [], []
     for j in range(m):
@@ -126,8 +152,7 @@ def judge_bodies(
         mine = np.flatnonzero(felt[j])
         rows.append(np.column_stack([body[:, j, mine] * spread[mine], own[:, j]]))
         places.append(np.r_[np.searchsorted(used, mine), first + of_drives * k * j + np.arange(k)])
-    grams = [part.T @ part / n for part in rows]
-    rights = [part.T @ target[:, j] / n for j, part in enumerate(rows)]
+    weigh = normal_equations(rows, places, target, size)
     # Unknowns that may be negative.
     priced = first if of_drives else size
     signed = np.arange(size) < priced
@@ -135,13 +160,8 @@ def judge_bodies(
     allowed, shares, x = np.ones(size, dtype=bool), np.full(m, 0.1), np.zeros(size)
     told = count_effective_samples(target, trial) if counts is None else counts
     for _ in range(3):
-        matrix, right = np.eye(size), np.zeros(size)
-        for weight, place, gram, side in zip(
-            told / np.maximum(shares, THRESHOLD.least_share), places, grams, rights, strict=True
-        ):
-            matrix[place[:, None], place] += weight * gram
-            right[place] += weight * side
-        np.fill_diagonal(matrix, (1.0 + THRESHOLD.ridge) * np.diag(matrix))
+        matrix, right = weigh(told / np.maximum(shares, THRESHOLD.least_share))
+        np.fill_diagonal(matrix, (1.0 + THRESHOLD.ridge) * (1.0 + np.diag(matrix)))
         wrong = np.ones(size, dtype=bool)
         while wrong.any():
             x = np.zeros(size)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +15,11 @@ from excite.arrays import Array, Moved
 from excite.doctor.channel_mapping import Reading
 from excite.doctor.doubt import Doubt
 from excite.doctor.inertial_prior import Judgement
+from excite.errors import LogError
+from excite.logs.log import Log, Trial
 from excite.robot.prismatic import is_prismatic
 from excite.robot.robot import Robot
+from excite.rows.kinematics import TrialKinematics
 
 # Bodies beyond a joint turn with it, their first moments with the angle, their inertias with its double, and with these
 # every torque: trigonometric polynomials of second degree in the joint's angle, which five angles determine [rad].
@@ -122,6 +125,57 @@ class Samples(ABC):
         return np.asarray((1.0 - share) * self.logged[below] + share * self.logged[below + 1])
 
 
+class TrialValues(NamedTuple):
+    """What a trial tells.
+
+    Attributes:
+        kinematics: in every way in which its positions may be read; they have their times in common.
+        logged: ``(n, …)`` torques or wrenches at these times, filtered.
+        chosen: ``(n,)`` which of them are samples.
+    """
+
+    kinematics: Sequence[TrialKinematics]
+    logged: Array
+    chosen: NDArray[np.bool_]
+
+
+def gather_samples(
+    robot: Robot, log: Log, trials: Iterable[Trial], read: Callable[[Trial], TrialValues], most: float
+) -> tuple[list[Moved], dict[str, Any]] | None:
+    """Motions of the samples of trials, by how they are read, and the fields of :class:`Samples`; None for no samples.
+
+    Args:
+        robot: as it is in the log.
+        log: the log.
+        trials: those that are looked at; what raises LogError is left out.
+        read: what a trial tells.
+        most: samples are thinned out to about so many.
+    """
+    motions, logged, places, rate, end = [], [], [], 0.0, 0
+    for trial in trials:
+        try:
+            kinematics, values, chosen = read(trial)
+        except LogError:
+            continue
+        rows = np.flatnonzero(chosen)
+        places.append(np.column_stack([rows + end, *np.tile([[end], [end + len(values) - 1]], len(rows))]))
+        motions.append([Moved(k.q[rows], k.v[rows], k.a[rows]) for k in kinematics])
+        logged.append(values)
+        rate, end = kinematics[0].rate_hz, end + len(values)
+    if not sum(map(len, places)):
+        return None
+    thinned = np.concatenate(places)
+    some = slice(None, None, max(1, int(len(thinned) / most)))
+    joined = [
+        Moved(*(np.concatenate(parts)[some] for parts in zip(*one, strict=True)))
+        for one in zip(*motions, strict=True)
+    ]
+    joints, fields = log.header.joints, dict(zip(("rows", "first", "last"), thinned[some].T, strict=True))
+    of_joints = np.array([robot.n_base_v + robot.joint_index(name) for name in joints])
+    whole = {"logged": np.concatenate(logged), "rate_hz": rate}
+    return joined, {"robot": robot, "joints": joints, "places": of_joints, **fields, **whole}
+
+
 def minimize_near(left: Callable[[float], float], best: float, step: float, within: float) -> float:
     """The value within a step of the best of a grid at which least is left."""
     bounds = (best - step, best + step)
@@ -133,11 +187,6 @@ def minimize_near(left: Callable[[float], float], best: float, step: float, with
 
 THE_UNIT = "find the unit; results are in the log's unit"
 """What is asked for where a unit is none that is known."""
-
-
-def _as_read(reading: Reading) -> Reading:
-    """The reading as it is."""
-    return reading
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,7 +215,7 @@ class Correction:
     changes: int = 1
     surprise: float | None = None
     ask: str = ""
-    as_logged: Callable[[Reading], Reading] = _as_read
+    as_logged: Callable[[Reading], Reading] | None = None
     along: tuple[str, ...] = ()
     certain: bool = True
     mends: str = ""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +14,8 @@ from excite.arrays import Array, Moved
 from excite.doctor.channel_mapping import Reading
 from excite.doctor.inertial_prior import Judgement, half_log, judge_bodies, likely_spread
 from excite.doctor.model_comparison import Drive, Predicted, remove_drives, shares_across, shares_left
-from excite.doctor.samples import Samples
+from excite.doctor.samples import Samples, TrialValues, gather_samples
 from excite.doctor.thresholds import THRESHOLD
-from excite.errors import LogError
 from excite.logs.log import Log, Trial
 from excite.logs.robot import robot_in_log
 from excite.logs.signals.butterworth import lowpass
@@ -24,12 +23,27 @@ from excite.regressor.kernels import inverse_dynamics, joint_torque_regressor
 from excite.regressor.tree import KinematicTree, read_tree
 from excite.robot.robot import Robot
 from excite.rows.joint_rows import JointRows
-from excite.rows.kinematics import TrialKinematics, forces_on_grid, trial_kinematics
+from excite.rows.kinematics import forces_on_grid, trial_kinematics
 from excite.rows.saturation import flags_at, reached_samples
 from excite.rows.settings import ProblemSettings
 
 # Motions whose torques are kept: corrections change one thing at a time and come back to the same few.
 _REMEMBERED = 64
+
+
+class Gains(NamedTuple):
+    """How measured torques compare with modelled ones beside the drives, each ``(n_torques,)``.
+
+    Attributes:
+        gain: measured torque per modelled one.
+        share: share of the torque's power that the model explains so; ``agreement``: of what drives leave of it.
+        left: half the logarithm of the share that nothing explains.
+    """
+
+    gain: Array
+    share: Array
+    agreement: Array
+    left: Array
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -132,39 +146,30 @@ class TorqueSamples(Samples):
         own *= THRESHOLD.free_drive / np.maximum(np.sqrt((own**2).mean(axis=0)), 1e-12)
         target, spread = (torque - model[some]) / scale, likely_spread(tree)
         if zeros is not None:
-            felt = [self._felt_zero(reading, j)[some] / scale for j in range(len(zeros))]
-            body, spread = np.concatenate([body, np.stack(felt, axis=2)], axis=2), np.r_[spread, zeros]
+            # Nominal torques per radian of each joint's zero.
+            moved = (
+                [self.predicted(reading.with_position(j, zero=step)).torque for j in range(len(zeros))]
+                for step in (0.01, -0.01)
+            )
+            ahead, behind = (np.stack(torques, axis=2)[some] for torques in moved)
+            felt = (ahead - behind) / (0.02 * scale[:, None])
+            body, spread = np.concatenate([body, felt], axis=2), np.r_[spread, zeros]
         trial, precise = self.first[some], zeros is not None
         return judge_bodies(spread, body, own, target, trial, counts, of_drives=True, precise=precise)
-
-    def _felt_zero(self, reading: Reading, joint: int) -> Array:
-        """Nominal torques per radian of a joint's zero, ``(n, n_torques)``."""
-        step = 0.01
-        ahead, behind = (self.predicted(reading.with_position(joint, zero=x)).torque for x in (step, -step))
-        return (ahead - behind) / (2.0 * step)
 
     def across(self, reading: Reading) -> Array:
         """The same of every torque column taken for every joint's, ``(n_joints, n_columns)``, the better sign."""
         return half_log(shares_across(self.measured_torque(reading), *self.predicted(reading)))
 
-    def _beside_drives(self, reading: Reading) -> tuple[Array, Array]:
-        model, drive = self.predicted(reading)
-        torque, model = remove_drives(drive, self.measured_torque(reading), model)
-        return torque, model
-
-    def gains(self, reading: Reading) -> tuple[Array, Array]:
-        """Measured torque per modelled one beside the drive, and its share of the torque, each ``(n_torques,)``."""
-        y, x = self._beside_drives(reading)
-        size = (x**2).sum(axis=0)
-        gains = (x * y).sum(axis=0) / np.maximum(size, 1e-300)
-        power = len(y) * self.measured_torque(reading).var(axis=0)
-        return gains, gains**2 * size / np.maximum(power, 1e-300)
-
-    def agreement(self, reading: Reading) -> Array:
-        """Squared correlation of measured and modelled torques beside the drive, ``(n_torques,)``."""
-        y, x = self._beside_drives(reading)
-        power = np.maximum((x**2).sum(axis=0) * (y**2).sum(axis=0), 1e-300)
-        return np.asarray((x * y).sum(axis=0) ** 2 / power)
+    def gains(self, reading: Reading) -> Gains:
+        """Measured torques beside the modelled ones, both without what each joint's own drive explains."""
+        torque, (model, drive) = self.measured_torque(reading), self.predicted(reading)
+        y, x = remove_drives(drive, torque, model)
+        size, rest, both = ((a * b).sum(axis=0) for a, b in ((x, x), (y, y), (x, y)))
+        power = np.maximum(len(y) * torque.var(axis=0), 1e-300)
+        gain = both / np.maximum(size, 1e-300)
+        left = half_log(np.maximum(rest - gain * both, 0.0) / power)
+        return Gains(gain, gain * both / power, gain * both / np.maximum(rest, 1e-300), left)
 
     def fewer(self, readings: int) -> TorqueSamples:
         """The same with less samples where this many readings are to be compared; an arm's keep all."""
@@ -204,58 +209,33 @@ def torque_samples(robot: Robot, log: Log) -> TorqueSamples | None:
     filters = replace(filters, kinematics_cutoff_hz=filters.cutoff_hz)
     source = JointRows(robot, log.header, settings, filters, ())
     trials = log.role("identification") if robot.mechanism is None else ()
-    share = _share_within(trials)
-    parts, torques, rate, end = [], [], 0.0, 0
-    for trial in trials:
-        try:
-            k = trial_kinematics(robot, log.header, trial, settings, filters)
-            torque = forces_on_grid(trial.time, source.torque(trial), k.time)
-        except LogError:
-            continue
-        looked_at = _rows_within(trial, k, filters.cutoff_hz) if share else np.ones(len(k.time), dtype=bool)
-        rows = np.flatnonzero(k.in_motion & looked_at)
-        ends = np.tile([end, end + len(torque) - 1], (len(rows), 1))
-        parts.append((k.q[rows], k.v[rows], k.a[rows], rows + end, *ends.T))
-        torques.append(lowpass(torque, k.rate_hz, filters.cutoff_hz, filters.order))
-        rate, end = k.rate_hz, end + len(torque)
-    if not parts or not sum(len(part[0]) for part in parts):
+    lost = [trial.beyond.any(axis=1).sum() for trial in trials if trial.beyond is not None]
+    n = sum(len(trial.time) for trial in trials)
+    # Some torques are beyond their range, and enough rows are left in which none is.
+    share = bool(lost) and n - sum(lost) >= THRESHOLD.rows_within * n
+
+    def read(trial: Trial) -> TrialValues:
+        k = trial_kinematics(robot, log.header, trial, settings, filters)
+        torque = forces_on_grid(trial.time, source.torque(trial), k.time)
+        looked_at = k.in_motion
+        if share and trial.beyond is not None:
+            # All torques are within their ranges and so is what their filter sees.
+            beyond = np.asarray(flags_at(trial.time, trial.beyond, k.time).any(axis=1))
+            looked_at = looked_at & ~reached_samples(beyond, k.rate_hz, filters.cutoff_hz)
+        return TrialValues([k], lowpass(torque, k.rate_hz, filters.cutoff_hz, filters.order), looked_at)
+
+    found = gather_samples(robot, log, trials, read, THRESHOLD.torque_samples)
+    if found is None:
         return None
-    joined = [np.concatenate(part) for part in zip(*parts, strict=True)]
-    some = slice(None, None, max(1, int(len(joined[0]) / THRESHOLD.torque_samples)))
-    q, v, a, rows, first, last = (part[some] for part in joined)
+    (motion,), fields = found
     joints, kind = log.header.joints, "i" if log.header.torque == "current" else "tau"
     names = [f"{kind}.{joint}" for joint in log.header.torque_joints]
-    n = max(1, sum(len(trial.time) for trial in trials))
     cut = np.array([sum(trial.cleaning.clipped.get(name, 0) for trial in trials) for name in names])
     return TorqueSamples(
-        robot=robot,
-        joints=joints,
-        places=np.array([robot.n_base_v + robot.joint_index(name) for name in joints]),
+        **fields,
+        **motion._asdict(),
         measured=np.array([joints.index(name) for name in log.header.torque_joints]),
-        q=q,
-        v=v,
-        a=a,
-        logged=np.concatenate(torques),
-        rows=rows,
-        first=first,
-        last=last,
-        rate_hz=rate,
         stated_hz=log.header.rate_hz,
         speeds=all(trial.v is not None for trial in log.trials),
         within=np.ones(len(names)) if share else 1.0 - np.minimum(cut, n - 1) / n,
     )
-
-
-def _share_within(trials: Sequence[Trial]) -> bool:
-    """Whether some torques are beyond their range, and enough rows are left in which none is."""
-    lost = sum(int(trial.beyond.any(axis=1).sum()) for trial in trials if trial.beyond is not None)
-    rows = sum(len(trial.time) for trial in trials)
-    return any(trial.beyond is not None for trial in trials) and rows - lost >= THRESHOLD.rows_within * rows
-
-
-def _rows_within(trial: Trial, k: TrialKinematics, cutoff_hz: float) -> NDArray[np.bool_]:
-    """Rows of a trial in which all torques are within their ranges and so is what its filter sees, ``(n,)``."""
-    if trial.beyond is None:
-        return np.ones(len(k.time), dtype=np.bool_)
-    lost = np.asarray(flags_at(trial.time, trial.beyond, k.time).any(axis=1))
-    return ~reached_samples(lost, k.rate_hz, cutoff_hz)

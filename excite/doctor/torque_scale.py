@@ -57,9 +57,9 @@ def find_scale(samples: TorqueSamples, reading: Reading) -> Scale | None:
         samples: torques beside the nominal model's.
         reading: how the channels are read; torques of turned joints tell nothing.
     """
-    gains, shares = samples.gains(reading)
+    gains, shares, agreement, _ = samples.gains(reading)
     told = (shares > THRESHOLD.telling_share) & (gains > 0.0)
-    close = told & (samples.agreement(reading) > THRESHOLD.closely)
+    close = told & (agreement > THRESHOLD.closely)
     # No load makes every torque that tells anything much smaller: friction may hide the others.
     small = told.sum() >= 2 and gains[told].max() < 1.0 / THRESHOLD.scales_far
     half = 2 * close.sum() >= len(close)
@@ -147,7 +147,7 @@ def find_torque_scale(samples: TorqueSamples, reading: Reading) -> Iterable[Corr
             as_logged=lambda read: replace(read, torque_factor=read.torque_factor / factors),
             certain=False,
         )
-    gains, shares = samples.gains(reading)
+    gains, shares, *_ = samples.gains(reading)
     told = (shares > THRESHOLD.telling_share) & (gains > 0.0)
     alone = len(joints) > 1 and (scale is None or not scale.apart)
     for j in np.flatnonzero(told) if alone else ():

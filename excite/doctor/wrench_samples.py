@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from excite.arrays import Array, Moved
 from excite.doctor.channel_mapping import BasePose, Reading
 from excite.doctor.inertial_prior import Judgement, half_log, judge_bodies, likely_spread
-from excite.doctor.samples import Samples
+from excite.doctor.samples import Samples, TrialValues, gather_samples
 from excite.doctor.thresholds import THRESHOLD
 from excite.errors import LogError
-from excite.logs.log import Log
+from excite.logs.log import Log, Trial
 from excite.logs.robot import robot_in_log
 from excite.logs.signals.butterworth import lowpass
 from excite.regressor.kernels import base_link_regressor, forward_kinematics, inverse_dynamics
@@ -186,22 +186,19 @@ class WrenchSamples(Samples):
         if key not in known:
             if len(known) >= _KEPT:
                 known.clear()
-            known[key] = self._compute_levers(q)
+            poses = forward_kinematics(self._nominal, q)
+            back = poses.rotation[:, 1].transpose(0, 2, 1)
+            found = np.zeros((len(q), len(self.robot.sensors), 6, 6))
+            for s, sensor in enumerate(self.robot.sensors):
+                turn = back @ poses.rotation[:, sensor.joint] @ sensor.placement.rotation
+                away = poses.point(sensor.joint, sensor.placement.translation) - poses.translation[:, 1]
+                lever = np.einsum("nij,nj->ni", back, away)
+                found[:, s, :3, :3] = found[:, s, 3:, 3:] = turn
+                # As np.cross, which takes as long as all the rest, some hundred times a log.
+                for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+                    found[:, s, 3 + i, :3] = lever[:, j, None] * turn[:, k] - lever[:, k, None] * turn[:, j]
+            known[key] = found
         return known[key]
-
-    def _compute_levers(self, q: Array) -> Array:
-        poses = forward_kinematics(self._nominal, q)
-        back = poses.rotation[:, 1].transpose(0, 2, 1)
-        found = np.zeros((len(q), len(self.robot.sensors), 6, 6))
-        for s, sensor in enumerate(self.robot.sensors):
-            turn = back @ poses.rotation[:, sensor.joint] @ sensor.placement.rotation
-            away = poses.point(sensor.joint, sensor.placement.translation) - poses.translation[:, 1]
-            lever = np.einsum("nij,nj->ni", back, away)
-            found[:, s, :3, :3] = found[:, s, 3:, 3:] = turn
-            # As np.cross, which takes as long as all the rest, some hundred times a log.
-            for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-                found[:, s, 3 + i, :3] = lever[:, j, None] * turn[:, k] - lever[:, k, None] * turn[:, j]
-        return found
 
 
 def wrench_samples(robot: Robot, log: Log) -> WrenchSamples | None:
@@ -210,41 +207,18 @@ def wrench_samples(robot: Robot, log: Log) -> WrenchSamples | None:
     settings = ProblemSettings()
     filters = settings.filters(floating=True, lowpass_hz=log.header.lowpass_hz)
     names = [sensor.name for sensor in robot.sensors]
-    wrenches, moved, places, rate, end = [], [], [], 0.0, 0
-    for trial in log.role("identification"):
+
+    def read(trial: Trial) -> TrialValues:
         if trial.base is None or any(name not in trial.wrenches for name in names):
-            continue
-        read = [replace(trial, base=pose.read(trial.base)) for pose in BasePose]
-        try:
-            motions = [trial_kinematics(robot, log.header, one, settings, filters) for one in read]
-            k = motions[0]
-            readings = [forces_on_grid(trial.time, trial.wrenches[name], k.time) for name in names]
-            smooth = [lowpass(values, k.rate_hz, filters.kinematics_cutoff_hz) for values in readings]
-        except LogError:
-            continue
-        rows = np.flatnonzero(k.valid)
-        moved.append([Moved(m.q[rows], m.v[rows], m.a[rows]) for m in motions])
-        places.append(
-            np.column_stack([rows + end, *np.full((2, len(rows)), [[end], [end + len(k.time) - 1]])])
-        )
-        wrenches.append(np.stack(smooth, axis=1))
-        rate, end = rate or k.rate_hz, end + len(k.time)
-    if not places or not sum(map(len, places)):
+            raise LogError("lacks the base's pose or wrenches")
+        ways = [replace(trial, base=pose.read(trial.base)) for pose in BasePose]
+        k, *others = (trial_kinematics(robot, log.header, one, settings, filters) for one in ways)
+        readings = (forces_on_grid(trial.time, trial.wrenches[name], k.time) for name in names)
+        smooth = [lowpass(values, k.rate_hz, filters.kinematics_cutoff_hz) for values in readings]
+        return TrialValues([k, *others], np.stack(smooth, axis=1), k.valid)
+
+    found = gather_samples(robot, log, log.role("identification"), read, THRESHOLD.wrench_samples)
+    if found is None:
         return None
-    rows, first, last = np.concatenate(places).T
-    some = slice(None, None, max(1, int(len(rows) / THRESHOLD.wrench_samples)))
-    motions_of = {
-        pose: Moved(*(np.concatenate(parts)[some] for parts in zip(*one, strict=True)))
-        for pose, one in zip(BasePose, zip(*moved, strict=True), strict=True)
-    }
-    return WrenchSamples(
-        robot=robot,
-        joints=log.header.joints,
-        places=np.array([robot.n_base_v + robot.joint_index(name) for name in log.header.joints]),
-        motions=motions_of,
-        logged=np.concatenate(wrenches),
-        rows=rows[some],
-        first=first[some],
-        last=last[some],
-        rate_hz=rate,
-    )
+    motions, fields = found
+    return WrenchSamples(**fields, motions=dict(zip(BasePose, motions, strict=True)))

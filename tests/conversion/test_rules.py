@@ -53,7 +53,7 @@ def test_names_alone_make_families_of_all_joints(machine):
 
 def test_a_field_that_nobody_filled_is_left_out_by_its_rule_alone(machine):
     recording = recorded(machine, tau=np.zeros((len(TIME), 6)))
-    before, then = (after(recording, machine, name) for name in ("axes", "unfilled"))
+    before, then = (after(recording, machine, name) for name in ("axes", "no measurements"))
     assert "tau" in {family.target for family in before.groups}
     assert "tau" not in {family.target for family in then.groups}
     assert any("was not filled" in why for _, _, why in then.found.facts)
@@ -62,7 +62,9 @@ def test_a_field_that_nobody_filled_is_left_out_by_its_rule_alone(machine):
 def test_one_dead_torque_among_live_ones_stays(machine):
     torque = np.cos(np.outer(TIME, 1.0 + np.arange(6)))
     torque[:, 2] = 0.0
-    assert "tau" in {f.target for f in after(recorded(machine, tau=torque), machine, "unfilled").groups}
+    assert "tau" in {
+        f.target for f in after(recorded(machine, tau=torque), machine, "no measurements").groups
+    }
 
 
 def test_a_rate_is_asked_for_where_no_clock_is_and_read_where_one_is(machine):
@@ -129,7 +131,7 @@ ALONE = {
         False,
     ),
     "axes": (named(A=WAVES), {}, lambda s: {f.target for f in s.groups}, {"a"}, {"q"}),
-    "contacts": (
+    "no measurements": (
         named(q=WAVES, foot_force=WAVES[:, :2]),
         {},
         lambda s: "foot_force_1" in {c for f in s.groups for c in f.columns},

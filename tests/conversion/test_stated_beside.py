@@ -149,3 +149,12 @@ def test_set_points_beside_measured_torques_are_asked_about_by_name(data, arm, t
     columns = columns_of(data, q_cmd="q_ipo_{n}", tau="torque_act_{n}")
     with pytest.raises(UnclearError, match=r"q_ipo_1 … are what was asked.*columns: \{q: \"q_ipo_\{n\}\"\}"):
         excite.convert([table(tmp_path / "a.csv", columns)], arm, tmp_path / "log", WHOLE)
+
+
+@pytest.mark.parametrize("copy", ["q2_copy", "q_2_old", "q2copy", "tau3_bak", "tau_1_prev"])
+def test_a_copy_of_one_joints_column_stands_beside_those_of_all(data, arm, tmp_path, copy):
+    columns = columns_of(data, q="q{n}", tau="tau{n}")
+    columns[copy] = data["q" if copy.startswith("q") else "tau"][:, 0] + 0.1
+    found = excite.convert([table(tmp_path / "a.csv", columns)], arm, tmp_path / "log", WHOLE)
+    check(found, data, "q", "tau")
+    assert found.unused == (copy,)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import excite
+from excite.conversion.explicit_mapping import Map
 from excite.errors import LogError
 from tests.conversion.test_habits import check, columns_of, table
 from tests.conversion.written import motion
@@ -41,3 +42,24 @@ def test_trials_of_the_same_columns_stay_apart(arm, tmp_path):
         table(tmp_path / f"{name}_run.csv", columns_of(motion(seed=seed), q="pos_{n}", tau="torque_{n}"))
     assert len(excite.convert([tmp_path], arm, tmp_path / "log").log.trials) == len(SEEDS)
     assert np.ptp([len(trial.time) for trial in excite.load_log(tmp_path / "log").trials]) == 0
+
+
+@pytest.mark.parametrize(
+    ("stated", "said"),
+    [
+        ({"trials": {"validation": ["typo"]}}, "names no trial: typo.*the trials are run"),
+        ({"trials": {"validation": ["run*", "*_val"]}}, r"names no trial: \*_val"),
+        (
+            {"log": {"torque": "current", "torque_constants": {"shoulder": 0.1, "elbow": 0.0, "wrist": 0.1}}},
+            "constant of 0.*elbow.*no_torque",
+        ),
+    ],
+)
+def test_what_says_nothing_in_a_map_is_refused(data, arm, tmp_path, stated, said):
+    file = table(tmp_path / "run.csv", columns_of(data | {"i": data["tau"]}, q="pos_{n}", i="current_{n}_A"))
+    with pytest.raises(LogError, match=rf"map\.yaml.*{said}"):
+        excite.convert([file], arm, tmp_path / "log", Map.model_validate(stated))
+    none = Map.model_validate({"trials": {"validation": ["none"]}})
+    assert {role for _, role, _ in excite.convert([file], arm, tmp_path / "log", none).trials} == {
+        "identification"
+    }

@@ -189,7 +189,7 @@ def add_base(
     found: Guesses, recording: Recording, clues: dict[str, Clue], machine: Machine, mapping: Map
 ) -> None:
     """Channels of the base and of contact wrenches, where the format itself says them and the log can use them."""
-    columns = [c for stream in recording.streams for c in stream.columns if c.name in clues]
+    columns = [c for c in recording.columns if c.name in clues]
     channels = ("base", "imu") if "imu" in mapping.log or _imu_block(machine) is not None else ("base",)
     for column in columns:
         if column.channel in channels:

@@ -195,7 +195,7 @@ def assemble_streams(recording: Recording, found: Guesses, rate_hz: float | None
     """
     clocks = {item.source: item.factor for item in found.of("time")}
     wanted = {item.source: item for item in found.mapped if item.target != "time"}
-    there = {column.name for stream in recording.streams for column in stream.columns}
+    there = {column.name for column in recording.columns}
     if missing := [name for name in wanted if name not in there]:
         raise LogError(
             f"lacks the columns {', '.join(missing[:4])}, which the first recording has",

@@ -110,7 +110,7 @@ class Family:
 
 def clues_of(recording: Recording, joints: Sequence[str], ignored: Iterable[str] = ()) -> dict[str, Clue]:
     """What the name of every column says, or its format."""
-    names = {column.name for stream in recording.streams for column in stream.columns} - set(ignored)
+    names = {column.name for column in recording.columns} - set(ignored)
     spelt = {name: name for name in names} | _number_letters(names)
     found = _clues(recording, joints, spelt, frozenset())
     letters = frozenset(word for said in found.values() for word in said.label.split("_") if len(word) == 1)
@@ -246,13 +246,18 @@ def find_families(recording: Recording, clues: dict[str, Clue], joints: Sequence
 def _by_machine(
     columns: list[Column], clues: dict[str, Clue], joints: Sequence[str], first: int
 ) -> list[list[Column]]:
-    """Columns apart by words beside the joints' names or numbers where these stand twice, as of two arms, and the
-    robot's joints have no such words."""
+    """Columns apart by words beside the joints' names or numbers where these stand twice, as of two arms or copies of
+    some, and the robot's joints have no such words."""
     said = [clues[column.name] for column in columns]
     numbers = [one.exact for one in said] if all(one.exact for one in said) else [one.number for one in said]
     sizes = set(Counter(one.label for one in said).values())
-    once = len(set(numbers)) == len(numbers) or None in numbers or len(sizes) > 1 or min(sizes) < 2
-    if once or not place_columns([column.name for column in columns], clues, joints, first).left_over:
+    once = len(set(numbers)) == len(numbers) or None in numbers
+    apart = len(joints) in sizes or (len(sizes) == 1 and min(sizes) > 1)
+    if (
+        once
+        or not apart
+        or not place_columns([column.name for column in columns], clues, joints, first).left_over
+    ):
         return [columns]
     machines: dict[str, list[Column]] = {}
     for column, one in zip(columns, said, strict=True):

@@ -84,7 +84,9 @@ def place_columns(
         first: the number of the first joint in this recording's names, 0 or 1.
         silent: columns that never change, which speak for nothing beside others.
     """
-    columns = _without_hands(columns, joints)
+    # Without those of hands, where no joint's name has a word of one and others are there.
+    if OF_HANDS.isdisjoint(word for joint in joints for word in name_tokens(joint)):
+        columns = [column for column in columns if OF_HANDS.isdisjoint(name_tokens(column))] or columns
     if len(columns) == len(joints) == 1:
         named = clues[columns[0]].exact == joints[0]
         return Placed({joints[0]: columns[0]}, BY_NAME if named else "the robot has one joint", named=named)
@@ -145,7 +147,13 @@ def match_columns(names: Sequence[Name], joints: Sequence[str]) -> Placed | None
     unsaid = np.array([[_count_unsaid(joint, name) for joint in own] for name in names])
     placed = _unique_assignment(words + _score_numbers(names, own, 1) - 0.1 * unsaid)
     pairs = {names[row].name: joints[column] for row, column in placed.items()}
-    fits = {name.name: _best_joints(row, joints) for name, row in zip(names, words, strict=True)}
+    # Joints for which most speaks; none where nothing speaks for any.
+    fits = {
+        name.name: frozenset(
+            joint for joint, score in zip(joints, row, strict=True) if score == row.max() > 0.0
+        )
+        for name, row in zip(names, words, strict=True)
+    }
     counted = _count_on(names, fits, joints, pairs)
     ordered = {} if counted else _continue_order(names, joints, pairs, fits)
     whole = placed and not (counted or ordered) and all(exact[row, column] for row, column in placed.items())
@@ -261,12 +269,6 @@ def _unique_assignment(scores: Array) -> dict[int, int]:
     return found
 
 
-def _best_joints(scores: Array, joints: Sequence[str]) -> frozenset[str]:
-    """Joints for which most speaks; none where nothing speaks for any."""
-    best = scores.max()
-    return frozenset(joint for joint, score in zip(joints, scores, strict=True) if score == best > 0.0)
-
-
 def _count_on(
     names: Sequence[Name],
     fits: Mapping[str, frozenset[str]],
@@ -316,13 +318,6 @@ def _list_doubts(
     )
 
 
-def _without_hands(columns: Sequence[str], joints: Sequence[str]) -> Sequence[str]:
-    """Columns without those of hands, where no joint's name has a word of one and others are there."""
-    if not OF_HANDS.isdisjoint(word for joint in joints for word in name_tokens(joint)):
-        return columns
-    return [column for column in columns if OF_HANDS.isdisjoint(name_tokens(column))] or columns
-
-
 def first_number(clues: Sequence[Clue]) -> int:
     """Whether joints are counted from 0 or from 1 in this recording."""
     numbers = [
@@ -334,14 +329,12 @@ def first_number(clues: Sequence[Clue]) -> int:
 def with_words_of_joints(clues: dict[str, Clue], joints: Sequence[str]) -> dict[str, Clue]:
     """The clues; a name that has nothing but words of joints' names, as a whole joint's name alone, is its position."""
     own = own_names(joints)
-
-    def is_joint(said: Clue) -> bool:
-        words = said.label.split("_")
-        return any(all(_likeness(word, joint) == 1.0 for word in words) for joint in own)
-
     return {
         name: replace(said, quantity="q")
-        if said.label and said.stem == said.label and not (said.quantity or said.unit) and is_joint(said)
+        if said.label
+        and said.stem == said.label
+        and not (said.quantity or said.unit)
+        and any(all(_likeness(word, joint) == 1.0 for word in said.label.split("_")) for joint in own)
         else said
         for name, said in clues.items()
     }

@@ -47,7 +47,8 @@ _CALLED = {
     "tau": "torques or forces",
     "i": "currents",
 }
-_USUAL = {"q": "rad", "v": "rad/s", "a": "rad/s2", "tau": "N·m", "i": "A"}
+USUAL = {"q": "rad", "v": "rad/s", "a": "rad/s2", "tau": "N·m", "i": "A", "time": "s"}
+"""Units of channels and of their commands, of joints that turn."""
 # Torques of more joints than gravity may keep on one side; by how much those of another unit exceed a joint's limit.
 _SEVERAL, _BEYOND_LIMIT = 3, 30.0
 # An accelerometer at rest reads gravity: 9.81 m/s², 1 g or 1000 mg. A robot that stands departs from it by less.
@@ -67,17 +68,9 @@ class Told(NamedTuple):
     why: str
 
 
-def convert_units(
-    found: Guesses, recording: Recording, machine: Machine, mapping: Map, clues: Mapping[str, Clue]
-) -> list[Mapped]:
-    """The channels with their factors; what cannot be told is added to ``found.questions``."""
-    columns = {column.name: column.values for stream in recording.streams for column in stream.columns}
-    return _Scaling(found, recording, machine, mapping, clues, columns).convert()
-
-
 @dataclass(frozen=True)
-class _Scaling:
-    """What the units of a recording's columns are told by."""
+class Scaling:
+    """What the units of a recording's columns are told by; what cannot be told is added to ``found.questions``."""
 
     found: Guesses
     recording: Recording
@@ -182,7 +175,7 @@ class _Scaling:
         channel, is_of = items[0].channel, QUANTITY_OF_UNIT.get(named, "")
         own = channel.partition("_")[0]
         scaled = {channel, *(item.target for item in items)} & set(self.mapping.scale)
-        if own in _USUAL and is_of not in ("", "time", own) and (own, is_of) != ("v", "q") and not scaled:
+        if own in USUAL and is_of not in ("", "time", own) and (own, is_of) != ("v", "q") and not scaled:
             self.found.ask(
                 "unit of another quantity",
                 column=items[0].source,
@@ -190,7 +183,7 @@ class _Scaling:
                 unit=named,
                 kind=_CALLED.get(is_of, "voltages"),
                 channel=channel,
-                usual=_USUAL[own],
+                usual=USUAL[own],
                 pattern=_common_beginning(items),
             )
 

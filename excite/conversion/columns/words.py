@@ -72,7 +72,10 @@ def _read_clue(name: str, joints: tuple[str, ...], unit: str, letters: frozenset
     exact, rest = _without_joint(text, joints)
     if not bracketed:
         rest, bracketed = without_compound(rest)
-    tokens = _without_servos_id(name_tokens(rest))
+    tokens = name_tokens(rest)
+    if len(tokens) > 2 and tokens[0] == "id" and tokens[1].isdigit() and set(tokens[2:]) & set(OF_WORD):
+        # A servo's number before its quantity: ID1 Present Position.
+        del tokens[0]
     numbers = [int(token) for token in tokens if token.isdigit()]
     words = [token for token in tokens if not token.isdigit()]
     found = unit_named(unit) or bracketed
@@ -86,7 +89,9 @@ def _read_clue(name: str, joints: tuple[str, ...], unit: str, letters: frozenset
     words = _join_words(words)
     axis = _counted_letter(tokens, words, found, letters) if numbers else _axis_letter(words)
     of_joint = bool(exact or numbers or axis) or (len(joints) == 1 and bool(set(words) & SURELY_COMMANDED))
-    quantity = _find_quantity(_without_last(words, axis), found, of_joint)
+    # Without the last word that is the axis.
+    at = len(words) - 1 - words[::-1].index(axis) if axis in words else len(words)
+    quantity = _find_quantity(words[:at] + words[at + 1 :], found, of_joint)
     if quantity in _OF_JOINTS and QUANTITY_OF_UNIT.get(found) == "time":
         # A letter of a word: ticks/s, the side of a leg.
         found = ""
@@ -129,13 +134,6 @@ def with_joints_numbers(clues: dict[str, Clue]) -> dict[str, Clue]:
             for name, number in zip(names, differing[0], strict=True):
                 found[name] = replace(clues[name], number=number)
     return found
-
-
-def _without_servos_id(tokens: list[str]) -> list[str]:
-    """Words without the ``id`` before a servo's number, where a quantity follows: ``ID1 Present Position``."""
-    if len(tokens) > 2 and tokens[0] == "id" and tokens[1].isdigit() and set(tokens[2:]) & set(OF_WORD):
-        return tokens[1:]
-    return tokens
 
 
 def _without_joint(name: str, joints: Sequence[str]) -> tuple[str, str]:
@@ -211,12 +209,6 @@ def _counted_letter(tokens: Sequence[str], words: Sequence[str], unit: str, know
     said = any(len(word) > 1 and OF_WORD.get(word) in _OF_JOINTS for word in words)
     other = QUANTITY_OF_UNIT.get(unit, "") in ("tau", "i") and OF_WORD[letter] not in ("tau", "i")
     return letter if said or other or letter in known else ""
-
-
-def _without_last(words: Sequence[str], word: str) -> list[str]:
-    """The words without the last one that is ``word``."""
-    at = len(words) - 1 - list(reversed(words)).index(word) if word in words else len(words)
-    return [one for k, one in enumerate(words) if k != at]
 
 
 def _split_word(word: str) -> list[str]:

@@ -30,11 +30,6 @@ from excite.formats.file import is_damage
 _OTHER_CLOCK_S = 3600.0
 
 
-def is_of_torques(topic: str) -> bool:
-    """Whether a topic is called after torques or currents, so that messages of any type in it may hold them."""
-    return read_clue(topic, ()).quantity in ("tau", "i")
-
-
 class Topics:
     """Collects messages of a bag."""
 
@@ -157,10 +152,11 @@ def _gather(topics: Topics, bag: Bag) -> None:
         topics.add(*message)
     if topics.has_positions and not topics.lacks_torques:
         return
-    # Where joints were is known and no torque is: topics that are called after torques.
-    of_torques = topics.has_positions
+    # Where joints were is known and no torque is: topics that are called after torques or currents.
+    wanted = ("tau", "i") if topics.has_positions else ()
     for message in bag.messages(
-        lambda topic, kind: not _is_known(kind) and (not of_torques or is_of_torques(topic)), MOST_BYTES
+        lambda topic, kind: not _is_known(kind) and (not wanted or read_clue(topic, ()).quantity in wanted),
+        MOST_BYTES,
     ):
         topics.add(*message)
 

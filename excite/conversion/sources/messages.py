@@ -8,6 +8,7 @@ trajectory_msgs, unitree_hg, unitree_go); a decoder of any library that gives th
 from __future__ import annotations
 
 import csv
+from array import array
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache, reduce
@@ -26,10 +27,7 @@ from excite.conversion.recording import Column, Stream
 # doctor at its end (0.44 GB for 58 MB, 0.57 GB for 72 MB, 0.17 GB of them for libraries). An hour of a humanoid's 90
 # channels at 500 Hz has twelve times as many, and its motion, below 10 Hz, loses nothing in means of sixteen rows.
 _MOST_NUMBERS = 14_000_000
-_FIRST_ROWS = 1024
 _LAYOUTS = 1024
-# A topic for which there is less room than for an eighth of what it has would be copied too often.
-_LEAST_GROWTH = 8
 
 
 @dataclass(frozen=True)
@@ -55,22 +53,12 @@ class Room:
 
     def __init__(self, most: int = _MOST_NUMBERS) -> None:
         self._most = most
-        self._topics: list[Gathered] = []
+        self.topics: list[Gathered] = []
 
-    def enter(self, topic: Gathered) -> None:
-        """One more that keeps numbers."""
-        self._topics.append(topic)
-
-    @property
-    def spare(self) -> int:
-        """Numbers that still fit."""
-        return self._most - sum(topic.size for topic in self._topics)
-
-    def make(self, numbers: int) -> None:
-        """See that so many more numbers fit, by means of rows where they do not."""
-        while self.spare < numbers:
-            largest = max(self._topics, key=lambda topic: topic.size)
-            if not largest.halve():
+    def fit(self) -> None:
+        """Take means of rows of the largest topics until all fit."""
+        while sum(topic.size for topic in self.topics) > self._most:
+            if not max(self.topics, key=lambda topic: topic.size).halve():
                 return
 
 
@@ -80,53 +68,43 @@ class Gathered:
     def __init__(self, name: str, room: Room) -> None:
         self.name = name
         self._room = room
-        self._fields: list[Field] = []
-        self._index: dict[str, int] = {}
+        self._fields: dict[str, Field] = {}
         self._known: dict[tuple[Field, ...], NDArray[np.int64]] = {}
         self._last: dict[int, tuple[tuple[Field, ...], NDArray[np.int64]]] = {}
-        # A column a row of memory, so that nothing is copied to hand columns out.
-        self._columns = np.empty((1, _FIRST_ROWS))
-        self._n = 0
+        # Rows one after the other, each with its time before its numbers.
+        self._numbers = array("d")
         self._every = 1
         self._block: list[Array] = []
-        room.enter(self)
+        room.topics.append(self)
 
     def add(self, time: float, fields: Sequence[Field], values: Sequence[float]) -> None:
         """One message at a time [s]."""
-        if self._n == self._columns.shape[1]:
-            self._grow()
         places = self._places(fields)
         row = np.full(1 + len(self._fields), np.nan)
         row[0] = time
         row[places] = values
-        if self._every == 1:
-            self._append(row)
-            return
         self._block.append(row)
         if len(self._block) >= self._every:
-            width = len(row)
-            rows = [r for r in self._block if len(r) == width]
-            self._append(np.mean(rows, axis=0))
+            alike = [one for one in self._block if len(one) == len(row)]
+            self._numbers.frombytes(np.asarray(sum(alike) / len(alike)).tobytes())
             self._block.clear()
+            self._room.fit()
 
     def stream(self, start: float) -> Stream | None:
         """What was gathered, times from ``start``; None for nothing."""
-        if self._n == 0:
-            return None
-        columns = tuple(
-            Column(field.name, self._columns[1 + k, : self._n], field.channel, field.label)
-            for k, field in enumerate(self._fields)
-        )
-        return Stream(self.name, columns, self._columns[0, : self._n] - start)
+        time, *values = self._rows.T
+        pairs = zip(self._fields.values(), values, strict=True)
+        columns = tuple(Column(field.name, column, field.channel, field.label) for field, column in pairs)
+        return Stream(self.name, columns, time - start) if len(time) else None
 
     def has_channel(self, channel: str) -> bool:
         """Whether a field of this channel was seen."""
-        return any(field.channel == channel for field in self._fields)
+        return any(field.channel == channel for field in self._fields.values())
 
     @property
     def size(self) -> int:
-        """Numbers that there is room for."""
-        return int(self._columns.size)
+        """Numbers that are kept."""
+        return len(self._numbers)
 
     @property
     def note(self) -> str:
@@ -136,21 +114,25 @@ class Gathered:
     @property
     def first_s(self) -> float:
         """Time of the first row; infinite for none."""
-        return float(self._columns[0, 0]) if self._n else float("inf")
+        return self._numbers[0] if self._numbers else float("inf")
 
     def halve(self) -> bool:
         """Keep means of two rows in half the room; whether there was anything to halve."""
-        if self._n < 2:
-            return False
-        kept = self._n // 2
-        if self._n % 2:
-            # The row without a partner stands for as many as it is the mean of.
-            self._block[:0] = [self._columns[:, self._n - 1].copy()] * self._every
-        for column in self._columns:
-            column[:kept] = 0.5 * (column[0 : 2 * kept : 2] + column[1 : 2 * kept : 2])
-        self._n, self._every = kept, 2 * self._every
-        self._resize(max(kept, 1))
-        return True
+        rows = self._rows
+        pairs = len(rows) // 2
+        # The row without a partner stands for as many as it is the mean of.
+        self._block[:0] = [row.copy() for row in rows[2 * pairs :]] * self._every
+        self._keep(rows[: 2 * pairs].reshape(pairs, 2, -1).mean(axis=1))
+        self._every *= 2
+        return pairs > 0
+
+    @property
+    def _rows(self) -> Array:
+        """``(n, 1 + n_fields)``, not copied."""
+        return np.asarray(self._numbers).reshape(-1, 1 + len(self._fields))
+
+    def _keep(self, rows: Array) -> None:
+        self._numbers = array("d", rows.tobytes())
 
     def _places(self, fields: Sequence[Field]) -> NDArray[np.int64]:
         """Where a row has these fields. Decoders hand the same tuple over again and again, which need not be hashed."""
@@ -159,42 +141,19 @@ class Gathered:
             return known[1]
         key = tuple(fields)
         if key not in self._known:
-            self._learn(key)
+            rows, before = self._rows, len(self._fields)
+            for field in key:
+                self._fields.setdefault(field.name, field)
+            if new := len(self._fields) - before:
+                self._keep(np.pad(rows, ((0, 0), (0, new)), constant_values=np.nan))
+            names = list(self._fields)
+            self._known[key] = np.array([1 + names.index(field.name) for field in key], dtype=int)
         if fields is key:
             if len(self._last) >= _LAYOUTS:
                 self._last.clear()
             # With the tuple, so that no other one comes to its address.
             self._last[id(fields)] = (key, self._known[key])
         return self._known[key]
-
-    def _learn(self, fields: tuple[Field, ...]) -> None:
-        for field in fields:
-            if field.name not in self._index:
-                self._index[field.name] = len(self._fields)
-                self._fields.append(field)
-        width, (before, rows) = 1 + len(self._fields), self._columns.shape
-        if width > before:
-            wider = np.empty((width, rows))
-            wider[:before, : self._n] = self._columns[:, : self._n]
-            wider[before:, : self._n] = np.nan
-            self._columns = wider
-        self._known[fields] = np.array([1 + self._index[field.name] for field in fields], dtype=int)
-
-    def _append(self, row: Array) -> None:
-        self._columns[: len(row), self._n] = row
-        self._columns[len(row) :, self._n] = np.nan
-        self._n += 1
-
-    def _grow(self) -> None:
-        """Room for as many rows again, or for those that still fit."""
-        self._room.make(max(1, self._n // _LEAST_GROWTH) * len(self._columns))
-        fitting = self._room.spare // len(self._columns)
-        self._resize(self._n + max(1, min(self._n, fitting)))
-
-    def _resize(self, rows: int) -> None:
-        other = np.empty((len(self._columns), rows))
-        other[:, : self._n] = self._columns[:, : self._n]
-        self._columns = other
 
 
 MOTOR = "motor_"

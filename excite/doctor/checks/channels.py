@@ -14,7 +14,7 @@ from excite.doctor.channel_errors import DELAY, OF_TORQUES, OF_WRENCHES, Misread
 from excite.doctor.channel_mapping import Reading
 from excite.doctor.checks.values import of_unknown_unit
 from excite.doctor.inertial_prior import STRONG_ODDS
-from excite.doctor.mistakes.torques import ADDED, OtherMachine, carried_load, find_delay, other_machine
+from excite.doctor.mistakes.torques import ADDED, OtherMachine, best_load, find_delay, other_machine
 from excite.doctor.samples import Samples
 from excite.doctor.torque_samples import TorqueSamples
 from excite.doctor.wrench_samples import wrench_samples
@@ -30,7 +30,8 @@ Found = tuple[Misreading, ...]
 def find_misreadings(case: Case) -> None:
     """Signs, order, units, zeros, clock, delay, poses by which the model explains torques or wrenches far better."""
     header, stated = case.log.header, Reading.as_stated(case.log)
-    samples, other = _samples_of(case), None
+    standing, other = header.free_base and bool(header.sensors), None
+    samples: Samples | None = wrench_samples(case.robot, case.log) if standing else case.samples
     if samples is None:
         return
     mistakes = OF_TORQUES if isinstance(samples, TorqueSamples) else OF_WRENCHES
@@ -57,21 +58,14 @@ def find_misreadings(case: Case) -> None:
     for item in found:
         _report_misreading(case, item, samples.what)
         # A person has to say first what is asked for.
-        reading = item.correction.as_logged(reading) if item.correction.ask else reading
+        back = item.correction.as_logged if item.correction.ask else None
+        reading = reading if back is None else back(reading)
     if not all(item.correction.ask for item in found):
         case.log = reading.of(case.log)
     # Where the weight of a payload was left in the torques it is told beside that of the bodies.
     beside = any(key.startswith("payload.") for item in found for key in item.correction.figures)
     if reading.is_compensated and (beside or not reading.weightless):
         put_weight_back(case, reading)
-
-
-def _samples_of(case: Case) -> Samples | None:
-    """Torques of an arm, or wrenches on what stands; None where there are neither."""
-    header = case.log.header
-    if case.samples is None and header.free_base and header.sensors:
-        return wrench_samples(case.robot, case.log)
-    return case.samples
 
 
 def put_weight_back(case: Case, reading: Reading) -> None:
@@ -116,7 +110,7 @@ def _beside_load(
     A load of a robot's own weight is no likely body: torques of an arm that carried one were scaled, and without that
     its clock looked fast.
     """
-    load = carried_load(samples, stated)
+    load = best_load(samples, stated).load
     if load is not None:
         loaded = replace(samples, carried=load.parameters)
         before = samples.judged(stated)

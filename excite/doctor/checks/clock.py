@@ -86,7 +86,10 @@ def find_held_rows(case: Case) -> None:
 
     A joint that stands or creeps repeats its encoder's reading by right.
     """
-    held = {trial.name: _held(trial) for trial in case.log.trials}
+    held = {}
+    for trial in case.log.trials:
+        parts = (trial.q, trial.v, trial.a, trial.tau, trial.current, *trial.wrenches.values())
+        held[trial.name] = held_rows(trial.time, np.hstack([part for part in parts if part is not None]))
     count = {name: int(rows.sum()) for name, rows in held.items() if rows.any()}
     if not count:
         return
@@ -100,11 +103,6 @@ def find_held_rows(case: Case) -> None:
     slower = median_rate(case.log.trials) / before
     if slower < 1.0 / THRESHOLD.rate_off:
         case.change_header(rate_hz=case.log.header.rate_hz * slower)
-
-
-def _held(trial: Trial) -> NDArray[np.bool_]:
-    parts = (trial.q, trial.v, trial.a, trial.tau, trial.current, *trial.wrenches.values())
-    return held_rows(trial.time, np.hstack([part for part in parts if part is not None]))
 
 
 def held_rows(time: Array, values: Array) -> NDArray[np.bool_]:

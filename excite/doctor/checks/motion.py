@@ -59,7 +59,10 @@ def find_whole_turns(case: Case) -> None:
         changed = set()
         for values in whole.values():
             for j in turning:
-                column = _without_jumps(values[:, j])
+                # In radians, degrees or revolutions.
+                turns = (_TURN, 360.0, 1.0)
+                whole_ones = (without_seams(values[:, j], turn, within=turn == 1.0) for turn in turns)
+                column = next((one for one in whole_ones if one is not None), None)
                 if column is not None:
                     values[:, j] = column
                     changed.add(int(j))
@@ -77,12 +80,6 @@ def find_whole_turns(case: Case) -> None:
             "angles that are wrapped to one turn"
         )
         case.add("whole_turns", text, {"joints": float(len(joints))}, joints)
-
-
-def _without_jumps(values: Array) -> Array | None:
-    """Positions in radians, degrees or revolutions without their jumps by whole turns; None for none."""
-    found = (without_seams(values, turn, within=turn == 1.0) for turn in (_TURN, 360.0, 1.0))
-    return next((whole for whole in found if whole is not None), None)
 
 
 def find_jumps(case: Case) -> None:

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.display import span
@@ -93,7 +92,9 @@ def find_coarse_steps(case: Case) -> None:
 def find_constants(case: Case) -> None:
     """Channels that never change over the whole log; a torque that does not is declared to mean nothing."""
     header, trials = case.log.header, case.log.trials
-    if _is_unforced(case.log):
+    # A robot that does not move about, of which positions alone were logged.
+    unforced = all(t.tau is None and t.current is None and t.q_cmd is None for t in trials)
+    if unforced and header.base in ("fixed", "held") and not header.sensors:
         text = "no torque, no current and no command is in the log: nothing shows what moved the joints"
         case.add("no_torques", text, {"channels": 0.0})
         return
@@ -127,12 +128,6 @@ def find_constants(case: Case) -> None:
         more |= {"repaired": len(torques) == len(dead), "remedy": remedy}
         case.ignore_torques(torques)
     case.add("constant", text, figures, places, **more)
-
-
-def _is_unforced(log: Log) -> bool:
-    """Whether a log of a robot that does not move about says nothing of what moved it: positions alone."""
-    placed = log.header.base in ("fixed", "held") and not log.header.sensors
-    return placed and all(t.tau is None and t.current is None and t.q_cmd is None for t in log.trials)
 
 
 # Torques that are too weak, or those before the gear.
@@ -271,13 +266,15 @@ def find_torque_ends(case: Case) -> None:
             case.add(finding, f"{said}: {what}", figures, places, trials=trials)
     if held:
         kept = ~np.isin(log.header.joints, held)
-        case.change_trials(lambda t: t if t.beyond is None else replace(t, beyond=_flags(t.beyond & kept)))
+        case.change_trials(
+            lambda t: (
+                t
+                if t.beyond is None
+                else replace(t, beyond=flags if (flags := t.beyond & kept).any() else None)
+            )
+        )
     if silent:
         case.ignore_torques(silent)
-
-
-def _flags(flags: NDArray[np.bool_]) -> NDArray[np.bool_] | None:
-    return flags if flags.any() else None
 
 
 def _marked_rows(log: Log, joints: Sequence[str]) -> int:

@@ -13,7 +13,7 @@ from scipy.optimize import nnls
 from excite.arrays import Array
 from excite.display import percent, span
 from excite.doctor.channel_mapping import OWN_SHARE, Reading
-from excite.doctor.inertial_prior import half_log
+from excite.doctor.inertial_prior import half_log, normal_equations
 from excite.doctor.model_comparison import drive_fit, remove_drives
 from excite.doctor.samples import Correction, Samples, minimize_near
 from excite.doctor.thresholds import THRESHOLD, is_near_one
@@ -53,20 +53,17 @@ class Load(NamedTuple):
         return {f"payload.{joint}": float(x) for joint, x in zip(samples.channels, own / needed, strict=True)}
 
 
-def carried_load(samples: TorqueSamples, reading: Reading) -> Load | None:
-    """The load that explains torques better than any scales of them do; None where none does.
+class Explained(NamedTuple):
+    """The load that explains torques better than scales do, None for none; the score of what it or else these leave."""
 
-    Args:
-        samples: torques beside the nominal model's.
-        reading: how the channels are read.
-    """
-    return _best_load(samples, reading)[0]
+    load: Load | None
+    score: float
 
 
-def _best_load(
+def best_load(
     samples: TorqueSamples, reading: Reading, *, still: bool = False, absent: bool = False
-) -> tuple[Load | None, float]:
-    """The load of :func:`carried_load`, and half the logarithm of what it or else the scales leave, in sum.
+) -> Explained:
+    """The load that explains torques better than any scales of them do, and half the logarithm of what is left, in sum.
 
     Beside each joint's offset, friction and rotor either every joint's nominal torque is multiplied by a factor of its
     own, or one link has ten inertial parameters more, of a body with a mass, or its weight alone; or the
@@ -76,12 +73,12 @@ def _best_load(
     felt = samples.felt(reading, still=still or absent)
     torque, nominal, bodies = remove_drives(drive, measured, model, felt)
     power = np.maximum(len(measured) * measured.var(axis=0), 1e-300)
-    scaled = _left_by_scales(samples, reading)
+    scaled = float(samples.gains(reading).left.sum())
     tree, best, least = samples.under(reading.gravity), None, scaled - THRESHOLD.better_load
     n = felt.shape[2] // 10
     for k in set(range(n)) - set(tree.parents[1:] - 1) if absent else range(n):
         body = slice(10 * k, 10 * k + 10)
-        phi, left = _fit_body(bodies[:, :, body], torque - nominal, power)
+        phi, left = _fit_together(bodies[:, :, body], torque - nominal, power)
         weighs = bool(felt[:, :, 10 * k].any())
         score = float(half_log(left).sum())
         # What leaves more of a torque than there is of it is no explanation.
@@ -93,33 +90,24 @@ def _best_load(
             Load(tree.names[k + 1], abs(float(phi[0])) if weighs else 0.0, float(left.max()), score, added),
             score,
         )
-    return best, scaled if best is None else best.score
+    return Explained(best, scaled if best is None else best.score)
 
 
-def _left_by_scales(samples: TorqueSamples, reading: Reading) -> float:
-    """Half the logarithm of what a scale of every joint's nominal torque leaves beside its drive, in sum."""
-    measured, (model, drive) = samples.measured_torque(reading), samples.predicted(reading)
-    torque, nominal = remove_drives(drive, measured, model)
-    along = (nominal * torque).sum(axis=0) ** 2 / np.maximum((nominal**2).sum(axis=0), 1e-300)
-    power = np.maximum(len(measured) * measured.var(axis=0), 1e-300)
-    return float(half_log(np.maximum((torque**2).sum(axis=0) - along, 0.0) / power).sum())
-
-
-def _fit_body(parts: Array, missing: Array, power: Array) -> tuple[Array, Array]:
-    """Parameters of a body ``(10,)`` and the share of each joint's power that is left, weights by what that is.
+def _fit_together(parts: Array, target: Array, power: Array) -> tuple[Array, Array]:
+    """Sizes of parts of all torques ``(k,)`` and the share of each joint's power that is left, weights by what that is.
 
     Args:
-        parts: ``(n, m, 10)`` torques per unit of each parameter.
-        missing: ``(n, m)`` what the nominal bodies leave, of which the power is ``(m,)``.
+        parts: ``(n, m, k)`` torques per unit of each part, such as ten inertial parameters of a body.
+        target: ``(n, m)`` what they have to explain, shares of a power ``(m,)``.
     """
-    left, phi = np.ones(len(power)), np.zeros(10)
+    left, x = np.ones(len(power)), np.zeros(parts.shape[2])
     for _ in range(5):
         weights = 1.0 / np.sqrt(power * np.maximum(left, THRESHOLD.least_share))
-        rows, target = (parts * weights[:, None]).reshape(-1, 10), (missing * weights).ravel()
+        rows = (parts * weights[:, None]).reshape(-1, len(x))
         size = np.maximum(np.linalg.norm(rows, axis=0), 1e-12)
-        phi = np.linalg.lstsq(rows / size, target, rcond=1e-8)[0] / size
-        left = ((missing - parts @ phi) ** 2).sum(axis=0) / power
-    return phi, left
+        x = np.linalg.lstsq(rows / size, (target * weights).ravel(), rcond=1e-8)[0] / size
+        left = ((target - parts @ x) ** 2).sum(axis=0) / power
+    return x, left
 
 
 # How much of each part of the nominal model is in torques: about one where it is, about nought where it is not.
@@ -223,12 +211,12 @@ def find_missing_weight(samples: TorqueSamples, reading: Reading) -> Iterable[Co
     parts = parts_in(samples, reading)
     if not reading.is_compensated:
         bare = take_weight(reading, reading.gravity)
-        load, least = _best_load(samples, bare)
+        load, least = best_load(samples, bare)
         yield from _without_weight(samples, reading, parts, load, least)
         # A payload beside no weight, or beside all of it, must not explain clearly more.
-        least = min(least, _best_load(samples, bare, still=True)[1], _best_load(samples, reading)[1])
+        least = min(least, best_load(samples, bare, still=True)[1], best_load(samples, reading)[1])
         for one in (*_without_part(samples, reading, parts), *_without_absent_load(samples, reading, parts)):
-            if _left_by_scales(samples, one.reading) < least + THRESHOLD.better_load:
+            if samples.gains(one.reading).left.sum() < least + THRESHOLD.better_load:
                 yield one
     yield from _without_weight_somewhere(samples, reading, parts)
 
@@ -244,7 +232,7 @@ def _without_weight(
         if load is None or not parts.lack_weight(THRESHOLD.next_to_nothing):
             return
         # A load beside the whole weight, or any scale of it, must not explain as much.
-        if score > _best_load(samples, reading)[1] - THRESHOLD.better_load:
+        if score > best_load(samples, reading)[1] - THRESHOLD.better_load:
             return
     figures, text = (
         parts.figures(),
@@ -268,10 +256,11 @@ def _without_part(samples: TorqueSamples, reading: Reading, parts: ModelParts) -
     """A share of the weight is off all torques, or the weight under a gravity that points elsewhere.
 
     The gravity that was taken off is that of least squares over all joints, by what each leaves. A share is told
-    beside the inertial forces alone: without them, or where joints have factors of their own, it is any scale.
+    beside the inertial forces alone: without them it is any scale of the torques, and so it is beside another clock,
+    by which these grow and weights do not, or where every torque has a scale that the model's masses told.
     """
-    factors = np.abs(reading.torque_factor)
-    if not (np.abs(parts.inertia - 1.0) < 0.5).any() or np.ptp(factors) > 0.0:
+    told = reading.tick == 1.0 and (np.abs(reading.torque_factor) == 1.0).any()
+    if not told or not (np.abs(parts.inertia - 1.0) < 0.5).any():
         return
     size = float(np.linalg.norm(reading.gravity))
     taken = _taken_gravity(samples, reading)
@@ -310,7 +299,7 @@ def _without_absent_load(samples: TorqueSamples, reading: Reading, parts: ModelP
         (reading, "the weight"),
         (take_weight(reading, reading.gravity), "the weight, and that"),
     ):
-        load, _ = _best_load(samples, base, absent=True)
+        load, _ = best_load(samples, base, absent=True)
         if load is not None:
             body = f"a body of about {load.mass:.2g} kg" if load.mass > 0.0 else "a body"
             yield Correction(
@@ -332,13 +321,7 @@ def _taken_gravity(samples: TorqueSamples, reading: Reading) -> Array:
     own, parts = remove_drives(
         drive, samples.measured_torque(reading), np.stack([full, *(-pull for pull in pulls)], axis=2)
     )
-    x, left = np.array([1.0, 0.0, 0.0, 0.0]), np.sqrt((own**2).mean(axis=0))
-    for _ in range(4):
-        rows, target = (parts / left[:, None]).reshape(-1, 4), (own / left).ravel()
-        size = np.maximum(np.linalg.norm(rows, axis=0), 1e-12)
-        x = np.linalg.lstsq(rows / size, target, rcond=1e-6)[0] / size
-        least = THRESHOLD.least_share * (own**2).mean(axis=0)
-        left = np.sqrt(np.maximum(((own - parts @ x) ** 2).mean(axis=0), least))
+    x, _ = _fit_together(parts, own, (own**2).sum(axis=0))
     return np.asarray(x[1:] / x[0] if x[0] > 0.0 else np.zeros(3))
 
 
@@ -443,17 +426,12 @@ def left_by_any_bodies(samples: TorqueSamples, reading: Reading) -> Array:
     one = np.ones_like(torque)
     own = np.stack([one, -one, *drive], axis=2)
     rows = np.concatenate([body, own / np.maximum(np.sqrt((own**2).mean(axis=0)), 1e-12)], axis=2)
-    (n, m, k), width = body.shape, own.shape[2]
+    (_, m, k), width = body.shape, own.shape[2]
     places = [np.r_[np.arange(k), k + width * j + np.arange(width)] for j in range(m)]
-    grams = [rows[:, j].T @ rows[:, j] / n for j in range(m)]
-    rights = [rows[:, j].T @ target[:, j] / n for j in range(m)]
     size, shares = k + width * m, np.full(m, 0.1)
+    weigh = normal_equations([rows[:, j] for j in range(m)], places, target, size)
     for _ in range(4):
-        matrix, right = np.zeros((size, size)), np.zeros(size)
-        weights = 1.0 / np.maximum(shares, THRESHOLD.least_share)
-        for weight, place, gram, side in zip(weights, places, grams, rights, strict=True):
-            matrix[place[:, None], place] += weight * gram
-            right[place] += weight * side
+        matrix, right = weigh(1.0 / np.maximum(shares, THRESHOLD.least_share))
         unit = np.sqrt(np.maximum(np.diag(matrix), 1e-30))
         root = np.linalg.cholesky(matrix / np.outer(unit, unit) + THRESHOLD.trace * np.eye(size))
         x = nnls(root.T, np.linalg.solve(root, right / unit), maxiter=20 * size)[0] / unit
