@@ -35,7 +35,7 @@ from excite.diagnosis.selection.prior import (
     with_odds,
 )
 from excite.diagnosis.selection.sampler import Draws, climb, gains_beside, sample
-from excite.diagnosis.selection.settling import Basis, Settled, gears_of, settle
+from excite.diagnosis.selection.settling import Basis, gears_of, settle
 from excite.diagnosis.selection.shapes import (
     forms_unlike_grids,
     in_plainest_forms,
@@ -318,22 +318,15 @@ def model_of_gap(
         full, rows_of(full, modelled, floor), modelled, gram.discrepancy, selected.noise, selected.gap
     )
     if len(terms) < len(free):
-        settled = _settled_anew(basis, terms)
-        selected, rows, terms = replace(selected, full=settled.basis.full), settled.basis.rows, settled.terms
+        selected, rows, terms = _settled_anew(basis, terms, selected)
     if sigma is not None:
         model = fit(Design(rows, tuple(terms)), range(len(terms)))
         real = that_predict(model, selected.full, sigma, partial(_forms, selected), rng)
         if real != terms:
-            settled = _settled_anew(basis, real)
-            selected, rows, terms = (
-                replace(selected, full=settled.basis.full),
-                settled.basis.rows,
-                settled.terms,
-            )
+            selected, rows, terms = _settled_anew(basis, real, selected)
     late = _late(terms, selected, rows, effects)
     if late is not None:
-        settled = _settled_anew(basis, [*terms, late[0]])
-        selected, rows, terms = replace(selected, full=settled.basis.full), settled.basis.rows, settled.terms
+        selected, rows, terms = _settled_anew(basis, [*terms, late[0]], selected)
     kept = {group_of(term) for term in terms}
     others: list[Term] = []
     rivals: dict[int, tuple[Rival, ...]] = {}
@@ -365,15 +358,20 @@ def model_of_gap(
     return Found(model, nats, rivals, len(groups), selected.full, now, _likely(selected))
 
 
-def _settled_anew(basis: Basis, terms: Sequence[Term]) -> Settled:
+def _settled_anew(
+    basis: Basis, terms: Sequence[Term], selected: Selected
+) -> tuple[Selected, Rows, list[Term]]:
     """Terms of which others have gone, begun anew from what is fitted without any, in their plainest forms.
 
-    What stood beside them has bent their shapes, what they are made of and how friction changes sign.
+    What stood beside them has bent their shapes, what they are made of and how friction changes sign: the posterior's
+    baseline and rows follow.
     """
     maker = TermMaker(Context(basis.full), basis.full.strict)
     again = [term if term.effect.is_body else maker.again(term) or term for term in terms]
     settled = settle(basis, again, once=False)
-    return replace(settled, terms=in_plainest_forms(settled.basis.gram, settled.terms, settled.basis.slab))
+    now = settled.basis
+    plain = in_plainest_forms(now.gram, settled.terms, now.slab)
+    return replace(selected, full=now.full), now.rows, plain
 
 
 def _late(
@@ -386,22 +384,25 @@ def _late(
     """
     if any(term.effect.timing for term in terms):
         return None
-    now = predicted(selected.full, fit(Design(rows, tuple(terms)), range(len(terms))))
+    without = fit(Design(rows, tuple(terms)), range(len(terms)))
+    now = predicted(selected.full, without)
     maker = TermMaker(now.context, selected.full.strict)
-    best: tuple[Term, float] | None = None
+    best: Term | None = None
+    most = 0.0
     for effect in effects:
         whole = effect.closer if effect.timing and effect.stands_in else None
-        grid = [] if whole is None else effect.grid(now.context, "torque")
-        made = [maker.make(whole, "torque", theta) for theta in grid if whole is not None]
-        for term in (term for term in made if term is not None and term.can_be(now.context, np.ones(1))):
-            chance = effect.belief.chance
-            price = float(np.log((1.0 - chance) / chance * len(grid)))
+        if whole is None:
+            continue
+        chance, grid = effect.belief.chance, effect.grid(now.context, "torque")
+        price = float(np.log((1.0 - chance) / chance * len(grid)))
+        for term in (maker.make(whole, "torque", theta) for theta in grid):
+            if term is None or not term.can_be(now.context, np.ones(1)):
+                continue
             both = fit(Design(rows, (*terms, term)), range(len(terms) + 1))
-            without = fit(both.design, range(len(terms)))
             odds = nats_of(both, without, np.zeros_like(both.predicted)) - price
-            if odds > max(0.0, 0.0 if best is None else best[1]):
-                best = term, odds
-    return best
+            if odds > most:
+                best, most = term, odds
+    return None if best is None else (best, most)
 
 
 def _scale(full: Baseline) -> Array:
