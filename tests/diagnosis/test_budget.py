@@ -13,8 +13,8 @@ import yaml
 from scipy.signal import lfilter
 
 from excite.diagnosis.answer.gap import Budget, ChannelBudget, EffectShare, Named, UnnamedShare
-from excite.diagnosis.arm.diagnose import independent_joints, other_machine, unison
-from excite.diagnosis.arm.read import explained
+from excite.diagnosis.arm.diagnose import find_joints_in_unison, independent_joints, other_machine
+from excite.diagnosis.arm.read import is_gap_explained
 from excite.diagnosis.budget.fit.joint_fit import effective_share
 from excite.diagnosis.budget.made import budget_of, stands_clear
 from excite.diagnosis.budget.record import Found, begun_baseline
@@ -50,7 +50,7 @@ def budgeted(log: Log, modelled: tuple[str, ...]) -> Budget:
     """The budget of a log's own rows."""
     found = searched(log, modelled)
     samples = found.baseline.samples
-    tau = samples.rows([t.tau for t in samples.trials])[samples.identification]
+    tau = samples.to_rows([t.tau for t in samples.trials])[samples.identification_rows]
     return budget_of(found, spectral_floor(samples), tau.std(axis=0))
 
 
@@ -244,7 +244,7 @@ def test_effects_are_the_gap_where_the_largest_share_is_theirs(shares, unnamed, 
     budget = Budget(
         {"joint_0": ChannelBudget(0.01, 1.0, at, strange, 1.0 - sum(shares) - unnamed, 1.0)}, named
     )
-    assert explained(budget, named) is said
+    assert is_gap_explained(budget, named) is said
 
 
 def test_what_takes_most_of_its_own_place_is_the_gap_though_others_have_more_that_follows_nothing() -> None:
@@ -255,7 +255,7 @@ def test_what_takes_most_of_its_own_place_is_the_gap_though_others_have_more_tha
         "first": ChannelBudget(0.01, 1.0, (), (), 1.0, 0.6),
         "second": ChannelBudget(0.01, 1.0, at, (), 0.49, 0.4),
     }
-    assert explained(Budget(channels, named), named)
+    assert is_gap_explained(Budget(channels, named), named)
 
 
 @pytest.mark.parametrize(("there", "said"), [(0.1, True), (0.6, False)])
@@ -269,7 +269,7 @@ def test_what_leads_its_own_place_is_the_gap_though_another_has_more_that_follow
         "first": ChannelBudget(0.01, 1.0, (), (UnnamedShare("velocity", 0.5),), 0.5, 0.7),
         "second": ChannelBudget(0.01, 1.0, at, (UnnamedShare("load", there),), 0.1, 0.3),
     }
-    assert explained(Budget(channels, named), named) is said
+    assert is_gap_explained(Budget(channels, named), named) is said
 
 
 def test_joints_that_move_on_one_path_are_counted_as_one() -> None:
@@ -284,7 +284,9 @@ def test_of_an_arm_that_moves_in_unison_only_its_torque_scales_are_said(
 ) -> None:
     log = airbot_play_load.chirp_log(data_dir, tmp_path, loaded=False)
     samples = arm_samples(nominal_robot(log), log, log.trials)
-    finding = unison(fit_baseline(samples, ("rigid_body_fixed", *FRICTION[1:]), spectral_floor(samples)))
+    finding = find_joints_in_unison(
+        fit_baseline(samples, ("rigid_body_fixed", *FRICTION[1:]), spectral_floor(samples))
+    )
     assert finding is not None
     assert finding.figures["independent"] == pytest.approx(1.0, abs=0.1)
     assert finding.figures["torque_scale.joint4"] == pytest.approx(1.6, rel=0.1)

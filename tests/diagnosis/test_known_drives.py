@@ -54,7 +54,7 @@ def test_what_is_known_is_taken_off_and_the_reading_stays(samples: ArmSamples) -
     modelled = ("rigid_body_fixed", "viscous_friction")
     less = less_known(samples, modelled, spectral_floor(samples))
     for before, after in zip(samples.trials, less.trials, strict=True):
-        assert after.measured == pytest.approx(before.tau, abs=1e-9)
+        assert after.measured_torque == pytest.approx(before.tau, abs=1e-9)
         gone = before.tau - after.tau
         assert np.abs(gone[:, [0, 1, 3, 4, 5]]).max() == 0.0
         fast = np.abs(before.v[:, ELBOW]) > 0.1

@@ -15,7 +15,7 @@ from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.noise_floor import spectral_floor
 from excite.diagnosis.equations.resampling import arm_samples
-from excite.diagnosis.next_experiment.candidates import retraced, within_record
+from excite.diagnosis.next_experiment.candidates import retrace_record, within_record
 from excite.diagnosis.simulator.augmented_plant import Found, augmented_model, physical_plant, plant_with
 from excite.identification.inertia import pseudo_inertia_matrices
 from excite.logs.files import load_log
@@ -53,7 +53,7 @@ def test_written_model_has_the_dynamics_of_the_plant_with_its_effects(baseline: 
     samples, data = baseline.samples, mujoco.MjData(model)
     model.dof_frictionloss[:] = 0.0
     for k in range(0, 2000, 400):
-        q, v, a = (samples.stacked(name)[k] for name in ("q", "v", "a"))
+        q, v, a = (samples.stack_trials(name)[k] for name in ("q", "v", "a"))
         data.qpos[:], data.qvel[:], data.qacc[:] = q, v, a
         mujoco.mj_inverse(model, data)
         true = q - 0.05 * np.eye(7)[3]
@@ -89,8 +89,8 @@ def test_a_soft_play_hangs_in_the_written_model_where_the_record_loads_it(baseli
 def test_retraced_motions_stay_on_the_record_within_its_speeds(baseline: Baseline):
     samples = baseline.samples
     path = samples.trials[0].q
-    most = np.minimum(1.25 * np.abs(samples.stacked("v")).max(axis=0), samples.robot.limits.velocity)
-    motions = retraced(samples)
+    most = np.minimum(1.25 * np.abs(samples.stack_trials("v")).max(axis=0), samples.robot.limits.velocity)
+    motions = retrace_record(samples)
     assert len({m.name for m in motions}) == len(motions) >= 4
     for motion in motions:
         assert (np.abs(motion.v) <= 1.001 * most).all()
@@ -100,12 +100,12 @@ def test_retraced_motions_stay_on_the_record_within_its_speeds(baseline: Baselin
 
 def test_accelerations_stay_within_the_models_limits_or_the_records(baseline: Baseline):
     samples = baseline.samples
-    shown = np.abs(samples.stacked("a")).max(axis=0)
+    shown = np.abs(samples.stack_trials("a")).max(axis=0)
     stated = replace(samples.robot.limits, acceleration=np.full(7, 2.0))
     silent = replace(samples.robot.limits, acceleration=np.full(7, 1000.0))
     known, unknown = (replace(samples, robot=replace(samples.robot, limits=x)) for x in (stated, silent))
-    for motion in retraced(known):
+    for motion in retrace_record(known):
         assert (np.abs(motion.a) <= 2.0).all()
-    for motion in retraced(unknown):
+    for motion in retrace_record(unknown):
         assert (np.abs(motion.a) <= shown).all()
     assert (within_record(known).limits.acceleration < 2.0).all()

@@ -13,7 +13,7 @@ from excite.diagnosis.arm import diagnose as judged
 from excite.diagnosis.arm.read import Reading
 from excite.diagnosis.attribution import Scorer
 from excite.diagnosis.budget.fit.design import Design
-from excite.diagnosis.budget.fit.joint_fit import fit
+from excite.diagnosis.budget.fit.joint_fit import fit_model
 from excite.diagnosis.budget.record import Found
 from excite.diagnosis.diagnose import diagnose
 from excite.logs.files import load_log
@@ -36,7 +36,7 @@ def reading(gap_dir: Path) -> Reading:
 
 
 def test_an_effect_of_some_size_is_named(reading: Reading):
-    attribution, judgement = reading.verdict()
+    attribution, judgement = reading.decide_verdict()
     assert judgement.verdict == "effect"
     assert [(item.name, item.location) for item in attribution.accepted] == [("torque_bias", "panda_joint4")]
 
@@ -49,17 +49,17 @@ def blocks_apart(reading: Reading, factor: float) -> Reading:
     for block in np.unique(rows.block[rows.block >= 0]):
         y[:, rows.block == block] *= 1.0 + factor * rng.standard_normal()
     design = Design(replace(rows, y=y), model.design.terms)
-    return replace(reading, found=replace(reading.found, model=fit(design, model.chosen)))
+    return replace(reading, found=replace(reading.found, model=fit_model(design, model.chosen)))
 
 
 def test_a_size_that_blocks_do_not_agree_on_names_nothing(reading: Reading):
-    attribution, judgement = blocks_apart(reading, 30.0).verdict()
+    attribution, judgement = blocks_apart(reading, 30.0).decide_verdict()
     assert judgement.verdict != "effect"
     assert attribution.accepted == ()
 
 
 def test_the_size_is_that_of_the_model_of_the_gap(reading: Reading):
-    attribution, _ = reading.verdict()
+    attribution, _ = reading.decide_verdict()
     (item,) = attribution.accepted
     (named,) = (one for one in reading.budget.named if one.location == item.location)
     assert item.hypothesis.fit.extra[0] == pytest.approx(named.values["bias"][0], rel=1e-6)

@@ -16,10 +16,10 @@ from excite.diagnosis.answer.candidate import (
     Candidate,
     Estimate,
     RobotChanges,
+    describe_with_size,
+    format_estimate,
+    format_percent,
     in_words,
-    measured,
-    percent,
-    sized,
 )
 from excite.diagnosis.answer.gap import (
     Budget,
@@ -379,7 +379,7 @@ class Diagnosis(Tabled, Stated):
     @stated_with(added="")
     def sentence(self) -> str:
         """What was found, in the one sentence that a person would repeat to a colleague."""
-        gap = f"{percent(self.gap.before)} of the signal"
+        gap = f"{format_percent(self.gap.before)} of the signal"
         of = "gap of the positions" if self.gap.of_positions else "gap"
         closes = f"closes {100 * self.gap.share_closed:.0f} % of the {of} above the noise"
         # A body that is heavier than in the file has been taken up then, and is no gap.
@@ -387,26 +387,23 @@ class Diagnosis(Tabled, Stated):
         if self.verdict == "none" and self.gap.before <= _AT_FLOOR * self.gap.noise_floor:
             return f"{self.robot}: the model{fitted} explains the record to its noise floor ({gap})."
         if self.verdict == "none":
-            floor = percent(self.gap.noise_floor)
+            floor = format_percent(self.gap.noise_floor)
             return f"{self.robot}: the model{fitted} leaves {gap}, the noise {floor}; no effect stands out in between."
         if self.verdict == "unknown":
             place = self.location or (self.where[0].channel if self.where else "the robot")
             left = without_a_name(place, self.where, self.warnings)
             if self.effects:
                 one = len(self.effects) == 1
-                clear = (
-                    f"{in_a_row([sized(item) for item in self.effects])} {'is' if one else 'are'} clear at "
-                )
-                clear += (
-                    f"{'its' if one else 'their'} own place, and adding {'it' if one else 'them'} {closes}"
-                )
+                clear = in_a_row([describe_with_size(item) for item in self.effects])
+                clear += f" {'is clear at its' if one else 'are clear at their'} own place, and adding "
+                clear += f"{'it' if one else 'them'} {closes}"
                 return f"{self.robot}: {clear}; {left} ({gap} before)."
             return f"{self.robot}: {left} ({gap})."
         if self.verdict == "ambiguous":
             either, of_all = either_of(self.effects, self.ambiguous_with)
             tells = "which of these; adding all" if of_all else "which; adding one"
             return f"{self.robot}: the gap is {either}; this record cannot say {tells} {closes}."
-        each = [sized(item) for item in self.effects] or [in_words(self.effect, self.location)]
+        each = [describe_with_size(item) for item in self.effects] or [in_words(self.effect, self.location)]
         named = in_a_row(each)
         them = "it" if len(self.effects) < 2 else "both" if len(self.effects) == 2 else "them"
         return f"{self.robot}: the gap is {named}; adding {them} {closes}."
@@ -473,7 +470,7 @@ def budget_lines(budget: Budget, gap: Gap, modelled: Sequence[str], *, accepted:
     gaps = {name: (item.before, item.noise_floor) for name, item in gap.per_channel.items()}
     named = sum(item.share for item in budget.named)
     beside = named_beside_closed(named, gap.share_closed, accepted=accepted)
-    said = [text for text in (beside, left_elsewhere(gaps, budget.weights, modelled)) if text]
+    said = [text for text in (beside, left_elsewhere(gaps, budget.channel_weights, modelled)) if text]
     return [budget.sentence(), *_budget_table(budget), *(f"({text})" for text in said)]
 
 
@@ -488,20 +485,24 @@ def _budget_table(budget: Budget) -> list[str]:
             continue
         for item in channel.effects:
             low, high = item.interval90
-            between = f"{span(_whole(low), _whole(high), '…')}%" if math.isfinite(low + high) else ""
+            between = (
+                f"{span(_format_percentage(low), _format_percentage(high), '…')}%"
+                if math.isfinite(low + high)
+                else ""
+            )
             what = in_words(item.effect, item.location)
             doubt = doubt_of_share(item.share, *item.interval90)
             mark = f" {notes.setdefault(doubt, f'[{len(notes) + 1}]')}" if doubt else ""
-            lines.append(f"{name:{width}}  {_whole(item.share):>4}%  {between:>10}  {what}{mark}")
+            lines.append(f"{name:{width}}  {_format_percentage(item.share):>4}%  {between:>10}  {what}{mark}")
         for other in channel.unnamed:
             what = other.follows if not other.knots else f"follows {other.follows}, without a name"
-            lines.append(f"{name:{width}}  {_whole(other.share):>4}%  {'':10}  {what}")
-        lines.append(f"{name:{width}}  {_whole(channel.rest):>4}%  {'':10}  the rest")
+            lines.append(f"{name:{width}}  {_format_percentage(other.share):>4}%  {'':10}  {what}")
+        lines.append(f"{name:{width}}  {_format_percentage(channel.rest):>4}%  {'':10}  the rest")
     held = [f"({HELD})"] if any(channel.effects for channel in budget.channels.values()) else []
     return [*lines, *(f"{mark} {doubt}" for doubt, mark in notes.items()), *held]
 
 
-def _whole(share: float) -> str:
+def _format_percentage(share: float) -> str:
     """A share in per cent, without a sign before zero."""
     return f"{round(100.0 * share):d}" if math.isfinite(share) else f"{share:.0f}"
 
@@ -570,8 +571,8 @@ def without_a_name(place: str, where: Sequence[Where], warnings: Sequence[str]) 
 def either_of(effects: Sequence[Candidate], ambiguous_with: Sequence[Candidate]) -> tuple[str, bool]:
     """Effects that cannot be told apart, in words, behind accepted ones that are sure; and whether there are such."""
     open_ = {(item.effect, item.location) for item in ambiguous_with}
-    sure = [sized(item) for item in effects if (item.effect, item.location) not in open_]
-    either = " or ".join(sized(item) for item in ambiguous_with)
+    sure = [describe_with_size(item) for item in effects if (item.effect, item.location) not in open_]
+    either = " or ".join(describe_with_size(item) for item in ambiguous_with)
     return (f"{in_a_row(sure)}, and {either}", True) if sure else (either, False)
 
 
@@ -595,12 +596,12 @@ def effect_table(
     for item in listed:
         key = (item.effect, item.location)
         standing = "as likely" if key in open_ else "accepted" if key in named else "tried"
-        lines.append(_line(item, standing))
+        lines.append(_format_candidate_line(item, standing))
     return lines
 
 
-def _line(item: Candidate, standing: str) -> str:
-    values = ", ".join(f"{name} {measured(e)}" for name, e in item.parameters.items())
+def _format_candidate_line(item: Candidate, standing: str) -> str:
+    values = ", ".join(f"{name} {format_estimate(e)}" for name, e in item.parameters.items())
     return (
         f"{item.effect:24} {item.location or '':24} {standing:9} {item.evidence:9.1f} "
         f"{100 * item.share_closed:6.0f}%  {values}"

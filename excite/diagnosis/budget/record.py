@@ -72,7 +72,7 @@ def rows_of(full: Baseline, modelled: tuple[str, ...], floor: Array) -> Rows:
     again = weight / full.root_weight
     terms = own_terms(modelled)
     own = [own_rows(samples, terms, j, [sign])[0] * weight[j][:, None] for j, sign in enumerate(full.signs)]
-    outside = not samples.identification.all()
+    outside = not samples.identification_rows.all()
     block = blocks_of(samples, identification=True)
     judged = blocks_of(samples, identification=False) if outside else block
     return Rows(

@@ -134,7 +134,7 @@ class Effect(ABC):
     belief: ClassVar[Belief] = Belief()
 
     @property
-    def widths(self) -> Array:
+    def prior_widths(self) -> Array:
         """Standard deviations that its linear parameters have a priori, ``(n_linear,)``."""
         return np.array([p.width for p in self.linear])
 
@@ -149,21 +149,21 @@ class Effect(ABC):
         return self.moves and self.by_motion
 
     @property
-    def richer(self) -> tuple[Effect, ...]:
+    def extended_forms(self) -> tuple[Effect, ...]:
         """Other forms of the same physics with more parameters, tried once the effect is named, or where none is."""
         return ()
 
     @property
-    def closer(self) -> Effect | None:
+    def second_order_form(self) -> Effect | None:
         """The same with what its first order leaves out, tried at last; None where that is nothing."""
         return None
 
     @property
-    def forms(self) -> tuple[Effect, ...]:
+    def alternative_forms(self) -> tuple[Effect, ...]:
         """Other forms of the same physics that may be what is there, tried along with this one."""
         return ()
 
-    def starts(self, theta: Theta) -> list[Theta]:
+    def search_starts(self, theta: Theta) -> list[Theta]:
         """Where the search of a richer form begins, from the non-linear parameters of the plain one."""
         return [theta]
 
@@ -171,7 +171,7 @@ class Effect(ABC):
         """Where the search of a richer form begins besides, where the plain one fits nothing."""
         return []
 
-    def mirrored(self, context: Context, location: str, theta: Theta) -> tuple[Effect, Theta] | None:
+    def equivalent_form(self, context: Context, location: str, theta: Theta) -> tuple[Effect, Theta] | None:
         """What says about the same beside bodies and a constant that are free to take up the rest; None, mostly."""
         return None
 
@@ -192,27 +192,27 @@ class Effect(ABC):
         """
         return None
 
-    def offered(self, modelled: tuple[str, ...]) -> bool:
+    def is_candidate(self, modelled: tuple[str, ...]) -> bool:
         """Whether it can be told from what the baseline has."""
-        return self.name not in modelled if self.term is None else not self.term.asked(modelled)
+        return self.name not in modelled if self.term is None else not self.term.is_modelled(modelled)
 
     def locations(self, context: Context) -> tuple[str, ...]:
         """Where it can be: every joint, unless said otherwise."""
         return context.joints
 
-    def grid(self, context: Context, location: str) -> list[Theta]:
+    def search_grid(self, context: Context, location: str) -> list[Theta]:
         """Non-linear parameters to start the search from."""
         return [()]
 
-    def signals(self, context: Context, location: str, theta: Theta) -> Array:
+    def unit_torques(self, context: Context, location: str, theta: Theta) -> Array:
         """Torques at its joint per unit of each linear parameter, ``(n_samples, n_linear)``, of what acts at one."""
         raise NotImplementedError
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
         """What it adds to the torques."""
-        return Shape(context.felt(location, self.signals(context, location, theta)))
+        return Shape(context.motor_columns(location, self.unit_torques(context, location, theta)))
 
-    def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
+    def is_admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
         """Whether the parameters are physical, and far enough from what another effect's name says better."""
         return self.in_bounds(beta, np.zeros(len(beta)))
 
@@ -222,19 +222,19 @@ class Effect(ABC):
             p.low <= b + s and b - s <= p.high for p, b, s in zip(self.linear, beta, spread, strict=True)
         )
 
-    def physical(self, context: Context, location: str, fit: Fit) -> bool:
+    def is_physical(self, context: Context, location: str, fit: Fit) -> bool:
         """Whether a fit says something that can be, within what the record tells of it."""
         return True
 
-    def possible(self, context: Context, location: str, beta: Array) -> bool:
+    def is_possible(self, context: Context, location: str, beta: Array) -> bool:
         """Whether linear parameters ``(n_linear,)`` are of something that can exist there."""
         return True
 
-    def settled(self, context: Context, location: str, theta: Theta, fit: Fit) -> bool:
+    def is_within_scope(self, context: Context, location: str, theta: Theta, fit: Fit) -> bool:
         """Whether a search ended within what the effect's name stands for, not at the end of it."""
         return True
 
-    def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
+    def to_estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
         """Its parameters, for people; without those that nothing in the record shows."""
         found = {
             p.name: Estimate(float(b), float(s), p.unit)
@@ -243,9 +243,9 @@ class Effect(ABC):
         }
         return found | {p.name: Estimate(t, None, p.unit) for p, t in zip(self.searched, theta, strict=True)}
 
-    def sizes(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, float]:
+    def to_sizes(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, float]:
         """Its parameters by name, and what else a simulator needs of it."""
-        values = {name: e.value for name, e in self.estimates(context, location, theta, fit).items()}
+        values = {name: e.value for name, e in self.to_estimates(context, location, theta, fit).items()}
         values |= {p.name: float(b) for p, b in zip(self.linear, fit.extra, strict=True)}
         return values | {p.name: float(t) for p, t in zip(self.searched, theta, strict=True)}
 
@@ -253,7 +253,7 @@ class Effect(ABC):
         """Its form in a MuJoCo model; without one, the model is without it, and says why."""
         return Form(absent=Beyond.NO_FORM)
 
-    def told(self, context: Context, location: str, theta: Theta) -> Told:
+    def initial_state(self, context: Context, location: str, theta: Theta) -> Told:
         """What the record tells of its own state; nothing, unless said otherwise."""
         return Told()
 
@@ -261,8 +261,8 @@ class Effect(ABC):
         """Another name that means the same in the data; none, unless said otherwise."""
         return None
 
-    def noted(self, item: Sizes, place: str | None = None) -> Noted:
+    def make_note(self, item: Sizes, place: str | None = None) -> Noted:
         """Its note with the sizes that it has."""
         if self.note is None:
             raise TypeError(f"{self.name} leaves nothing to a runner")
-        return Noted(self.name, place or item.location, self.note.of(item.values))
+        return Noted(self.name, place or item.location, self.note.from_values(item.values))

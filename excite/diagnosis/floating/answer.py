@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.diagnosis.answer.gap import ChannelGap, Curves, Gap, Where, share_closed
-from excite.diagnosis.floating.hypotheses import Fitted, columns_of, explained_state, nominal_fit, refine
+from excite.diagnosis.floating.hypotheses import Fitted, columns_of, explained_state, nominal_fit, refine_fit
 from excite.diagnosis.floating.problem import Problem, noise_floor, noise_level
 from excite.diagnosis.floating.record import FloatingRecord
 from excite.diagnosis.floating.spectrum import BAND_HZ, in_band
@@ -31,12 +31,12 @@ def trial_curves(problem: Problem, before: Fitted, after: Fitted) -> Curves:
     record = problem.record
     chosen = next((k for k, outside in enumerate(record.validation) if outside), 0)
     span = record.spans[chosen]
-    measured = problem.nominal.measured[span]
+    measured = problem.nominal.measured_forces[span]
     return Curves(
         trial=record.trials[chosen],
         validation=record.validation[chosen],
-        channels=tuple(problem.nominal.channels),
-        units=tuple(problem.nominal.channels.values()),
+        channels=tuple(problem.nominal.channel_units),
+        units=tuple(problem.nominal.channel_units.values()),
         time=np.arange(len(measured)) / record.rate_hz,
         measured=measured,
         before=measured - explained_state(problem, before).residual[span],
@@ -64,7 +64,7 @@ def gap_of(problem: Problem, before: Fitted, after: Fitted, rng: np.random.Gener
     record = problem.record
     held_out = record.validation_samples()
     rows = held_out if held_out.any() else ~held_out
-    measured = in_band(record, problem.nominal.measured)
+    measured = in_band(record, problem.nominal.measured_forces)
     train = measured[~held_out] if (~held_out).any() else measured
     scale = np.maximum(train.std(axis=0), 1e-9)
     residuals = (residual_of(problem, before), residual_of(problem, after))
@@ -90,7 +90,7 @@ def gap_of(problem: Problem, before: Fitted, after: Fitted, rng: np.random.Gener
             float(floor[i]),
             unit,
         )
-        for i, (axis, unit) in enumerate(problem.nominal.channels.items())
+        for i, (axis, unit) in enumerate(problem.nominal.channel_units.items())
     }
     return Gap(start, end, noise_size, share, channels, interval)
 
@@ -160,8 +160,8 @@ def what_is_left(
 
 def _louder_than_noise(problem: Problem, after: Fitted) -> bool:
     """Whether whitened numbers of the judged trials, too, are larger than independent ones of unit variance."""
-    white = problem.rows(explained_state(problem, after))
-    judged = white[problem.validation] if problem.validation.any() else white
+    white = problem.residual_rows(explained_state(problem, after))
+    judged = white[problem.validation_rows] if problem.validation_rows.any() else white
     return float((judged**2).mean()) > 1.0 + _ONE_SIDED_STD * np.sqrt(2.0 / len(judged))
 
 
@@ -208,7 +208,7 @@ def left_by_parameters(
     """
     seen = problem.identification_only
     columns = np.hstack([seen.columns, columns_of(seen, fitted)])
-    noise = (seen.rows(explained_state(seen, fitted)) ** 2).sum() / max(
+    noise = (seen.residual_rows(explained_state(seen, fitted)) ** 2).sum() / max(
         1, int((columns != 0.0).any(axis=1).sum())
     )
     precision = columns.T @ columns / max(1.0, float(noise)) + np.eye(columns.shape[1])
@@ -226,11 +226,11 @@ def left_by_parameters(
 def _in_samples(problem: Problem, fitted: Fitted) -> Array:
     """``(n, 6, p + k)`` minus the derivative of the residual by the baseline's and the effects' scaled parameters."""
     parts = [problem.error_columns]
-    state = problem.state(fitted.delta)
+    state = problem.state_with_errors(fitted.delta)
     for item, theta in zip(fitted.placed, fitted.theta, strict=True):
         effect, place = item.effect, item.location
-        parts.append(effect.columns(state, place, theta) * effect.scales(state, place))
-        state = effect.apply(state, place, theta)
+        parts.append(effect.residual_columns(state, place, theta) * effect.parameter_scales(state, place))
+        state = effect.apply_to(state, place, theta)
     return np.concatenate(parts, axis=2)
 
 
@@ -244,12 +244,12 @@ def held_out_gain(problem: Problem, without: Fitted, candidate: Fitted) -> float
     few trials leave open of all parameters is no reproach to either model. Positive infinity where there are no
     validation trials: nothing speaks against it.
     """
-    if not problem.validation.any() or problem.validation.all():
+    if not problem.validation_rows.any() or problem.validation_rows.all():
         return float("inf")
     restricted = problem.identification_only
     baseline, nats = nominal_fit(restricted), []
     for fitted in (without, candidate):
-        alone = refine(restricted, fitted.placed, fitted.theta, fitted) if fitted.placed else baseline
+        alone = refine_fit(restricted, fitted.placed, fitted.theta, fitted) if fitted.placed else baseline
         nats.append(0.5 * (alone.power - fitted.power) + alone.price - fitted.price)
     return nats[1] - nats[0]
 
@@ -259,32 +259,32 @@ def held_out_gain(problem: Problem, without: Fitted, candidate: Fitted) -> float
 _LEAST = 0.02
 
 
-def locate(problem: Problem, fitted: Fitted) -> tuple[Where, ...]:
+def locate_gap(problem: Problem, fitted: Fitted) -> tuple[Where, ...]:
     """Map of what a fit leaves, largest share first; ``depends_on`` names what explains most of a component."""
     record = problem.record
     state = explained_state(problem, fitted)
     residual, floor = in_band(record, state.residual), noise_floor(problem)
-    scale = np.maximum(in_band(record, problem.nominal.measured).std(axis=0), 1e-9)
+    scale = np.maximum(in_band(record, problem.nominal.measured_forces).std(axis=0), 1e-9)
     power = np.maximum((residual**2).mean(axis=0) - floor**2, 0.0) / scale**2
     total = max(float(power.sum()), 1e-300)
-    features = _features(problem, state)
+    features = _dependence_features(problem, state)
     lines = []
-    for i, axis in enumerate(problem.nominal.channels):
-        dependence = {what: _explained(columns, residual[:, i]) for what, columns in features.items()}
+    for i, axis in enumerate(problem.nominal.channel_units):
+        dependence = {what: _explained_share(columns, residual[:, i]) for what, columns in features.items()}
         best = max(dependence, key=lambda what: dependence[what])
         lines.append(
             Where(
                 channel=axis,
                 share=float(power[i] / total),
                 depends_on=best if dependence[best] > _LEAST else "nothing known",
-                band_hz=_band(residual[:, i], record.rate_hz),
+                band_hz=_power_band(residual[:, i], record.rate_hz),
                 dependence=dependence,
             )
         )
     return tuple(sorted(lines, key=lambda line: -line.share))
 
 
-def _features(problem: Problem, state: State) -> dict[str, Array]:
+def _dependence_features(problem: Problem, state: State) -> dict[str, Array]:
     record = problem.record
     base_a, base_v = state.a[:, :6], state.v[:, :6]
     start = np.concatenate([np.full(s.stop - s.start, i) for i, s in enumerate(record.spans)])
@@ -300,14 +300,14 @@ def _features(problem: Problem, state: State) -> dict[str, Array]:
     }
 
 
-def _explained(columns: Array, residual: Array) -> float:
+def _explained_share(columns: Array, residual: Array) -> float:
     size = np.linalg.norm(columns, axis=0)
     columns = columns[:, size > 1e-9] / size[size > 1e-9]
     rest = residual - columns @ np.linalg.lstsq(columns, residual, rcond=1e-8)[0]
     return max(0.0, 1.0 - float(rest @ rest) / max(float(residual @ residual), 1e-300) - 0.005)
 
 
-def _band(residual: Array, rate_hz: float) -> tuple[float, float]:
+def _power_band(residual: Array, rate_hz: float) -> tuple[float, float]:
     f, p = welch_spectrum(residual, rate_hz, min(256, len(residual)), centred=False)
     growth = np.cumsum(p) / max(float(p.sum()), 1e-300)
     low, high = (float(f[min(int(np.searchsorted(growth, x)), len(f) - 1)]) for x in (0.1, 0.9))

@@ -54,7 +54,7 @@ class StandingNote:
     holds: Mapping[str, Any]
     beyond: Beyond
 
-    def text(self) -> str:
+    def to_json(self) -> str:
         """Parameters and all else as JSON."""
         return json.dumps({"parameters": dict(self.parameters), **self.holds})
 
@@ -87,7 +87,7 @@ class Parameter:
     step: float
 
     @classmethod
-    def each(cls, names: Sequence[str], unit: str, scale: float, step: float) -> tuple[Parameter, ...]:
+    def of_names(cls, names: Sequence[str], unit: str, scale: float, step: float) -> tuple[Parameter, ...]:
         """Parameters that differ by their names alone."""
         return tuple(cls(name, unit, scale, step) for name in names)
 
@@ -132,7 +132,7 @@ class FloatingEffect(ABC):
     price: float = 0.0
 
     @property
-    def word(self) -> str:
+    def form_name(self) -> str:
         """What the library calls this form."""
         return self.form or self.name
 
@@ -141,7 +141,7 @@ class FloatingEffect(ABC):
         return (Reads.WRENCHES if record.robot.sensors else Reads.TORQUES) in self.seen_by
 
     @property
-    def mujoco(self) -> str:
+    def mujoco_part(self) -> str:
         """What of a MuJoCo model it is, in words; empty where it is noted beside the model."""
         return str(self.says) if isinstance(self.says, Part) else ""
 
@@ -154,28 +154,28 @@ class FloatingEffect(ABC):
         """Places where it can sit."""
         return self.places(state)
 
-    def parameters(self, state: State, location: str) -> tuple[Parameter, ...]:
+    def parameters_at(self, state: State, location: str) -> tuple[Parameter, ...]:
         """Its parameters there."""
         return self.own
 
-    def beginnings(self, state: State, location: str) -> tuple[Array, ...]:
+    def fit_starts(self, state: State, location: str) -> tuple[Array, ...]:
         """Parameters with which it is absent and from which a fit may begin; by default zeros alone."""
-        return (np.zeros(len(self.parameters(state, location))),)
+        return (np.zeros(len(self.parameters_at(state, location))),)
 
-    def holds(self, record: FloatingRecord) -> dict[str, Any]:
+    def stored_data(self, record: FloatingRecord) -> dict[str, Any]:
         """What it has learnt beside its parameters, ready for JSON; by default nothing."""
         return {}
 
-    def holding(self, said: Mapping[str, Any], record: FloatingRecord) -> FloatingEffect:
+    def with_stored_data(self, said: Mapping[str, Any], record: FloatingRecord) -> FloatingEffect:
         """The effect that holds what :meth:`holds` said."""
         return self
 
-    def allows(self, theta: Array) -> bool:
+    def is_allowed(self, theta: Array) -> bool:
         """Whether there can be such a thing, as far as a linearised fit tells."""
         return True
 
     @abstractmethod
-    def apply(self, state: State, location: str, theta: Array) -> State:
+    def apply_to(self, state: State, location: str, theta: Array) -> State:
         """What is true if it is there with parameters ``theta``, given all else in ``state``."""
 
     def in_mujoco(self, state: State, location: str, theta: Array) -> Part | StandingNote:
@@ -188,41 +188,41 @@ class FloatingEffect(ABC):
         """
         if isinstance(self.says, Part):
             return self.says
-        names = [p.name for p in self.parameters(state, location)]
+        names = [p.name for p in self.parameters_at(state, location)]
         values = dict(zip(names, theta.tolist(), strict=True))
-        return StandingNote(self.word, location, values, self.holds(state.record), self.says)
+        return StandingNote(self.form_name, location, values, self.stored_data(state.record), self.says)
 
-    def columns(self, state: State, location: str, theta: Array) -> Array:
+    def residual_columns(self, state: State, location: str, theta: Array) -> Array:
         """Minus the derivative of the residual with respect to ``theta``, ``(n, 6, k)``.
 
         Forward differences: the fit is iterated, and its steps are evaluated in full.
         """
         columns, here = [], state.residual
         if theta.any():
-            here = self.apply(state, location, theta).residual
-        for i, parameter in enumerate(self.parameters(state, location)):
+            here = self.apply_to(state, location, theta).residual
+        for i, parameter in enumerate(self.parameters_at(state, location)):
             ahead = theta.copy()
             ahead[i] += parameter.step
-            columns.append((here - self.apply(state, location, ahead).residual) / parameter.step)
+            columns.append((here - self.apply_to(state, location, ahead).residual) / parameter.step)
         return np.stack(columns, axis=2)
 
-    def report(self, state: State, location: str, theta: Array, std: Array) -> dict[str, Estimate]:
+    def report_parameters(self, state: State, location: str, theta: Array, std: Array) -> dict[str, Estimate]:
         """Parameters by name, as the contract defines the effect; by default those of :meth:`parameters`."""
         return {
             p.name: Estimate(self.counts * float(value), float(spread), p.unit)
-            for p, value, spread in zip(self.parameters(state, location), theta, std, strict=True)
+            for p, value, spread in zip(self.parameters_at(state, location), theta, std, strict=True)
         }
 
-    def called(self, theta: Array) -> str:
+    def effect_name(self, theta: Array) -> str:
         """The contract's name for it at these parameters."""
         return self.name
 
-    def scales(self, state: State, location: str) -> Array:
+    def parameter_scales(self, state: State, location: str) -> Array:
         """``(k,)`` expected size of each parameter."""
-        return np.array([p.scale for p in self.parameters(state, location)])
+        return np.array([p.scale for p in self.parameters_at(state, location)])
 
 
-def links(state: State) -> tuple[str, ...]:
+def link_names(state: State) -> tuple[str, ...]:
     """Names of the measured links that have mass, one a segment."""
     phi, unmeasured = state.record.tree.phi, state.record.unmeasured
     return tuple(
@@ -233,10 +233,10 @@ def links(state: State) -> tuple[str, ...]:
 
 
 # A point of a link, in its joint's frame; the same for all links, so that large ones pay no more.
-POINT = Parameter.each(("at_x", "at_y", "at_z"), "m", _REACH, 1e-5)
+POINT = Parameter.of_names(("at_x", "at_y", "at_z"), "m", _REACH, 1e-5)
 
 
-def sensors(state: State) -> tuple[str, ...]:
+def sensor_names(state: State) -> tuple[str, ...]:
     """Names of what is read."""
     return tuple(state.readings)
 
@@ -246,7 +246,7 @@ def segment_of(state: State, link: str) -> int:
     return [segment.link for segment in state.record.robot.segments].index(link)
 
 
-def joints(state: State) -> tuple[str, ...]:
+def visible_joints(state: State) -> tuple[str, ...]:
     """Joints whose motion or placement shows in the base's equation: all but those beyond every sensor."""
     record = state.record
     beyond = {segment + 1 for segment in record.unmeasured}

@@ -117,7 +117,7 @@ class Case:
     @property
     def found(self) -> Found:
         """It as a simulator takes it up."""
-        values = self.effect.sizes(self.context, self.location, self.theta, self.fit)
+        values = self.effect.to_sizes(self.context, self.location, self.theta, self.fit)
         return Found(self.effect, self.location, values)
 
     def errors(self, xml: str, *, extra: Array | None = None) -> Array:
@@ -126,9 +126,9 @@ class Case:
         samples, torque = base.samples, base.total + (self.torques if extra is None else extra)
         drives = {
             trial.name: Drive(trial.time, part)
-            for trial, part in zip(samples.trials, samples.split(torque), strict=True)
+            for trial, part in zip(samples.trials, samples.by_trial(torque), strict=True)
         }
-        told = self.effect.told(self.context, self.location, self.theta)
+        told = self.effect.initial_state(self.context, self.location, self.theta)
         plan = Plan(
             0.4,
             drives,
@@ -145,7 +145,7 @@ def forms() -> dict[str, Effect]:
     """All effects of the library and all their forms, by name and class."""
     found: dict[str, Effect] = {}
     for effect in EFFECTS.values():
-        for form in (effect, *effect.richer, *effect.forms):
+        for form in (effect, *effect.extended_forms, *effect.alternative_forms):
             found.setdefault(f"{form.name}-{type(form).__name__}", form)
     return found
 

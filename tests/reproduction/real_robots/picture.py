@@ -67,9 +67,9 @@ def curves(robot: Robot, log: Log, joints: Sequence[str]) -> list[Curves]:
     trial = next(k for k, t in enumerate(samples.trials) if not t.identification)
     rows = samples.trial_of_row == trial
     time = samples.trials[trial].time[samples.trials[trial].rows]
-    tau = samples.rows([t.tau for t in samples.trials])[rows]
+    tau = samples.to_rows([t.tau for t in samples.trials])[rows]
     before, after = (
-        samples.unweighed(baseline.plain(fit.residual))[:, rows]
+        samples.without_slip_weights(baseline.plain_residual(fit.residual))[:, rows]
         for fit in (found.baseline.fit, found.final.fit)
     )
     shown = time - time[0] <= _LONGEST_S
