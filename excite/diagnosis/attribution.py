@@ -188,7 +188,7 @@ class Attribution:
             return self.final if count else self.baseline
         return self.accepted[count].hypothesis.baseline
 
-    def keep_first(self, count: int) -> Attribution:
+    def first_n(self, count: int) -> Attribution:
         """The first effects alone."""
         return replace(self, accepted=self.accepted[:count], final=self.baseline_at(count))
 

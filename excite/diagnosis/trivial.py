@@ -321,7 +321,6 @@ def of_positions(
     They are fitted on the identification trials and judged on the pieces that judge the simulator.
 
     Args:
-        robot: the robot.
         log: the log, repaired, with commands.
         joints: the channels.
         spans: pieces that judge; by default the whole validation trials, all trials where there are none.
@@ -358,7 +357,6 @@ def of_torques(samples: ArmSamples, after: Array) -> dict[str, TrivialErrors]:
     """What one trial's torques say of another's with the same command, by joint; no more where torques are judged.
 
     Args:
-        samples: the samples.
         after: ``(n_joints, n_rows)`` what the model leaves [N·m].
     """
     measured = samples.to_rows(samples.stack_trials("measured_torque"))

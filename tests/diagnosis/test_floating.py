@@ -229,7 +229,7 @@ def test_a_hand_pressed_on_something_soft_is_placed(record: FloatingRecord) -> N
     link = "arm_left_7_link"
     segment = [s.link for s in thin.robot.segments].index(link)
     state = State.from_log(thin)
-    hand = state.joint_poses.point(segment + 1, np.array([0.02, 0.0, 0.03]))
+    hand = state.poses.point(segment + 1, np.array([0.02, 0.0, 0.03]))
     # A mattress: it gives way over 15 cm and never is fully pressed.
     edge = float(np.quantile(hand[:, 2], 0.5))
     force = np.clip((edge - hand[:, 2]) / 0.15, 0.0, 1.0)[:, None] * np.array([8.0, 0.0, 60.0])
@@ -242,7 +242,7 @@ def test_a_hand_pressed_on_something_soft_is_placed(record: FloatingRecord) -> N
 
 def test_what_is_unknown_is_placed_beside_inertials_that_would_imitate_it(record: FloatingRecord) -> None:
     thin, link = replace(record.halve_rate(), inertials_free=True), "arm_right_5_link"
-    point = State.from_log(thin).joint_poses.point(
+    point = State.from_log(thin).poses.point(
         [s.link for s in thin.robot.segments].index(link) + 1, np.zeros(3)
     )
     wild = np.random.default_rng(4).standard_normal((thin.n_samples, 3))
@@ -271,9 +271,7 @@ def test_a_channel_that_is_cut_off_is_unknown_and_placed(record: FloatingRecord)
 def test_a_cord_to_an_anchor_is_one_effect(record: FloatingRecord) -> None:
     thin = record.halve_rate()
     link, point = "torso_2_link", np.array([0.05, 0.0, 0.1])
-    hooked = State.from_log(thin).joint_poses.point(
-        [s.link for s in thin.robot.segments].index(link) + 1, point
-    )
+    hooked = State.from_log(thin).poses.point([s.link for s in thin.robot.segments].index(link) + 1, point)
     away = np.array([1.6, -1.2, 1.0]) - hooked
     length = np.linalg.norm(away, axis=1)
     pull = (100.0 * (length - length.mean() + 0.4) / length)[:, None] * away
@@ -291,7 +289,7 @@ def test_a_table_that_rubs_is_a_contact(record: FloatingRecord) -> None:
     thin = record.halve_rate()
     link = "arm_left_7_link"
     segment, palm = [s.link for s in thin.robot.segments].index(link), np.array([0.02, 0.0, 0.06])
-    hand = State.from_log(thin).joint_poses.point(segment + 1, palm)
+    hand = State.from_log(thin).poses.point(segment + 1, palm)
     speed = np.concatenate([np.gradient(hand[span], 1.0 / thin.rate_hz, axis=0) for span in thin.spans])
     edge = float(np.quantile(hand[:, 2], 0.5))
     press = 60.0 * np.clip((edge - hand[:, 2]) / 0.05, 0.0, 1.0)

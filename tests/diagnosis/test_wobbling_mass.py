@@ -45,7 +45,7 @@ def wobble(record: FloatingRecord, directions: np.ndarray) -> Wobble:
     """
     state = State.from_log(record)
     joint = [s.link for s in record.robot.segments].index(_LINK) + 1
-    places, turns = state.joint_poses.point(joint, _PLACE), state.joint_poses.rotation[:, joint]
+    places, turns = state.poses.point(joint, _PLACE), state.poses.rotation[:, joint]
     omega, damping = 2.0 * np.pi * _HERTZ, 4.0 * np.pi * _RATIO * _HERTZ
     down = np.einsum("nji,j->i", turns, _GRAVITY)
     sag = 9.81 * down / np.linalg.norm(down) / omega**2

@@ -118,7 +118,6 @@ def estimated_gains(
     """Gains, those of some joints, as the record tells them.
 
     Args:
-        robot: the robot.
         joints: of the values.
         name: of the gain.
         unit: of it at a joint that turns.

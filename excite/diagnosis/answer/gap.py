@@ -173,7 +173,6 @@ def gap_of(
     """Gap on the validation trials before and after, with a 90 % interval of the share closed.
 
     Args:
-        samples: the samples.
         before: ``(n_joints, n_rows)`` residual of the baseline [N·m].
         after: the same with the effects.
         floor: ``(n_joints,)`` noise floor [N·m].
@@ -221,7 +220,6 @@ def _bootstrap_interval(
     be, the shortest interval counts.
 
     Args:
-        samples: the samples.
         was: ``(n_rows,)`` normalised power of the residual before.
         now: ``(n_rows,)`` the same with the effects.
         level: ``(n_joints,)`` normalised power of the floor.

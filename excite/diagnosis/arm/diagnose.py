@@ -259,7 +259,6 @@ def trial_curves(samples: ArmSamples, before: Array, after: Array) -> Curves:
     """Curves of the first validation trial, of the first trial where there is none.
 
     Args:
-        samples: the samples.
         before: ``(n_joints, n_rows)`` measured minus predicted without effects [N·m].
         after: the same with the effects.
     """
@@ -298,10 +297,7 @@ def locate_gap(context: Context, shares: Mapping[str, float]) -> tuple[Where, ..
         One line a joint.
     """
     samples = context.baseline.samples
-    use, rest = (
-        samples.identification_rows,
-        context.baseline.plain_residual(context.baseline.fit.residual),
-    )
+    use, rest = (samples.identification_rows, context.baseline.plain_residual(context.baseline.fit.residual))
     lines = []
     for j, name in enumerate(context.joints):
         dependence = {

@@ -293,7 +293,6 @@ def known_hypothesis(term: Term, baseline: Baseline, beta: Array, std: Array) ->
     """A term of known size in the equations of a baseline: its torque is taken off, the rest fitted again.
 
     Args:
-        term: the term.
         baseline: the equations.
         beta: ``(n_linear,)`` its linear parameters.
         std: ``(n_linear,)`` their standard deviations.
@@ -320,7 +319,6 @@ def hypothesis_of(term: Term, baseline: Baseline, made_at: Context | None = None
     """A term of the model in the equations of a baseline; None where it is no body that can exist there.
 
     Args:
-        term: the term.
         baseline: the equations.
         made_at: predictions that its columns are made of, where not the baseline's own: a gear's load is what its link
             needs beside all that the model has.

@@ -23,13 +23,7 @@ from excite.diagnosis.budget.fit.joint_fit import Model, fit_model
 from excite.diagnosis.budget.fit.terms import ShapeStep, TermMaker
 from excite.diagnosis.budget.library import has_rigid_load
 from excite.diagnosis.budget.record import Found
-from excite.diagnosis.budget.shares import (
-    Shares,
-    jackknife_std,
-    linear_deviations,
-    shares_of,
-    unnamed_of,
-)
+from excite.diagnosis.budget.shares import Shares, jackknife_std, linear_deviations, shares_of, unnamed_of
 from excite.diagnosis.budget.thresholds import THRESHOLDS
 from excite.diagnosis.effects.form import Context
 from excite.diagnosis.equations.noise_floor import repeat_floor

@@ -54,7 +54,6 @@ def predict_model(full: Baseline, model: Model) -> Prediction:
 
     Args:
         full: what every model begins with, fitted.
-        model: the model.
     """
     s = full.samples
     x = model.x[: full.basis.shape[1]]

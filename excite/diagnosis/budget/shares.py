@@ -437,7 +437,6 @@ def unnamed_of(model: Model, context: Context, weight: Array, floor: Array, join
         context: its predictions.
         weight: ``(n_joints, n_rows)`` square roots of the rows' weights.
         floor: ``(n_joints,)`` noise in the rows' band.
-        joint: the joint.
     """
     rows = model.design.rows
     rest = model.residual[joint].copy()

@@ -419,8 +419,6 @@ def hysteretic_sign(context: Context, joint: str, breakaway: float) -> Array:
     """The sign of a joint's motion with presliding, ``(n_samples,)`` (Dahl 1968; Canudas de Wit et al. 1995).
 
     Args:
-        context: the context.
-        joint: the joint.
         breakaway: deflection over which friction builds up [rad].
     """
     return bristle_bend(context.baseline.samples, context.signal_at(joint, "v"), SignChange(0.0, breakaway))
@@ -433,7 +431,6 @@ def bent_excess(context: Context, j: int, sign: SignChange, velocity: float, exp
     Coulomb friction and those of none stands for any ratio. It is damped as they are.
 
     Args:
-        context: the context.
         j: row of the joint.
         sign: with bristles.
         velocity: Stribeck velocity [rad/s].

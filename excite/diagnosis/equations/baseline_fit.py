@@ -31,7 +31,6 @@ def fit_baseline(
     """Fit what ``modelled`` names; what the motion does not show of the inertial parameters stays nominal.
 
     Args:
-        samples: the samples.
         modelled: words of ``modelled`` in ``log.yaml``.
         floor: ``(n_joints,)`` noise in the rows' band [N·m].
         late: whether friction that seems to remember may be friction without memory beside torques that are late; not
@@ -105,7 +104,6 @@ def standstill_weights(samples: ArmSamples, slope: float, least: float) -> Array
     standstill weigh little. A fit that gave them no weight at all would leave the change of sign to chance.
 
     Args:
-        samples: the samples.
         slope: loss of weight with the share of standstill in a row.
         least: least root of a weight before normalisation.
     """

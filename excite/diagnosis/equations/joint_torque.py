@@ -124,11 +124,7 @@ class Solver:
         e = self.equations
         own = e.own[j][e.use]
         q = np.linalg.qr(own / np.maximum(np.linalg.norm(own, axis=0), 1e-12))[0] if own.shape[1] else own
-        self._q[j], self._a[j], self._y[j] = (
-            q,
-            _project_out(q, e.shared[j][e.use]),
-            _project_out(q, e.y[j][e.use]),
-        )
+        self._q[j], self._a[j], self._y[j] = (q, _project(q, e.shared[j][e.use]), _project(q, e.y[j][e.use]))
         self._gram[j] = self._a[j].T @ self._a[j]
         self._cross[j] = self._a[j].T @ self._y[j]
 
@@ -164,14 +160,14 @@ class Solver:
         m = 0 if extra is None else extra.shape[2]
         n = e.shared.shape[2]
         touched = [] if extra is None else [j for j in range(e.n_joints) if extra[j].any()]
-        c = {j: _project_out(self._q[j], extra[j][e.use]) for j in touched} if extra is not None else {}
+        c = {j: _project(self._q[j], extra[j][e.use]) for j in touched} if extra is not None else {}
         y = list(self._y)
         cross = self._cross
         if offset is not None:
             cross = cross.copy()
             for j in range(e.n_joints):
                 if offset[j].any():
-                    y[j] = y[j] - _project_out(self._q[j], offset[j][e.use])
+                    y[j] = y[j] - _project(self._q[j], offset[j][e.use])
                     cross[j] = self._a[j].T @ y[j]
         yy = np.array([v @ v for v in y])
         scale = np.sqrt(sum((v**2).sum(axis=0) for v in c.values())) if c else np.zeros(m)
@@ -226,27 +222,23 @@ class Solver:
         if fit.columns is None:
             return fit.extra_std
         few = len(np.unique(self.equations.trial[self.equations.use])) < TRIALS
-        std = (
-            fit.extra_std
-            if few
-            else np.maximum(self._sandwich_deviations(fit, fit.columns, widths), fit.extra_std)
-        )
+        std = fit.extra_std if few else np.maximum(self._sandwich(fit, fit.columns, widths), fit.extra_std)
         prior = np.full(len(std), np.inf) if widths is None else widths
         return np.where(fit.columns.any(axis=(0, 1)), std, prior)
 
-    def _sandwich_deviations(self, fit: Fit, columns: Array, widths: Array | None = None) -> Array:
+    def _sandwich(self, fit: Fit, columns: Array, widths: Array | None = None) -> Array:
         """The sandwich for columns ``(n_joints, n_rows, n)`` beside all that the fit has."""
         e, n = self.equations, self.equations.shared.shape[2]
         size = np.sqrt((columns[:, e.use] ** 2).sum(axis=(0, 1)))
         scale = np.maximum(size, max(_NOTHING * float(size.max()), 1e-100))
-        own = [_project_out(q, block[e.use] / scale) for q, block in zip(self._q, columns, strict=True)]
+        own = [_project(q, block[e.use] / scale) for q, block in zip(self._q, columns, strict=True)]
         rows = [np.hstack([a, o]) / s for a, o, s in zip(self._a, own, fit.sigma, strict=True)]
         rest = [left[e.use] / s for left, s in zip(fit.residual, fit.sigma, strict=True)]
         known = np.zeros(len(scale)) if widths is None else 1.0 / (widths * scale) ** 2
         return std_of_trials(rows, rest, e.trial[e.use], np.concatenate([np.ones(n), known]))[n:] / scale
 
 
-def _project_out(q: Array, values: Array) -> Array:
+def _project(q: Array, values: Array) -> Array:
     return values - q @ (q.T @ values) if q.shape[1] else values
 
 

@@ -76,7 +76,6 @@ def _moving_stretches(trial: ArmTrial, joint: int, still: NDArray[np.bool_], lea
     stretch of motion tells a spectrum, those in which torques were measured do, or the trial.
 
     Args:
-        trial: the trial.
         joint: its column.
         still: ``(n,)`` where the joint may as well stand.
         least: samples that tell a spectrum.
@@ -119,7 +118,6 @@ def without_drift(samples: ArmSamples, residual: Array, columns: Sequence[Array]
     A joint that warms up between two runs of a command differs by another friction or constant: that is no noise.
 
     Args:
-        samples: the samples.
         residual: ``(n_joints, n_rows)`` [N·m].
         columns: by joint, ``(n_rows, n)`` of its friction and constant.
     """
@@ -137,7 +135,6 @@ def unrepeated_noise_power(samples: ArmSamples, noise: Array, rows: NDArray[np.b
     Where noise grows with the posture's inertia, repeats of one trial do not show that of all.
 
     Args:
-        samples: the samples.
         noise: ``(n_joints, n_rows)`` a draw of it [N·m].
         rows: which rows to tell it of; all by default.
     """
@@ -208,7 +205,6 @@ def noisy_motion(samples: ArmSamples, sigma: Array, rng: np.random.Generator) ->
     """The samples with as much noise again in their positions, and what the filter and differences make of it.
 
     Args:
-        samples: the samples.
         sigma: ``(n_joints,)`` standard deviation of the positions' noise [rad].
         rng: source of the noise.
     """
@@ -286,7 +282,6 @@ def bands_by_noise(log: Log, trials: Sequence[Trial]) -> Bands:
     at any of them has no say.
 
     Args:
-        log: the log.
         trials: repaired trials.
     """
     bands = Bands()

@@ -147,10 +147,7 @@ def best_sign(
         kept: index of the sign change so far.
     """
     losses = np.array(
-        [
-            _squared_residual(target, c, positive=sign.has_damping)
-            for c, sign in zip(columns, tried, strict=True)
-        ]
+        [_squares_left(target, c, positive=sign.has_damping) for c, sign in zip(columns, tried, strict=True)]
     )
     kinds = np.array([int(sign.has_bristles) + int(sign.has_damping) for sign in tried])
     found = int(np.argmin(np.where(kinds == 0, losses, np.inf)))
@@ -183,14 +180,14 @@ def refine_number(
         The value.
     """
     low, high = bounds
-    best, step = _squared_residual(target[use], columns[use]), FIRST_STEP
+    best, step = _squares_left(target[use], columns[use]), FIRST_STEP
     while step > _LAST_STEP:
         moved = False
         for way in (step, 1.0 / step):
             if not low <= value * way <= high:
                 continue
             new = rows_at(value * way)
-            loss = _squared_residual(target[use], new[use])
+            loss = _squares_left(target[use], new[use])
             if loss < best:
                 value, best, moved = value * way, loss, True
                 break
@@ -198,7 +195,7 @@ def refine_number(
     return value
 
 
-def _squared_residual(target: Array, columns: Array, *, positive: bool = False) -> float:
+def _squares_left(target: Array, columns: Array, *, positive: bool = False) -> float:
     """Sum of squares that is left; infinite where the last coefficient has to be positive and is not."""
     x = np.linalg.lstsq(columns, target, rcond=None)[0]
     return np.inf if positive and x[-1] <= 0.0 else float(((target - columns @ x) ** 2).sum())

@@ -113,7 +113,7 @@ class ArmSamples:
         return own if self.robot.mechanism is not None or not self.is_coupled else own @ self.coupling.T
 
     def motor_signal(self, name: str) -> Array:
-        """:meth:`motors` of a channel of all trials, ``q``, ``v`` or ``a``; not to be written to."""
+        """:meth:`motor_values` of a channel of all trials, ``q``, ``v`` or ``a``; not to be written to."""
         key = "motors", name
         if key not in self.motion_cache:
             self.motion_cache[key] = self.motor_values(self.stack_trials(name))
@@ -124,7 +124,7 @@ class ArmSamples:
 
         Args:
             forces: in the samples' configurations, or in those of ``maps``.
-            maps: of other configurations, as :attr:`maps`.
+            maps: of other configurations, as :attr:`motion_maps`.
         """
         if not self.is_coupled:
             return self.motor_values(forces)
@@ -144,7 +144,7 @@ class ArmSamples:
         Args:
             phi: ``(10·n_segments,)`` inertial parameters; the model's own if None.
             motion: of the tree, closed; the samples' own if None.
-            maps: in its configurations, as :attr:`maps`; None where these are the samples'.
+            maps: in its configurations, as :attr:`motion_maps`; None where these are the samples'.
             model: with another gravity; the robot's own if None.
         """
         return self.on_motors(
@@ -188,7 +188,7 @@ class ArmSamples:
         Args:
             signals: ``(n_samples, …)``.
             joints: of the columns, the joint in whose equation each stands: both sides of it are left out where the
-                joint may stick (:attr:`slipping`); None for signals as they are.
+                joint may stick (:attr:`slip_weights`); None for signals as they are.
         """
         values = signals if isinstance(signals, np.ndarray) else np.concatenate(signals)
         weighted = None if joints is None else np.array(joints, dtype=np.int64)
@@ -282,7 +282,7 @@ class ArmSamples:
         return np.ascontiguousarray(self.slip_weights.T)
 
     def without_slip_weights(self, residual: Array) -> Array:
-        """Residuals ``(n_joints, n_rows)`` without what rows weigh more for those that :attr:`slipping` leaves out."""
+        """Residuals ``(n_joints, n_rows)`` over the largest of each joint's :attr:`slip_weights`."""
         return residual / self.slip_weights.max(axis=0)[:, None]
 
     @cached_property

@@ -29,7 +29,6 @@ def held_power(samples: ArmSamples, residual: Array, floor: Array, rows: NDArray
     asking what explains it.
 
     Args:
-        samples: the samples.
         residual: ``(n_joints, n_rows)`` what the model leaves before any effect [N·m].
         floor: ``(n_joints,)`` noise [N·m].
         rows: ``(n_rows,)`` which rows to tell it of.
@@ -62,7 +61,6 @@ def with_held(samples: ArmSamples, residual: Array, floor: Array) -> Array:
     they do not explain is its friction's, whatever that is.
 
     Args:
-        samples: the samples.
         residual: ``(n_joints, n_rows)`` what a model with all effects leaves, weighted [N·m].
         floor: ``(n_joints,)`` noise [N·m].
     """

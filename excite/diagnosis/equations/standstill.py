@@ -130,7 +130,6 @@ def fit_where_slipping(samples: ArmSamples, modelled: tuple[str, ...], floor: Ar
     A first fit, to all of the motion, tells which joints stick; where none does it is the baseline.
 
     Args:
-        samples: the samples.
         modelled: words of ``modelled`` in ``log.yaml``.
         floor: ``(n_joints,)`` noise in the rows' band [N·m].
     """

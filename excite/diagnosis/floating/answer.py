@@ -24,7 +24,6 @@ def trial_curves(problem: Problem, before: Fitted, after: Fitted) -> Curves:
     """The wrench on the base in the first validation trial, in the first trial where there is none.
 
     Args:
-        problem: the problem.
         before: the baseline's fit.
         after: the fit with the effects.
     """
@@ -56,7 +55,6 @@ def gap_of(problem: Problem, before: Fitted, after: Fitted, rng: np.random.Gener
     """Gap of the baseline and of the accepted effects, both fitted to the identification trials.
 
     Args:
-        problem: the problem.
         before: the baseline's fit.
         after: the fit with the effects.
         rng: of the block bootstrap that gives the interval of the share closed.
@@ -132,7 +130,6 @@ def what_is_left(
     to leave what is left, and the interval has one side: nothing, and what nine draws of ten stay below.
 
     Args:
-        problem: the problem.
         residuals: before and after, ``(n, 6)`` each, in band [N, N·m].
         after: the effects' fit.
         scale: ``(6,)`` of the channels.
@@ -196,7 +193,6 @@ def left_by_parameters(
     (MacKay 1992, eq. 2.8); what that does to the residual of other trials is linear in it.
 
     Args:
-        problem: the problem.
         fitted: a fit to its identification trials, with effects.
         scale: ``(6,)`` of the channels [N, N·m].
         samples: ``(n,)`` which samples are looked at.

@@ -271,12 +271,11 @@ class SoftTissue(FloatingEffect):
         """``(3, n, 3)`` angle, velocity and acceleration for each axis' unit of angle by acceleration.
 
         Args:
-            state: the state.
             joint: index in the tree.
             tissue: ``lag`` and ``inertia``.
         """
         out = np.empty((3, len(state.q), 3))
-        point = state.joint_poses.translation[:, joint]
+        point = state.poses.translation[:, joint]
         for span in state.record.spans:
             n = span.stop - span.start
             omega = 2.0 * np.pi * np.fft.rfftfreq(n, 1.0 / state.record.rate_hz)
@@ -428,9 +427,9 @@ class WobblingMass(FloatingEffect):
         segment = segment_of(state, location)
         held = state.on_unit_mass(segment, theta[1:4])
         displaced, further = self._mass_motion(state, segment + 1, theta, held)
-        wrench = state.at_base(-mass * further, state.joint_poses.point(segment + 1, theta[1:4]))
+        wrench = state.at_base(-mass * further, state.poses.point(segment + 1, theta[1:4]))
         moment = cross_rows(displaced, -mass * (held + further))
-        wrench[:, 3:] += np.einsum("nji,nj->ni", state.joint_poses.rotation[:, 1], moment)
+        wrench[:, 3:] += np.einsum("nji,nj->ni", state.poses.rotation[:, 1], moment)
         return state.replace(extra=state.extra + wrench)
 
     def residual_columns(self, state: State, location: str, theta: Array) -> Array:
@@ -460,7 +459,7 @@ class WobblingMass(FloatingEffect):
         A trial begins with the mass where its load holds it.
         """
         omega, ratio = 2.0 * np.pi * _natural_frequency(state, theta), _damping_ratio(theta)
-        rotation = state.joint_poses.rotation[:, joint]
+        rotation = state.poses.rotation[:, joint]
         upright = np.einsum("nji,j->i", rotation, -state.tree.gravity)
         upright *= np.linalg.norm(state.tree.gravity) / np.linalg.norm(upright)
         load = rotation @ upright - held

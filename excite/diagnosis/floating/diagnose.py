@@ -193,7 +193,7 @@ class _Open:
 
     def beside_force(self, link: str, lever: Array) -> tuple[Array, Array]:
         """What a free force at a point of a link leaves, ``(k, 3)``, and the parameters beside it."""
-        point = self.state.joint_poses.point(segment_of(self.state, link) + 1, lever)
+        point = self.state.poses.point(segment_of(self.state, link) + 1, lever)
         return self.fit_wrenches(self.state.at_base(np.tile(np.eye(3), (len(point), 1, 1)), point))
 
 
@@ -297,11 +297,9 @@ def _estimate_force_point(state: State, link: str, residual: Array) -> Array:
     What is left beside a force r × f is taken for noise, and a point is looked for near the joint.
     """
     joint = segment_of(state, link) + 1
-    base, own = state.joint_poses.rotation[:, 1], state.joint_poses.rotation[:, joint]
+    base, own = state.poses.rotation[:, 1], state.poses.rotation[:, joint]
     to_link = np.einsum("nji,njk->nik", own, base)
-    origin = np.einsum(
-        "nji,nj->ni", base, state.joint_poses.translation[:, joint] - state.joint_poses.translation[:, 1]
-    )
+    origin = np.einsum("nji,nj->ni", base, state.poses.translation[:, joint] - state.poses.translation[:, 1])
     moment = residual[:, 3:] - cross_rows(origin, residual[:, :3])
     force, moment = (np.einsum("nij,nj->ni", to_link, x) for x in (residual[:, :3], moment))
     # Σ |m − r × f|² has the normal equations Σ (f·f − f fᵀ) r = Σ f × m.
@@ -355,7 +353,6 @@ def diagnose_floating(
     """Diagnose a log with base pose, joints and contact wrenches.
 
     Args:
-        log: the log.
         robot: its nominal robot with the log's sensors; None reads the one that the log names.
         rng: of the bootstrap and of the roll-outs' replicas; None is seeded with zero.
         out: folder for the augmented simulator; none is written without it.

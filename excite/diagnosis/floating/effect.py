@@ -167,7 +167,7 @@ class FloatingEffect(ABC):
         return {}
 
     def with_stored_data(self, said: Mapping[str, Any], record: FloatingRecord) -> FloatingEffect:
-        """The effect that holds what :meth:`holds` said."""
+        """The effect that holds what :meth:`stored_data` said."""
         return self
 
     def is_allowed(self, theta: Array) -> bool:
@@ -179,7 +179,7 @@ class FloatingEffect(ABC):
         """What is true if it is there with parameters ``theta``, given all else in ``state``."""
 
     def in_mujoco(self, state: State, location: str, theta: Array) -> Part | StandingNote:
-        """What of a model has it, written from what :meth:`apply` makes of a state, or the note beside the model.
+        """What of a model has it, written from what :meth:`apply_to` makes of a state, or the note beside the model.
 
         Args:
             state: the nominal state.
@@ -207,7 +207,7 @@ class FloatingEffect(ABC):
         return np.stack(columns, axis=2)
 
     def report_parameters(self, state: State, location: str, theta: Array, std: Array) -> dict[str, Estimate]:
-        """Parameters by name, as the contract defines the effect; by default those of :meth:`parameters`."""
+        """Parameters by name, as the contract defines the effect; by default those of :meth:`parameters_at`."""
         return {
             p.name: Estimate(self.counts * float(value), float(spread), p.unit)
             for p, value, spread in zip(self.parameters_at(state, location), theta, std, strict=True)

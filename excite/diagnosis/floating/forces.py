@@ -42,7 +42,7 @@ class PointForce(FloatingEffect):
 
     def apply_to(self, state: State, location: str, theta: Array) -> State:
         """Add it."""
-        point = state.joint_poses.point(segment_of(state, location) + 1, theta[self.at])
+        point = state.poses.point(segment_of(state, location) + 1, theta[self.at])
         return state.replace(extra=state.extra + state.at_base(self.force_at(state, point, theta), point))
 
 

@@ -77,7 +77,6 @@ def refine_fit(
     """Iterate linearised fits until they gain nothing.
 
     Args:
-        problem: the problem.
         placed: the effects.
         start: their parameters to begin with.
         before: a fit whose inertial parameters to begin with.
@@ -235,7 +234,6 @@ def screen_effects(problem: Problem, state: State, rows: Array) -> list[Screened
     """Linearised fits of all effects at all places from the likeliest of their beginnings, best evidence first.
 
     Args:
-        problem: the problem.
         state: the state to linearise at.
         rows: ``(m,)`` whitened residual there.
     """

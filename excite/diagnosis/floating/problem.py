@@ -82,7 +82,7 @@ def find_unloaded(record: FloatingRecord, state: State) -> UnloadedRows:
     scales = np.zeros(len(record.tree.phi))
     for sensor in record.robot.sensors:
         foot = record.robot.foot(sensor.foot).joint
-        height = state.joint_poses.translation[:, foot] @ up
+        height = state.poses.translation[:, foot] @ up
         force = np.linalg.norm(record.readings[sensor.name][:, :3], axis=1)
         ground = np.median(height[force > 0.3 * weight]) if (force > 0.3 * weight).any() else height.min()
         for index, span in enumerate(record.spans):
@@ -128,18 +128,13 @@ def _foot_reading(
         return total
     body = base_link_regressor(record.tree, state.q[mask], state.v[mask], state.a[mask])
     rotation = (
-        np.einsum(
-            "nji,njk->nik",
-            state.joint_poses.rotation[mask, 1],
-            state.joint_poses.rotation[mask, sensor.joint],
-        )
+        np.einsum("nji,njk->nik", state.poses.rotation[mask, 1], state.poses.rotation[mask, sensor.joint])
         @ sensor.placement.rotation
     )
     point = (
-        state.joint_poses.point(sensor.joint, sensor.placement.translation)[mask]
-        - state.joint_poses.translation[mask, 1]
+        state.poses.point(sensor.joint, sensor.placement.translation)[mask] - state.poses.translation[mask, 1]
     )
-    point = np.einsum("nji,nj->ni", state.joint_poses.rotation[mask, 1], point)
+    point = np.einsum("nji,nj->ni", state.poses.rotation[mask, 1], point)
     for segment in sensor.excludes:
         part = slice(10 * segment, 10 * segment + 10)
         force, moment = body[:, :3, part], body[:, 3:, part]
@@ -396,7 +391,6 @@ def noise_level(
     """Noise as far as the model of it, what a fit leaves of the other trials and repeated trials tell.
 
     Args:
-        problem: the problem.
         residual: ``(n, 6)`` what the fit leaves, in band [N, N·m].
         scale: ``(6,)`` of the channels.
         judged: ``(n,)`` which samples the gap is judged on.
@@ -435,7 +429,6 @@ def _power_spread(problem: Problem, powers: list[float]) -> float:
     """How far the noise's power in the validation trials may be from what was learnt, relative.
 
     Args:
-        problem: the problem.
         powers: what a fit leaves of each trial.
     """
     held_out = np.array(problem.record.validation)
@@ -453,7 +446,6 @@ def _validation_noise_ratio(record: FloatingRecord, residual: Array) -> float:
     kinematics' noise into the equations. 1 where there are no validation trials, or no others.
 
     Args:
-        record: the record.
         residual: ``(n, 6)`` in band, channels of like size.
     """
     powers: tuple[list[float], list[float]] = ([], [])

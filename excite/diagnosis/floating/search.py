@@ -85,7 +85,6 @@ def rank_next(problem: Problem, coarse: Problem, current: Fitted) -> tuple[Ranke
     """All effects at all places added to ``current``: screened by linearised fits, the promising ones refined.
 
     Args:
-        problem: the problem.
         coarse: the same with every other sample, for screening.
         current: what is accepted already.
     """
@@ -255,7 +254,6 @@ def find_contact(problem: Problem, before: Fitted) -> Fitted | None:
     """Alternate between when and where, from two clusters of the smoothed residual; None if there are not two.
 
     Args:
-        problem: the problem.
         before: what is explained already.
     """
     residual = problem.record.smooth_signal(explained_state(problem, before).residual, _SMOOTH_HZ)
@@ -365,7 +363,6 @@ def fit_pressed_contact(problem: Problem, contact: Fitted) -> Fitted | None:
     """A contact that was found in time, as one with a surface; None where no surface explains the times.
 
     Args:
-        problem: the problem.
         contact: a fit whose last effect is an unlogged contact.
     """
     place, theta = contact.placed[-1], contact.theta[-1]
@@ -373,7 +370,7 @@ def fit_pressed_contact(problem: Problem, contact: Fitted) -> Fitted | None:
     if not np.linalg.norm(force) > 0.0:
         return None
     state = explained_state(problem, contact)
-    point = state.joint_poses.point(segment_of(state, place.location) + 1, theta[3:6])
+    point = state.poses.point(segment_of(state, place.location) + 1, theta[3:6])
     normal = _surface_normal(force, -state.record.tree.gravity)
     found = _fit_surface(point @ normal, estimate_contact_share(problem, contact), normal)
     if found is None:
@@ -418,7 +415,6 @@ def find_surfaces(problem: Problem, before: Fitted, least: float, steps: int) ->
     instant; then the links' best in the likelihood, and the best of those refined.
 
     Args:
-        problem: the problem.
         before: what is explained already.
         least: what a link's best must gain in the likelihood [nats] to be refined.
         steps: of the refinement.
@@ -428,7 +424,7 @@ def find_surfaces(problem: Problem, before: Fitted, least: float, steps: int) ->
     white = state.residual @ factor.T
     guesses, columns = [], []
     for link in link_names(state):
-        point = state.joint_poses.translation[:, segment_of(state, link) + 1]
+        point = state.poses.translation[:, segment_of(state, link) + 1]
         arms = state.at_base(np.tile(np.eye(3), (len(point), 1, 1)), point)
         best = _best_surface(state, point, factor @ arms, white)
         if best is None:
@@ -461,7 +457,6 @@ def _best_surface(state: State, point: Array, arms: Array, white: Array) -> Surf
     """The surface that explains most of whitened residuals by one force whose share it is.
 
     Args:
-        state: the state.
         point: ``(n, 3)`` that it meets, world [m].
         arms: ``(n, 6, 3)`` whitened wrench of a unit force there along each axis.
         white: ``(n, 6)`` whitened residual.

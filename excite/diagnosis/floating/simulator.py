@@ -59,7 +59,6 @@ def read_notes(model: mujoco.MjModel, record: FloatingRecord) -> tuple[tuple[Pla
     """The effects noted in a loaded model, in order, and their parameters.
 
     Args:
-        model: the model.
         record: the record that it is run on.
 
     Raises:
@@ -92,7 +91,6 @@ def standing_model(problem: Problem, fitted: Fitted) -> AugmentedModel:
     """The simulator with a fit's inertial parameters and effects.
 
     Args:
-        problem: the problem.
         fitted: the fit; without effects it gives the nominal simulator.
 
     Raises:
@@ -231,7 +229,7 @@ class Simulator:
         """
         state, step, first = self.driving_state, 1.0 / self.record.rate_hz, window.start
         extra = np.asarray(state.extra if noise is None else state.extra + noise)
-        recorded = state.joint_poses.rotation[:, 1]
+        recorded = state.poses.rotation[:, 1]
         rotation = recorded[first]
         place, speed = state.q[first, :3].copy(), rotation @ state.v[first, :3]
         turning = state.v[first, 3:6].copy()
@@ -352,7 +350,6 @@ def simulate_effects(
     model, the last first, and a warning says so.
 
     Args:
-        problem: the problem.
         before: the baseline's fit to the identification trials.
         after: that of the accepted effects.
         rng: of the replicas.

@@ -127,7 +127,6 @@ def repeat_levels(whitening: Whitening, white: Array) -> Array | None:
     """Power of the difference of repeated trials over the expected noise, by frequency; None without repeats.
 
     Args:
-        whitening: the whitening.
         white: ``(n_rows,)`` whitened residual.
     """
     levels = []
@@ -157,7 +156,6 @@ def make_whitening(record: FloatingRecord, state: State) -> Whitening:
     twice; C, what the same noise does to gravity and to the sensors' levers.
 
     Args:
-        record: the record.
         state: the nominal state, whose predictions carry the kinematics' noise.
     """
     sensors = state.white_noise * record.rate_hz / record.full_rate_hz
@@ -192,7 +190,6 @@ def _noise_above_motion(record: FloatingRecord, values: Array, order: int = 2) -
     """``(k, k)`` spectrum of ``values (n, k)`` where no motion is left, at the band's centre, and that [Hz].
 
     Args:
-        record: the record.
         values: signals.
         order: their noise grows with this power of frequency.
     """

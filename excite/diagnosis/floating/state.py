@@ -31,7 +31,7 @@ from excite.rows.drive_terms import smooth_sign
 
 _MOTION = {"tree", "q"}
 _DEPENDS: dict[str, set[str]] = {
-    "joint_poses": _MOTION,
+    "poses": _MOTION,
     "reading_levers": _MOTION | {"placements"},
     "contact_maps": _MOTION,
     "drive_term_shapes": {"v", "a"},
@@ -109,7 +109,7 @@ class State:
         return self.replace(**made)
 
     @cached_property
-    def joint_poses(self) -> Placements:
+    def poses(self) -> Placements:
         """World poses of all joints."""
         return forward_kinematics(self.tree, self.q)
 
@@ -127,8 +127,8 @@ class State:
         levers = {}
         for sensor in self.record.robot.sensors:
             placement = self.placements[sensor.name]
-            axes = self.joint_poses.rotation[:, sensor.joint] @ placement.rotation
-            force = self.at_base(axes, self.joint_poses.point(sensor.joint, placement.translation))
+            axes = self.poses.rotation[:, sensor.joint] @ placement.rotation
+            force = self.at_base(axes, self.poses.point(sensor.joint, placement.translation))
             moment = np.concatenate([np.zeros_like(axes), force[:, :3]], axis=1)
             levers[sensor.name] = np.concatenate([force, moment], axis=2)
         return levers
@@ -138,11 +138,9 @@ class State:
 
         Of ``k`` forces at each point, ``(n, 3, k)``, as many wrenches: ``(n, 6, k)``.
         """
-        turned = np.concatenate(
-            [force, cross_rows(point - self.joint_poses.translation[:, 1], force)], axis=1
-        )
+        turned = np.concatenate([force, cross_rows(point - self.poses.translation[:, 1], force)], axis=1)
         parts = turned.reshape(len(turned), 2, 3, -1)
-        return np.einsum("nji,npjk->npik", self.joint_poses.rotation[:, 1], parts).reshape(turned.shape)
+        return np.einsum("nji,npjk->npik", self.poses.rotation[:, 1], parts).reshape(turned.shape)
 
     @cached_property
     def measured_phi(self) -> Array:
@@ -203,7 +201,7 @@ class State:
         # The force, unlike the moment, does not depend on moments of inertia.
         phi[10 * segment : 10 * segment + 4] = (1.0, *place)
         force = inverse_dynamics(self.tree, self.q, self.v, self.a, phi)[:, :3]
-        return np.einsum("nij,nj->ni", self.joint_poses.rotation[:, 1], force)
+        return np.einsum("nij,nj->ni", self.poses.rotation[:, 1], force)
 
     @cached_property
     def joint_torques(self) -> Array:
@@ -211,14 +209,14 @@ class State:
         torque = inverse_dynamics(self.tree, self.q, self.v, self.a, self.measured_phi)
         for sensor in self.record.robot.sensors:
             placement, wrench = self.placements[sensor.name], self.readings[sensor.name]
-            rotation = self.joint_poses.rotation[:, sensor.joint] @ placement.rotation
+            rotation = self.poses.rotation[:, sensor.joint] @ placement.rotation
             force = np.einsum("nij,nj->ni", rotation, wrench[:, :3])
             moment = np.einsum("nij,nj->ni", rotation, wrench[:, 3:])
-            point = self.joint_poses.point(sensor.joint, placement.translation)
+            point = self.poses.point(sensor.joint, placement.translation)
             joint = sensor.joint or self.record.robot.foot(sensor.foot).joint
             while joint > 1:
-                axis = self.joint_poses.rotation[:, joint] @ self.tree.axes[joint]
-                arm = cross_rows(point - self.joint_poses.translation[:, joint], force) + moment
+                axis = self.poses.rotation[:, joint] @ self.tree.axes[joint]
+                arm = cross_rows(point - self.poses.translation[:, joint], force) + moment
                 torque[:, self.tree.idx_v[joint]] -= np.einsum("ni,ni->n", axis, arm)
                 joint = int(self.tree.parents[joint])
         return torque
@@ -430,7 +428,7 @@ class TorqueState(State):
     @cached_property
     def contact_maps(self) -> Array:
         """``(n, nv, k)`` generalised forces per unit of each force or moment that a foot can transmit."""
-        return tree_contact_maps(self.tree, self.joint_poses, self.record.robot.feet)
+        return tree_contact_maps(self.tree, self.poses, self.record.robot.feet)
 
     @property
     def footless_joints(self) -> NDArray[np.int64]:

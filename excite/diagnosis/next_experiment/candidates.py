@@ -77,7 +77,6 @@ def draw_motions(samples: ArmSamples, targets: Sequence[str], seed: int, *, wide
     have the model's whole range; without shapes each joint stays between the positions that it has been at.
 
     Args:
-        samples: the samples.
         targets: joints to aim at.
         seed: of the generators.
         wide: whether postures may be new.

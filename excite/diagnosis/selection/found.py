@@ -77,7 +77,7 @@ class Selected:
     gap: Array
 
     @property
-    def chosen_atoms(self) -> tuple[int, ...]:
+    def best_atoms(self) -> tuple[int, ...]:
         """Atoms of the likeliest model."""
         return tuple(int(a) for a in self.draws.best if a >= 0)
 
@@ -307,9 +307,7 @@ def model_of_gap(
     rows = gram.rows
     groups = groups_of(gram.atoms)
     number = {key: g for g, key in enumerate(groups)}
-    sure = [
-        a for a in selected.chosen_atoms if draws.inclusion[number[group_of(gram.atoms[a].term)]] >= _THERE
-    ]
+    sure = [a for a in selected.best_atoms if draws.inclusion[number[group_of(gram.atoms[a].term)]] >= _THERE]
     free = [gram.atoms[a].term for a in sure]
     terms = _with_bodies(free, selected, rows)
     terms = _of_some_share(terms, selected, rows, floor, _torque_scale(full), Context(selected.full))
@@ -532,7 +530,7 @@ def _rank_single_terms(selected: Selected) -> tuple[Term, ...]:
     gram = selected.gram
     problem = problem_of(gram.atoms, gram.gram, gram.reduced)
     state = np.full(len(problem.begin), -1, dtype=np.int64)
-    for a in selected.chosen_atoms:
+    for a in selected.best_atoms:
         if gram.atoms[a].term.started:
             state[problem.group[a]] = a
     gains = gains_beside(problem, state)

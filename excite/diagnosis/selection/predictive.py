@@ -100,7 +100,6 @@ def nats_of(model: Model, without: Model, noise: Array) -> float:
     """By how many nats a model predicts blocks better than one without a term, what noise makes of it taken off.
 
     Args:
-        model: the model.
         without: the same without the term.
         noise: ``(n_blocks, n_joints)`` by how much less of drawn noise the model leaves.
     """

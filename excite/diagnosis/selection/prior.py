@@ -130,7 +130,6 @@ def atom_of(term: Term, slab: Slab, changes: Sequence[Mapping[int, Array]] = ())
     """A term with its prior: a torque as large as the gap of its joints, sizes as believed.
 
     Args:
-        term: the term.
         slab: the unit of its torque.
         changes: by shape parameter, the change of its contribution with the parameter's logarithm, by joint.
     """

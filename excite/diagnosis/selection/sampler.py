@@ -436,7 +436,6 @@ def draw_models(problem: Problem, state: Indices, sweeps: int, burnt: int, rng: 
     """Draw models by Gibbs sampling.
 
     Args:
-        problem: the problem.
         state: ``(n_groups,)`` where to begin.
         sweeps: over all groups and all slots, those that are burnt among them.
         burnt: that are not counted.

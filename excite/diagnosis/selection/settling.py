@@ -86,7 +86,6 @@ def settle_shapes(basis: Basis, terms: Sequence[Term], *, once: bool) -> Settled
 
     Args:
         basis: what every model begins with.
-        terms: the terms.
         once: whether one search does.
     """
     found = _search_shapes(basis, terms, 1 if once else _SEARCHES)

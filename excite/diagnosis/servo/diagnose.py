@@ -359,7 +359,6 @@ def servo_effects(servo: Servo, joints: tuple[str, ...]) -> tuple[Effect, ...]:
     """The library of effects as a servo's log shows them.
 
     Args:
-        servo: the servo.
         joints: of the log, in the servo's order.
     """
     kp = dict(zip(joints, servo.kp.tolist(), strict=True))

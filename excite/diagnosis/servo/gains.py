@@ -142,7 +142,6 @@ def known_servo(robot: Robot, log: Log, trials: dict[str, Signals]) -> Servo:
 
     Args:
         robot: the nominal model.
-        log: the log.
         trials: signals of its identification trials by name.
 
     Raises:
@@ -184,7 +183,6 @@ def told_gains(robot: Robot, log: Log, servo: Servo) -> list[Absorbed]:
     """Gains as the record tells them, beside those that the log states and in units of the servo's firmware.
 
     Args:
-        robot: the robot.
         log: the log; ``controller.drive``, one name or one a joint, is looked up in ``firmware.csv``.
         servo: as :func:`known_servo` has it.
     """
@@ -249,7 +247,6 @@ def gain_rows(robot: Robot, log: Log, trials: list[tuple[Signals, Array]], cut_h
 
     Args:
         robot: the nominal model.
-        log: the log.
         trials: signals, and what a gain is of: position errors or currents ``(n, n_joints)``.
         cut_hz: cut-off of the low-pass on all of them [Hz].
     """
@@ -321,7 +318,6 @@ def fit_gains(rows: Rows, kp: Array, kd: Array, kind: str, follows: bool) -> Gai
     the position, and a smaller scale of all torques, gains and friction together gains nothing.
 
     Args:
-        rows: the rows.
         kp: gains that are known, NaN where they are not.
         kd: alike.
         kind: of feedforward.
@@ -348,7 +344,7 @@ def fit_gains(rows: Rows, kp: Array, kd: Array, kind: str, follows: bool) -> Gai
         if not sound.any():
             break
         asked = found[0] * x["e"] + found[1] * rate - before
-        parts = [_project_out(drives[j], rows.bodies[here[j], j], asked[here[j], j]) for j in joints]
+        parts = [_without_own(drives[j], rows.bodies[here[j], j], asked[here[j], j]) for j in joints]
         gram, right = np.eye(size), np.zeros(size)
         for j in np.flatnonzero(sound):
             body, torque = parts[j]
@@ -397,7 +393,7 @@ def spread_of_gains(rows: Rows, kp: Array, kd: Array, fitted: Servo) -> Array:
     return np.asarray(np.std(made, axis=0) * np.sqrt(_STRETCHES - 1))
 
 
-def _project_out(own: Array, *values: Array) -> list[Array]:
+def _without_own(own: Array, *values: Array) -> list[Array]:
     """What a joint's own columns leave of others."""
     q = np.linalg.qr(own / np.maximum(np.linalg.norm(own, axis=0), 1e-12))[0]
     return [value - q @ (q.T @ value) for value in values]
@@ -418,7 +414,6 @@ def torque_constants(
 
     Args:
         robot: the nominal model.
-        log: the log.
         trials: signals of its identification trials by name.
         currents: ``(n, n_joints)`` motor currents by the same names [A].
         known: ``(n_joints,)`` constants, NaN where they are not stated; those are estimated as gains are, or, where
@@ -521,7 +516,7 @@ def _fit_constants(
             own = drive[j] if stated == stated else np.column_stack([asked, drive[j]])
             target = current[j] - (asked / stated if stated == stated else 0.0)
             per = 1.0 / stated if stated == stated else float(_least_squares(own, target)[0])
-            left = max(float(_project_out(own, target)[0].std()), 1e-12)
+            left = max(float(_without_own(own, target)[0].std()), 1e-12)
             found.append((per, left, _EQUATION * abs(per) * float(asked.std())))
         per_torque, sigma, least = np.array(found).T
         return _ConstantFit(per_torque, sigma, least, rank)
@@ -538,7 +533,7 @@ def _fit_constants(
             else:
                 own, target = current[j], (known[j] * current[j] if stated else 0.0) - nominal[j]
                 made = columns[j]
-            made, target = _project_out(
+            made, target = _without_own(
                 drive[j] if stated else np.column_stack([own, drive[j]]), made, target
             )
             sigma = fit.sigma[k] if step else max(float(target.std()), 1e-12)

@@ -111,7 +111,6 @@ def read_signals(robot: Robot, log: Log, trial: Trial, controller: Robot | None 
     Args:
         robot: the nominal model.
         log: the log, for its header.
-        trial: the trial.
         controller: the model that the servo's feedforward was computed with, where it is another.
 
     Raises:
@@ -183,7 +182,6 @@ def servo_floor(samples: ArmSamples, servo: Servo, order: list[int]) -> Array:
 
     Args:
         samples: trials with torques rebuilt with this servo.
-        servo: the servo.
         order: of the samples' joints in the log.
     """
     rate, rows_hz = samples.rate_hz, samples.bands.rows_hz
@@ -338,9 +336,7 @@ def without_faint(attribution: Attribution) -> Attribution:
     moves neither by more than 0.3 %.
     """
     strengths = [effect_strength(item) for item in attribution.accepted]
-    return attribution.keep_first(
-        next((k for k, size in enumerate(strengths) if size < EXACT), len(strengths))
-    )
+    return attribution.first_n(next((k for k, size in enumerate(strengths) if size < EXACT), len(strengths)))
 
 
 def delay_for_lag(attribution: Attribution, record: ServoRecord) -> Estimate | None:

@@ -147,7 +147,6 @@ def augmented_model(baseline: Baseline, effects: Sequence[Found]) -> AugmentedMo
 
     Args:
         baseline: the baseline as fitted together with them.
-        effects: the effects.
 
     Raises:
         InputError: the robot has joints that cannot be simulated, or MuJoCo refuses the bodies.
@@ -344,9 +343,6 @@ def robot_changes(attribution: Attribution) -> tuple[RobotChanges, ...]:
 
     Friction and rotor inertia are all that the model of the record has, with what ``modelled`` had fitted; bodies are
     the effects' alone, as near to them as bodies can be.
-
-    Args:
-        attribution: the attribution.
     """
     effects = found_effects(attribution)
     return tuple(_robot_changes(attribution.baseline_at(n), effects[:n]) for n in range(len(effects) + 1))
@@ -476,11 +472,7 @@ def _read_at(item: Found, factor: float) -> Found:
 
 def _accepted_effect(item: Scored) -> Found:
     h = item.hypothesis
-    return Found(
-        h.effect,
-        item.location,
-        h.effect.to_sizes(Context(h.baseline), h.location, h.theta, h.fit),
-    )
+    return Found(h.effect, item.location, h.effect.to_sizes(Context(h.baseline), h.location, h.theta, h.fit))
 
 
 def told_states(attribution: Attribution) -> tuple[tuple[str, Told], ...]:

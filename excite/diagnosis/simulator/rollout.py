@@ -264,7 +264,6 @@ class Simulator:
         """:meth:`run_all` where something has to be looked at on the way.
 
         Args:
-            windows: the windows.
             drive: one of the drives; they differ by their torques alone.
             asked: ``(n_steps, n_runs, n_joints)`` torques of the motors in the zero position at rest [N·m].
             filtered: ``(n_runs, n_joints)`` what the filter before the motors has come to [N·m].
@@ -424,7 +423,6 @@ def cut_pieces(samples: ArmSamples, rigid: Array, plan: Plan) -> list[Piece]:
     """Windows of the trials that the plan asks for, of all trials where there are no such ones.
 
     Args:
-        samples: the samples.
         rigid: ``(n_samples, n_joints)`` torque that the gears carry, for their deflection [N·m].
         plan: horizon and drives.
     """

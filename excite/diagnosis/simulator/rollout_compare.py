@@ -87,7 +87,6 @@ def compare_rollouts(attribution: Attribution, plan: Plan) -> Comparison:
     last accepted first, and a warning says so.
 
     Args:
-        attribution: the attribution.
         plan: horizon and drives.
 
     Raises:
@@ -232,7 +231,6 @@ def _rollout_path(samples: ArmSamples, pieces: Sequence[Piece], before: Array, a
     """The trial of which most was simulated, for a picture in motion.
 
     Args:
-        samples: the samples.
         pieces: that were simulated.
         before: errors of the nominal simulator, ``(n_windows, n_kept, n_joints)`` [rad].
         after: of the augmented one, likewise.

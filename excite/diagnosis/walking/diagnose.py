@@ -238,7 +238,6 @@ def _foot_effects(robot: Robot, log: Log, cutoff_hz: float) -> Iterator[Candidat
 
     Args:
         robot: the nominal model.
-        log: its log.
         cutoff_hz: of the filter of positions.
     """
     names = [foot.name for foot in robot.feet]

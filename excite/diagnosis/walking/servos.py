@@ -129,8 +129,7 @@ def read_servos(log: Log) -> Iterator[Servo]:
         if joint in log.header.no_torque:
             continue
         told = max(
-            (_fit_law(signals, j, Way(j, rate)) for rate in stated.follows),
-            key=lambda one: one.law.r_squared,
+            (_fit_law(signals, j, Way(j, rate)) for rate in stated.follows), key=lambda one: one.law.r_squared
         )
         if told.law.r_squared <= _FOLLOWS or not 0.5 < 1.0 + told.law.sizes[3] / told.law.sizes[0] < 1.5:
             # What follows no command of its own, or turned about, may follow another's as it is.

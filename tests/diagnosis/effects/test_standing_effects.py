@@ -58,7 +58,7 @@ def known(effect: FloatingEffect, state: State) -> FloatingEffect:
 
 def _heights(effect: FloatingEffect, state: State) -> tuple[float]:
     segment = segment_of(state, place(effect, state))
-    return (float(state.joint_poses.point(segment + 1, np.zeros(3))[_WINDOW, 2].mean()) + 0.05,)
+    return (float(state.poses.point(segment + 1, np.zeros(3))[_WINDOW, 2].mean()) + 0.05,)
 
 
 def place(effect: FloatingEffect, state: State) -> str:

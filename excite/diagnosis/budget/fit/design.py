@@ -164,7 +164,6 @@ def blocks_of(samples: ArmSamples, *, identification: bool) -> NDArray[np.int64]
     A trial that repeats another shares its blocks: what is left out must not be known from its repeat.
 
     Args:
-        samples: the samples.
         identification: whether to cut the trials that are fitted, or those that judge.
     """
     own = [k for k, t in enumerate(samples.trials) if t.identification is identification]

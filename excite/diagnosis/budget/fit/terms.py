@@ -114,7 +114,6 @@ class ShapeStep(Term):
         """The step of a term's shape parameter.
 
         Args:
-            term: the term.
             change: by joint, ``(n_rows,)``.
         """
         columns = {j: values[:, None] for j, values in change.items()}
@@ -148,7 +147,7 @@ class TermMaker:
         )
 
     def make_all(self, forms: Iterable[_Form]) -> list[Term]:
-        """The terms of effects at places and non-linear parameters, without those that :meth:`make` makes none of.
+        """The terms of effects at places and non-linear parameters, without those that :meth:`make_term` makes none of.
 
         Their columns go through the filter side by side; those of the motion alone are kept with it.
         """

@@ -84,7 +84,6 @@ def add_soft_play(spec: mujoco.MjSpec, joint: str, play: SoftPlay) -> None:
 
     Args:
         spec: the specification, with all its bodies and joints.
-        joint: the joint.
         play: its contacts.
     """
     import mujoco

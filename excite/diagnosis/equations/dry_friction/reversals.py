@@ -47,7 +47,6 @@ def between_reversals(samples: ArmSamples, carried: float = _CARRIED) -> NDArray
     """Rows of each joint that no reversal of it has got into, ``(n_joints, n_rows)``.
 
     Args:
-        samples: the samples.
         carried: how far the rows' filter carries a reversal, in periods of its cut-off.
     """
     reach = round(carried * samples.rate_hz / samples.bands.rows_hz)
