@@ -303,10 +303,8 @@ class Scorer:
             nats: its evidence, where that is known from a fit of all effects.
         """
         samples = self.baseline.samples
-        first, last = (
-            self.baseline.judging_residual(before.residual),
-            self.baseline.judging_residual(item.fit.residual),
-        )
+        first = self.baseline.judging_residual(before.residual)
+        last = self.baseline.judging_residual(item.fit.residual)
         # Of what this hypothesis leaves: what another has left to explain would count for correlated noise.
         counts = effective_counts(last, samples.identification_rows, samples.trial_of_row)
         power, before_it = (_mean_squares(rows, samples.identification_rows) for rows in (last, first))

@@ -164,8 +164,8 @@ def in_doubt(modelled: Sequence[str], doubts: AbstractSet[Doubt]) -> tuple[str, 
     words = dict.fromkeys(modelled)
     if any(doubt.of_bodies for doubt in doubts) and _GIVEN in words:
         words = dict.fromkeys(_IDENTIFIED if word == _GIVEN else word for word in modelled)
-    told = [effect.name for effect in EFFECTS.values() if effect.told_by & doubts]
-    told += [effect.name for effect in FLOATING_EFFECTS.values() if effect.told_by & doubts]
+    told = [effect.name for effect in EFFECTS.values() if effect.observed_by & doubts]
+    told += [effect.name for effect in FLOATING_EFFECTS.values() if effect.observed_by & doubts]
     return tuple(words | dict.fromkeys(told))
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from excite.arrays import Array
 from excite.diagnosis.answer.gap import TrivialErrors
 from excite.diagnosis.equations.arm_trial import ArmTrial
-from excite.diagnosis.equations.repeats import Moving, Repeat, lag_of
+from excite.diagnosis.equations.repeats import Moving, Repeat, estimate_lag
 from excite.diagnosis.equations.samples import ArmSamples
 from excite.diagnosis.equations.units import force_unit, is_sliding_joint
 from excite.logs.log import Log
@@ -47,7 +47,7 @@ class Commanded(Moving, Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class _Thinned:
+class _ThinnedMotion:
     """Some samples of something that moves."""
 
     time: Array
@@ -61,8 +61,8 @@ def find_repeated_commands(trials: Sequence[Commanded]) -> tuple[Repeat, ...]:
         return ()
     rate = 1.0 / float(np.median(np.diff(trials[0].time)))
     step = max(1, max(len(t.time) for t in trials) // _SAMPLES)
-    few = [_Thinned(t.time[::step], t.q[::step], t.v[::step]) for t in trials]
-    like = [_Alike.from_trial(trial) for trial in few]
+    few = [_ThinnedMotion(t.time[::step], t.q[::step], t.v[::step]) for t in trials]
+    like = [_CommandSummary.from_trial(trial) for trial in few]
     apart = {(i, k): like[i].largest_difference(like[k]) for i, k in combinations(range(len(trials)), 2)}
     stated = [
         (i, k) for i, k in apart if trials[i].name == trials[k].repeats or trials[k].name == trials[i].repeats
@@ -71,15 +71,15 @@ def find_repeated_commands(trials: Sequence[Commanded]) -> tuple[Repeat, ...]:
         (pair for pair in apart if apart[pair] <= _LOOK and pair not in stated), key=apart.__getitem__
     )
     found = (
-        Repeat(i, k, lag_of(trials[i], trials[k], rate))
+        Repeat(i, k, estimate_lag(trials[i], trials[k], rate))
         for i, k in (*stated, *near[:_LOOKS])
-        if (i, k) in stated or _is_same_command(few[i], few[k], lag_of(few[i], few[k], rate / step))
+        if (i, k) in stated or _is_same_command(few[i], few[k], estimate_lag(few[i], few[k], rate / step))
     )
     return tuple(islice(found, _PAIRS))
 
 
 @dataclass(frozen=True, eq=False)
-class _Alike:
+class _CommandSummary:
     """What of a command does not depend on when a logger was started, by joint: mean, deviation, and its speed's."""
 
     mean: Array
@@ -87,11 +87,11 @@ class _Alike:
     speed: Array
 
     @classmethod
-    def from_trial(cls, trial: Moving) -> _Alike:
+    def from_trial(cls, trial: Moving) -> _CommandSummary:
         """Of a command."""
         return cls(trial.q.mean(axis=0), trial.q.std(axis=0), trial.v.std(axis=0))
 
-    def largest_difference(self, other: _Alike) -> float:
+    def largest_difference(self, other: _CommandSummary) -> float:
         """Largest difference, as a share of deviations."""
         spread, speed = (
             max(float(one.sum()), float(two.sum()), 1e-300)

@@ -12,7 +12,7 @@ from benchmarks.blind.case import _prepare_robot, log_session, noise_of, recordi
 from benchmarks.blind.draw import ROBOTS, draft_case
 from excite.arrays import Array
 from excite.diagnosis.answer.gap import gap_of
-from excite.diagnosis.arm.diagnose import judged_record
+from excite.diagnosis.arm.diagnose import judge_record
 from excite.diagnosis.arm.record import TorqueRecord
 from excite.diagnosis.attribution import Attribution
 from excite.diagnosis.effects.form import Context
@@ -161,7 +161,7 @@ def cases_of(seed: int, cases: int) -> Iterator[Case]:
 
 def _diagnosed(robot: Robot, log: Log, noisy: tuple[Trial, ...], clean: tuple[Trial, ...]) -> Case | None:
     chart = examine(robot, log)
-    judged = judged_record(TorqueRecord(robot, chart.log, log.header.modelled))
+    judged = judge_record(TorqueRecord(robot, chart.log, log.header.modelled))
     samples, baseline, found = judged.samples, judged.baseline, judged.attribution
     if not found.accepted:
         return None

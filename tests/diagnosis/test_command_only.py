@@ -14,7 +14,7 @@ from excite.diagnosis.diagnose import diagnose
 from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.noise_floor import spectral_floor
 from excite.diagnosis.equations.resampling import arm_samples
-from excite.diagnosis.servo.gains import known_servo, stated_servo, told_gains
+from excite.diagnosis.servo.gains import estimate_gains, known_servo, stated_servo
 from excite.diagnosis.servo.servo import (
     Servo,
     ServoRecord,
@@ -151,7 +151,9 @@ def test_damping_is_found_under_the_encoders_noise(follows: bool):
     said = {"kp": wrong.tolist(), "kd": kd.tolist(), "feedforward": "none", **way}
     beside = replace(log, header=header.model_copy(update={"controller": said}))
     signals = {"t": read_signals(robot, beside, trial)}
-    told = {(g.parameter, g.joint): g for g in told_gains(robot, beside, known_servo(robot, beside, signals))}
+    told = {
+        (g.parameter, g.joint): g for g in estimate_gains(robot, beside, known_servo(robot, beside, signals))
+    }
     gain = told["kp", joints[3]]
     assert gain.given == pytest.approx(wrong[3])
     assert gain.size.value == pytest.approx(kp[3], rel=0.1)

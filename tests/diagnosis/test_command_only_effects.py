@@ -55,8 +55,8 @@ def test_an_offset_of_the_log_alone_is_told_from_a_constant_torque(clean: Log, f
     place = clean.header.joints[joint]
     followed, constant = library["encoder_offset"], fitted(baseline, library["torque_bias"], place)
     # The secant of one fit is that of the next.
-    found = fitted(baseline, *followed.alternative_forms, place, (1.0,))
-    found = fitted(baseline, *followed.alternative_forms, place, (float(np.exp(found.fit.extra[0])),))
+    found = fitted(baseline, *followed.variant_forms, place, (1.0,))
+    found = fitted(baseline, *followed.variant_forms, place, (float(np.exp(found.fit.extra[0])),))
     assert found.fit.extra[0] == pytest.approx(offset, rel=0.01)
     assert "in_log_only" in found.effect.to_estimates(Context(baseline), place, found.theta, found.fit)
     for other in (constant, fitted(baseline, followed, place, (1.0,))):

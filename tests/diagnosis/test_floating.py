@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from excite.diagnosis.floating.answer import gap_of, left_by_parameters, residual_of
+from excite.diagnosis.floating.answer import draw_residual_power, gap_of, residual_of
 from excite.diagnosis.floating.bodies import SwingingJoint
 from excite.diagnosis.floating.diagnose import attribute_gap, unknown_places
 from excite.diagnosis.floating.effect import FloatingEffect, Reads
@@ -346,7 +346,7 @@ def test_errors_of_parameters_leave_what_their_spread_does_to_the_residual(recor
     seen = problem.identification_only
     alone = refine_fit(seen, (gain,), (np.array([0.1]),), nominal_fit(seen))
     held_out, scale = problem.record.validation_samples(), np.array([10.0, 20.0, 30.0, 4.0, 5.0, 6.0])
-    draws = left_by_parameters(problem, alone, scale, held_out, np.random.default_rng(1), 4000)
+    draws = draw_residual_power(problem, alone, scale, held_out, np.random.default_rng(1), 4000)
     off = replace(alone, theta=(alone.theta[0] + alone.std[0],))
     change = (residual_of(problem, off) - residual_of(problem, alone))[held_out] / scale
     # One parameter: the mean of a chi-square of one degree of freedom is that of one standard deviation.

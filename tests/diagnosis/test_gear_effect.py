@@ -72,7 +72,7 @@ def test_a_lighter_link_has_a_softer_gear_for_the_same_swing(baseline: Baseline)
         (c.perturbed_torques(0, more=1.0) - c.perturbed_torques(0))[:, 0].mean() for c in (old, new)
     )
     assert after < 0.7 * before
-    over = JointElasticity().carried_over(old, new, "first", (80.0, 0.1))
+    over = JointElasticity().transfer_shape(old, new, "first", (80.0, 0.1))
     assert over == pytest.approx((80.0 * after / before, 0.1), rel=1e-6)
 
 

@@ -13,7 +13,7 @@ from excite.diagnosis.effects.form import JointStep
 from excite.diagnosis.effects.friction import (
     CurvedLoadFriction,
     LoadDependentFriction,
-    Loaded,
+    LoadNote,
     MotorLoadFriction,
     motor_torque,
 )
@@ -92,6 +92,6 @@ def test_a_roll_out_rubs_as_the_equations_say(form: CurvedLoadFriction) -> None:
     context = at(load, sign)
     column = size * form.unit_torques(context, "joint", theta)[:, 0]
     fit = SimpleNamespace(extra=np.array([size]), extra_std=np.array([0.01]))
-    note = Loaded.from_values(form.to_sizes(context, "joint", theta, fit))
+    note = LoadNote.from_values(form.to_sizes(context, "joint", theta, fit))
     step = JointStep(carried=lambda: load, v=sign)
     assert note.joint_friction(np.full(200, LEVEL), step)[0] == pytest.approx(LEVEL + sign * column)

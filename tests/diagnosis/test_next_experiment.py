@@ -15,8 +15,13 @@ from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.noise_floor import spectral_floor
 from excite.diagnosis.equations.resampling import arm_samples
-from excite.diagnosis.next_experiment.candidates import retrace_record, within_record
-from excite.diagnosis.simulator.augmented_plant import Found, augmented_model, physical_plant, plant_with
+from excite.diagnosis.next_experiment.candidates import limit_to_record, retrace_record
+from excite.diagnosis.simulator.augmented_plant import (
+    FoundEffect,
+    augmented_model,
+    physical_plant,
+    plant_with,
+)
 from excite.identification.inertia import pseudo_inertia_matrices
 from excite.logs.files import load_log
 from excite.logs.robot import nominal_robot
@@ -45,8 +50,8 @@ def test_physical_plant_keeps_the_torques_that_the_record_shows(baseline: Baseli
 def test_written_model_has_the_dynamics_of_the_plant_with_its_effects(baseline: Baseline):
     """MuJoCo's inverse dynamics of the XML, loaded again, against pinocchio's."""
     effects = [
-        Found(EFFECTS["joint_spring"], "panda_joint2", {"stiffness": 3.0, "torque_at_zero": -1.5}),
-        Found(EFFECTS["encoder_offset"], "panda_joint4", {"offset": 0.05}),
+        FoundEffect(EFFECTS["joint_spring"], "panda_joint2", {"stiffness": 3.0, "torque_at_zero": -1.5}),
+        FoundEffect(EFFECTS["encoder_offset"], "panda_joint4", {"offset": 0.05}),
     ]
     model = mujoco.MjModel.from_xml_string(augmented_model(baseline, effects).xml)
     plant = physical_plant(baseline, plant_with(baseline, ()))
@@ -68,7 +73,7 @@ def test_a_soft_play_hangs_in_the_written_model_where_the_record_loads_it(baseli
     width, softness, stiffness = 0.01, 0.002, 3000.0
     sizes = {"width": width, "softness": softness, "stiffness": stiffness, "damping": 20.0, "contact_hz": 8.0}
     model = mujoco.MjModel.from_xml_string(
-        augmented_model(baseline, [Found(SoftBacklash(), "panda_joint4", sizes)]).xml
+        augmented_model(baseline, [FoundEffect(SoftBacklash(), "panda_joint4", sizes)]).xml
     )
     data = mujoco.MjData(model)
     motors = [model.joint(name) for name in baseline.samples.joints]
@@ -108,4 +113,4 @@ def test_accelerations_stay_within_the_models_limits_or_the_records(baseline: Ba
         assert (np.abs(motion.a) <= 2.0).all()
     for motion in retrace_record(unknown):
         assert (np.abs(motion.a) <= shown).all()
-    assert (within_record(known).limits.acceleration < 2.0).all()
+    assert (limit_to_record(known).limits.acceleration < 2.0).all()

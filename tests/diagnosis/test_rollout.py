@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from excite.diagnosis.effects.bodies import tilt_gravity
-from excite.diagnosis.effects.bristle import Bristle, Static
+from excite.diagnosis.effects.bristle import Bristle, StaticFriction
 from excite.diagnosis.effects.forces import RubbingSpring
 from excite.diagnosis.effects.form import Sizes
 from excite.diagnosis.equations.dry_friction.friction_sign import RATIO, bend_bristle, bend_further
-from excite.diagnosis.simulator.rollout import Drive, Past, Simulator, Window
+from excite.diagnosis.simulator.rollout import Drive, Simulator, Window, WindowHistory
 from excite.errors import InputError
 
 INERTIA = 0.5
@@ -76,7 +76,7 @@ def test_bristles_bend_before_they_slip_and_remember_the_past():
     assert np.diff(slipping[:, 0], 2)[-1] == pytest.approx(0.3 / INERTIA * 0.01, rel=0.02)
     # Bent all the way by the past, it drives the joint back with its level.
     time = np.linspace(-1.0, 0.0, 201)
-    past = Past(time, np.zeros((201, 1)), np.ones((201, 1)))
+    past = WindowHistory(time, np.zeros((201, 1)), np.ones((201, 1)))
     back = sim.run_window(window(duration=0.01, past=past), constant(0.0), 10)
     assert back[-1, 0] == pytest.approx(-0.5 * level / INERTIA * 0.01**2, rel=0.15)
 
@@ -107,7 +107,7 @@ def test_stribeck_with_bristles_takes_over_its_share_of_the_level():
     note = f"excess={excess} velocity={velocity} presliding={level} breakaway=0.0005"
     sim = simulator(f'frictionloss="{level}"', stribeck=note)
     time = np.linspace(-1.0, 0.0, 201)
-    past = Past(time, np.zeros((201, 1)), np.full((201, 1), speed))
+    past = WindowHistory(time, np.zeros((201, 1)), np.full((201, 1), speed))
     friction = level + excess * np.exp(-((speed / velocity) ** 2))
     path = sim.run_window(window(v=speed, duration=0.05, past=past), constant(friction), 10)
     assert np.diff(path[:, 0]) == pytest.approx(np.full(len(path) - 1, speed * 0.01), rel=0.02)
@@ -116,7 +116,7 @@ def test_stribeck_with_bristles_takes_over_its_share_of_the_level():
 @pytest.mark.parametrize("damping", [0.0, 0.006])
 def test_static_friction_bends_bristles_in_a_roll_out_as_in_a_fit(damping: float):
     level, step = 0.4, 1e-3
-    static = Static(excess=0.3, velocity=0.06, exponent=1.6)
+    static = StaticFriction(excess=0.3, velocity=0.06, exponent=1.6)
     bristle = Bristle(2e-3, damping, 0.05, static)
     v = 0.15 * np.sin(np.arange(3000) * step * 7.0) + 0.05 * np.sin(np.arange(3000) * step * 23.0)
     made = []
@@ -137,7 +137,7 @@ def test_bristles_take_no_more_than_there_is_of_a_level():
     level, speed = 0.3, 0.2
     note = f"excess=0.1 velocity=0.02 presliding={40.0 * level} breakaway=0.0005"
     sim = simulator(f'frictionloss="{level}"', stribeck=note, presliding="breakaway=0.0005")
-    past = Past(np.linspace(-1.0, 0.0, 201), np.zeros((201, 1)), np.full((201, 1), speed))
+    past = WindowHistory(np.linspace(-1.0, 0.0, 201), np.zeros((201, 1)), np.full((201, 1), speed))
     path = sim.run_window(window(v=speed, duration=0.05, past=past), constant(level), 10)
     assert np.diff(path[:, 0]) == pytest.approx(np.full(len(path) - 1, speed * 0.01), rel=0.02)
 
@@ -146,7 +146,7 @@ def test_a_lag_starts_from_what_the_record_asked_before():
     motor = 'dyntype="filterexact" dynprm="0.1" gainprm="1"'
     time = np.linspace(0.0, 2.0, 401)
     ramp = Drive(time, time[:, None])
-    past = Past(time[:201], np.zeros((201, 1)), np.zeros((201, 1)))
+    past = WindowHistory(time[:201], np.zeros((201, 1)), np.zeros((201, 1)))
     steps = np.arange(1.0, 1.2, 1e-3)
     start = Window(np.zeros(1), np.zeros(1), np.zeros(1), steps, 0.0, {}, past)
     path = simulator(motor=motor).run_window(start, ramp, 200)
@@ -162,7 +162,7 @@ def test_a_servo_behind_a_lag_is_as_damped_as_its_equation():
     clock = np.arange(0.0, 1.0, step)
     held = np.zeros((len(clock), 1))
     servo = Drive(clock, held, *np.array([[kp], [kd]]))
-    past = Past(np.linspace(-1.0, 0.0, 201), np.ones((201, 1)), np.zeros((201, 1)))
+    past = WindowHistory(np.linspace(-1.0, 0.0, 201), np.ones((201, 1)), np.zeros((201, 1)))
     # Velocities belong half a step before positions.
     before = np.array([0.5 * step * kp / INERTIA])
     start = Window(np.ones(1), before, np.zeros(1), clock, 0.0, {}, past)

@@ -89,7 +89,7 @@ def of_positions(units: Iterable[str]) -> bool:
     return bool(found) and found <= {"rad", "m"}
 
 
-def closed_in_words(positions: bool) -> str:
+def describe_closed(positions: bool) -> str:
     """What is meant by what each effect of a list closes.
 
     Args:

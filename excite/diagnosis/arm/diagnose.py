@@ -13,13 +13,13 @@ from excite.arrays import Array
 from excite.diagnosis.answer.answer import NO_NAME, Absorbed, Diagnosis, Rollout
 from excite.diagnosis.answer.candidate import Candidate, Estimate, format_estimate
 from excite.diagnosis.answer.gap import Budget, Curves, Gap, Where, gap_of, share_closed
-from excite.diagnosis.arm.read import Reading
+from excite.diagnosis.arm.read import BudgetVerdict
 from excite.diagnosis.arm.record import TorqueRecord
 from excite.diagnosis.attribution import Attribution, Judgement, Scored, Scorer
 from excite.diagnosis.budget.fit.joint_fit import Model
 from excite.diagnosis.budget.library import NAMELESS
 from excite.diagnosis.budget.made import budget_of, sizes_by_trial
-from excite.diagnosis.budget.record import begun_baseline, rows_of
+from excite.diagnosis.budget.record import fit_initial_baseline, rows_of
 from excite.diagnosis.budget.shares import jackknife_std, part_time_payload, trials_that_carry
 from excite.diagnosis.budget.thresholds import THRESHOLDS
 from excite.diagnosis.effects.effect import Effect
@@ -27,7 +27,7 @@ from excite.diagnosis.effects.form import Context
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.joint_torque import TRIALS
-from excite.diagnosis.equations.known_drives import known_terms, less_known
+from excite.diagnosis.equations.known_drives import known_terms, subtract_known_torques
 from excite.diagnosis.equations.noise_floor import (
     bands_by_noise,
     kinematic_noise,
@@ -45,8 +45,8 @@ from excite.diagnosis.equations.samples import ArmSamples
 from excite.diagnosis.equations.standing_joints import held_power, stands_throughout, with_held
 from excite.diagnosis.equations.units import at_joint, force_unit
 from excite.diagnosis.next_experiment.advice import give_advice
-from excite.diagnosis.selection.found import model_of_gap
-from excite.diagnosis.simulator.augmented_plant import Found, found_effects, robot_changes
+from excite.diagnosis.selection.found import build_gap_model
+from excite.diagnosis.simulator.augmented_plant import FoundEffect, found_effects, robot_changes
 from excite.diagnosis.simulator.rollout_compare import simulate_effects
 from excite.diagnosis.trivial import of_torques
 from excite.finding import Finding
@@ -76,7 +76,7 @@ def candidate_of(item: Scored, context: Context, gap: Gap, attribution: Attribut
     )
 
 
-def with_others_in_it(item: Candidate, scored: Scored) -> tuple[Candidate, ...]:
+def including_absorbed(item: Candidate, scored: Scored) -> tuple[Candidate, ...]:
     """An accepted effect, and those that its form has in it: each with the parameters that are its own."""
     along = scored.hypothesis.effect.along
     if not along:
@@ -89,7 +89,7 @@ def with_others_in_it(item: Candidate, scored: Scored) -> tuple[Candidate, ...]:
     return tuple(made)
 
 
-def listed_candidates(
+def rank_candidates(
     attribution: Attribution, judgement: Judgement, gap: Gap, effects: tuple[Candidate, ...]
 ) -> tuple[tuple[Candidate, ...], int]:
     """Candidates for the first effect, likeliest first, and how many of them are tied."""
@@ -158,7 +158,7 @@ def diagnose_torques(
     Returns:
         The diagnosis.
     """
-    found = judged_record(record)
+    found = judge_record(record)
     samples, baseline, attribution, judgement = (
         found.samples,
         found.baseline,
@@ -173,9 +173,9 @@ def diagnose_torques(
         for item, tied, values in zip(
             attribution.accepted, judgement.tied, found_effects(attribution), strict=True
         )
-        for one in with_others_in_it(_as_candidate(item, tied, values, found, gap), item)
+        for one in including_absorbed(_as_candidate(item, tied, values, found, gap), item)
     )
-    listed, n_tied = listed_candidates(attribution, judgement, gap, effects)
+    listed, n_tied = rank_candidates(attribution, judgement, gap, effects)
     unknown = judgement.verdict == "unknown"
     named = effects[0] if effects and not unknown else None
     location = judgement.structured[0] if unknown else None if named is None else named.location
@@ -202,7 +202,9 @@ def diagnose_torques(
     )
 
 
-def _as_candidate(item: Scored, tied: tuple[str, ...], values: Found, found: Judged, gap: Gap) -> Candidate:
+def _as_candidate(
+    item: Scored, tied: tuple[str, ...], values: FoundEffect, found: GapFit, gap: Gap
+) -> Candidate:
     """An accepted effect with its sizes as a simulator takes them up, and its probability in the model of all.
 
     A size that is a gear's shape has the deviation that this model tells.
@@ -221,7 +223,7 @@ def _as_candidate(item: Scored, tied: tuple[str, ...], values: Found, found: Jud
     return replace(alone, parameters=parameters, tied_locations=tied, probability=named.probability)
 
 
-def _torque_noise_floor(found: Judged, before: Array) -> Array:
+def _torque_noise_floor(found: GapFit, before: Array) -> Array:
     """Noise of the torques, by joint [N·m]: what repeats of a command differ by, and what friction holds.
 
     By the record before any effect, so that no floor depends on what was found.
@@ -238,7 +240,7 @@ def _torque_noise_floor(found: Judged, before: Array) -> Array:
     return np.sqrt(floor**2 + held_power(samples, before, floor, outside))
 
 
-def _collect_warnings(record: TorqueRecord, found: Judged, effects: tuple[Candidate, ...]) -> tuple[str, ...]:
+def _collect_warnings(record: TorqueRecord, found: GapFit, effects: tuple[Candidate, ...]) -> tuple[str, ...]:
     """Limits of what is said, one sentence each."""
     warnings = []
     if not record.log.role("validation"):
@@ -412,7 +414,7 @@ def _own_column_names(baseline: Baseline, joint: int) -> Iterator[str]:
 
 
 @dataclass(frozen=True, eq=False)
-class Judged:
+class GapFit:
     """What was found in the rows, and the noise by which it was judged.
 
     Attributes:
@@ -436,18 +438,18 @@ class Judged:
     findings: tuple[Finding, ...] = ()
 
 
-def judged_record(record: TorqueRecord) -> Judged:
+def judge_record(record: TorqueRecord) -> GapFit:
     """Find what a record's gap is made of."""
     # Torques that were made of positions are as late and as noisy as these.
     measured = record.reconstructed_noise is None
     bands = bands_by_noise(record.log, record.log.trials) if measured else None
     samples = arm_samples(record.robot, record.log, record.log.trials, bands)
     if known_terms(samples, record.modelled):
-        samples = less_known(samples, record.modelled, spectral_floor(samples))
+        samples = subtract_known_torques(samples, record.modelled, spectral_floor(samples))
     spectral = (record.reconstructed_noise or spectral_floor)(samples)
     # Torques that were not measured are no better further up in the spectrum.
     least = np.minimum(white_floor(samples), spectral) if measured else spectral
-    full = begun_baseline(samples, record.modelled, least)
+    full = fit_initial_baseline(samples, record.modelled, least)
     samples = full.samples
     baseline = fit_baseline(samples, record.modelled, least, like=full)
     columns = [record.log.header.joints.index(name) for name in samples.joints]
@@ -462,17 +464,17 @@ def judged_record(record: TorqueRecord) -> Judged:
     effects = (*record.effects, *NAMELESS) if together is None else _own_terms(record.effects)
     if together is None and (loaded := _find_part_time_payload(full, least)) is not None:
         effects = (*effects, loaded)
-    found = model_of_gap(full, record.modelled, effects, least, sigma, np.random.default_rng(0))
+    found = build_gap_model(full, record.modelled, effects, least, sigma, np.random.default_rng(0))
     model, context = found.model, found.prediction.context
     spectral = with_held(samples, model.residual, spectral)
     budget = budget_of(found, spectral, scale)
-    said = (*(() if together is None else (together,)), *other_machine(model))
+    said = (*(() if together is None else (together,)), *find_changed_sizes(model))
     said = (*said, *sizes_by_trial(model, context, found.baseline.strict, spectral))
     scorer = Scorer(baseline, spectral, unrepeated_noise_power(samples, noise * baseline.strict), scale)
-    attribution, judgement = Reading(found, budget, scorer).decide_verdict()
+    attribution, judgement = BudgetVerdict(found, budget, scorer).decide_verdict()
     named = ((item.hypothesis.effect, item.location) for item in attribution.accepted)
     said = (*said, *trials_that_carry(named))
-    return Judged(samples, baseline, spectral, noise, attribution, judgement, budget, said)
+    return GapFit(samples, baseline, spectral, noise, attribution, judgement, budget, said)
 
 
 def _find_part_time_payload(full: Baseline, floor: Array) -> Effect | None:
@@ -494,7 +496,7 @@ _BLOCKS = 3
 _LARGE = 0.3
 
 
-def other_machine(model: Model) -> tuple[Finding, ...]:
+def find_changed_sizes(model: Model) -> tuple[Finding, ...]:
     """Terms whose sizes in the trials that judge are others than in those that were learnt from.
 
     All else in the model is kept as it was learnt. A difference counts where blocks on both sides agree that it is

@@ -23,16 +23,16 @@ from excite.diagnosis.attribution import (
     fit_along_direction,
     structured_joints,
 )
-from excite.diagnosis.budget.bodies import likeliest_beside
+from excite.diagnosis.budget.bodies import fit_likeliest_bodies
 from excite.diagnosis.budget.fit.design import Design
 from excite.diagnosis.budget.fit.joint_fit import Model, fit_model
 from excite.diagnosis.budget.fit.terms import Term, TermMaker
-from excite.diagnosis.budget.record import Found
+from excite.diagnosis.budget.record import GapModel
 from excite.diagnosis.budget.shares import judged_power, linear_deviations, power_of
 from excite.diagnosis.budget.thresholds import THRESHOLDS
 from excite.diagnosis.effects.form import Context
 from excite.diagnosis.equations.baseline import Baseline
-from excite.diagnosis.equations.dry_friction.fitted_signs import signs_again
+from excite.diagnosis.equations.dry_friction.fitted_signs import refit_signs
 
 # Candidates that are listed.
 _LISTED = 8
@@ -43,7 +43,7 @@ _NOTHING = 0.02
 
 
 @dataclass(frozen=True, eq=False)
-class Reading:
+class BudgetVerdict:
     """What a budget says of a record.
 
     Attributes:
@@ -52,26 +52,26 @@ class Reading:
         scorer: of hypotheses beside what is modelled.
     """
 
-    found: Found
+    found: GapModel
     budget: Budget
     scorer: Scorer
 
     def decide_verdict(self) -> tuple[Attribution, Judgement]:
         """The effects that are named, in the equations, and the verdict."""
-        sure = [item for item in self.budget.named if item.clear and is_there(item)]
+        sure = [item for item in self.budget.named if item.clear and is_accepted(item)]
         whole = is_gap_explained(self.budget, sure)
         # What is clear at its own place is there, whatever hides the rest of the machine or explains it.
-        sure = [item for item in sure if self._takes_its_place(item) and (whole or has_no_rival(item))]
+        sure = [item for item in sure if self._has_share_at_place(item) and (whole or has_no_rival(item))]
         if not sure:
             return self._judge_unnamed_gap()
         # First what surely takes most: of a gap that hardly stands above the noise, shares say little.
         first, *others = sorted(sure, key=lambda item: -item.surely)
         # Of what has a rival elsewhere than in the first place nobody knows the name.
         chosen = [first, *(item for item in others if has_no_rival(item))]
-        kept, accepted = self._that_explain(chosen)
+        kept, accepted = self._keep_explaining(chosen)
         return self._judge_named_effects(kept, accepted, whole=whole) if kept else self._judge_unnamed_gap()
 
-    def _takes_its_place(self, item: Named) -> bool:
+    def _has_share_at_place(self, item: Named) -> bool:
         """Whether an effect surely takes some of the gap of its own joint, and no less there than what has no name.
 
         Of what acts on several joints: of any of them.
@@ -85,19 +85,19 @@ class Reading:
             if (s.effect, s.location) == (item.effect, item.location)
         )
 
-    def _that_explain(self, chosen: Sequence[Named]) -> tuple[list[Named], list[Scored]]:
+    def _keep_explaining(self, chosen: Sequence[Named]) -> tuple[list[Named], list[Scored]]:
         """Those that have a size and leave less of what judges, each and all together, put into the equations.
 
         What has not goes one at a time, the weakest first: beside it others may have none.
         """
         kept = list(chosen)
         while kept:
-            model = self._fitted_together(kept)
-            gone = self._to_go(model)
+            model = self._fit_together(kept)
+            gone = self._term_to_drop(model)
             if gone is not None:
                 del kept[gone]
                 continue
-            accepted = self._put_in(kept, model)
+            accepted = self._add_effects(kept, model)
             # A search that ended where its name stands for something else has found that.
             made = [scored.hypothesis for scored in accepted]
             there = [item for item, h in zip(kept, made, strict=True) if h.is_physical and h.is_within_scope]
@@ -106,7 +106,7 @@ class Reading:
             kept = there
         return [], []
 
-    def _to_go(self, model: Model) -> int | None:
+    def _term_to_drop(self, model: Model) -> int | None:
         """The term of a model that goes next; None where all may stay."""
         left, terms = power_of(model).mean, model.terms
         if self._scaled_power(left) >= self._scaled_power(power_of(fit_model(model.design, ())).mean):
@@ -115,7 +115,7 @@ class Reading:
         gone = [
             k
             for k, term in enumerate(terms)
-            if not term.can_be(term.context, model.term_parameters(k))
+            if not term.is_possible(term.context, model.term_parameters(k))
             or not self._has_size(model, k)
             or not _is_gap_reduced(model, k, left)
         ]
@@ -144,7 +144,7 @@ class Reading:
         self, kept: Sequence[Named], accepted: Sequence[Scored], *, whole: bool
     ) -> tuple[Attribution, Judgement]:
         """Effects, the largest share first; ``whole`` where they are the gap and not the part of it at their places."""
-        last, first = signs_again(extend_baseline(accepted[-1].hypothesis)), accepted[0]
+        last, first = refit_signs(extend_baseline(accepted[-1].hypothesis)), accepted[0]
         rivals = self._rivals_of(kept[0])
         beside = tuple(scored for scored, _ in rivals)
         others = (self._terms_by_key[item.effect, item.location] for item in kept[1:])
@@ -176,7 +176,7 @@ class Reading:
         )
         return after, judgement
 
-    def _put_in(self, kept: Sequence[Named], model: Model) -> list[Scored]:
+    def _add_effects(self, kept: Sequence[Named], model: Model) -> list[Scored]:
         """The effects one after the other, each of the size that the model has it."""
         accepted = list[Scored]()
         for k, item in enumerate(kept):
@@ -244,7 +244,7 @@ class Reading:
     def _terms_by_key(self) -> dict[tuple[str, str], Term]:
         return {term.key: term for term in self.found.model.terms}
 
-    def _fitted_together(self, named: Sequence[Named]) -> Model:
+    def _fit_together(self, named: Sequence[Named]) -> Model:
         """Effects, fitted: bodies with all their parameters free where those are of ones that can exist.
 
         Else each is the likeliest that can beside the others. What else the model of the gap has may cancel a part of a
@@ -256,9 +256,11 @@ class Reading:
         free = [found.design.terms[k] for k in numbers]
         free = [t if t.direction is None else maker.make_term(t.effect, t.location, ()) or t for t in free]
         model = fit_model(Design(rows, tuple(free)), range(len(free)))
-        if all(t.can_be(t.context, model.term_parameters(k)) for k, t in enumerate(free) if t.effect.is_body):
+        if all(
+            t.is_possible(t.context, model.term_parameters(k)) for k, t in enumerate(free) if t.effect.is_body
+        ):
             return model
-        terms = likeliest_beside(found, numbers, maker)
+        terms = fit_likeliest_bodies(found, numbers, maker)
         return fit_model(Design(rows, tuple(terms)), range(len(terms)))
 
     @property
@@ -390,7 +392,7 @@ def _is_leading_effect(budget: Budget, item: Named, *, most: bool = False) -> bo
     )
 
 
-def is_there(item: Named) -> bool:
+def is_accepted(item: Named) -> bool:
     """Whether an effect has the probability of one that is accepted, or shares it with rivals."""
     return bool(item.rivals) or item.probability >= THRESHOLDS.probable
 

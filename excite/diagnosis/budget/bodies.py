@@ -30,7 +30,6 @@ def make_body_term(beside: Model, maker: TermMaker, effect: Effect, location: st
         beside: the model without it.
         maker: of columns.
         effect: whose linear parameters are a body's.
-        location: the link.
     """
     whole = maker.make_term(effect, location, ())
     if whole is None:
@@ -73,7 +72,7 @@ def _fix_direction(whole: Term, direction: Array) -> Term | None:
     return replace(whole, columns=columns, scale=np.array([1.0 / size]), direction=direction)
 
 
-def likeliest_beside(model: Model, numbers: Sequence[int], maker: TermMaker) -> list[Term]:
+def fit_likeliest_bodies(model: Model, numbers: Sequence[int], maker: TermMaker) -> list[Term]:
     """Some terms of a model, each body of them the likeliest beside the others and nothing else.
 
     What else the model has may cancel a part of a body: without it the body would be another.

@@ -25,7 +25,7 @@ NAMELESS: tuple[Effect, ...] = (EndStop(),)
 _BEGUN = (VISCOUS, COULOMB, CONSTANT)
 
 
-def with_begun(modelled: Sequence[str]) -> tuple[str, ...]:
+def with_initial_terms(modelled: Sequence[str]) -> tuple[str, ...]:
     """Words of ``modelled`` with those that every model begins with."""
     return (*modelled, *(term.words[0] for term in _BEGUN if not term.is_modelled(modelled)))
 
@@ -55,7 +55,7 @@ class Library:
                 theta: Theta = ()
                 if term is COULOMB:
                     sign = base.signs[j]
-                    effect = effect.alternative_forms[0] if sign.has_bristles else effect
+                    effect = effect.variant_forms[0] if sign.has_bristles else effect
                     theta = (sign.breakaway if sign.has_bristles else sign.width,)
                 column = _own_rows(base.samples, term, j, base.signs[j], maker.weight)
                 size = float(np.sqrt((column**2).mean()))
@@ -87,13 +87,13 @@ class Library:
 
     def body_places(self, context: Context) -> Iterable[tuple[Effect, str]]:
         """Every effect that is a body, at every link."""
-        full = with_begun(self.modelled)
+        full = with_initial_terms(self.modelled)
         for effect in self.effects:
             if effect.is_body and effect.is_candidate(full):
                 yield from ((effect, place) for place in effect.locations(context))
 
     def _candidate_places(self, context: Context, begun: Context) -> Iterable[tuple[Effect, str, Theta]]:
-        full = with_begun(self.modelled)
+        full = with_initial_terms(self.modelled)
         # What a drive does in motion cannot be told of one that stands, and friction holds it with any constant.
         stands = {context.joints[j] for j in np.flatnonzero(stands_throughout(context.baseline.samples))}
         for effect in self.effects:
@@ -109,7 +109,7 @@ class Library:
                     continue
                 for form in (
                     effect,
-                    *effect.alternative_forms,
+                    *effect.variant_forms,
                     *(f for f in effect.extended_forms if f.seen_alone),
                 ):
                     for theta in form.search_grid(context, place):

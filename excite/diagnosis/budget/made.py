@@ -22,7 +22,7 @@ from excite.diagnosis.budget.fit.design import Design
 from excite.diagnosis.budget.fit.joint_fit import Model, fit_model
 from excite.diagnosis.budget.fit.terms import ShapeStep, TermMaker
 from excite.diagnosis.budget.library import has_rigid_load
-from excite.diagnosis.budget.record import Found
+from excite.diagnosis.budget.record import GapModel
 from excite.diagnosis.budget.shares import Shares, jackknife_std, linear_deviations, shares_of, unnamed_of
 from excite.diagnosis.budget.thresholds import THRESHOLDS
 from excite.diagnosis.effects.form import Context
@@ -74,7 +74,6 @@ def sizes_by_trial(model: Model, context: Context, weight: Array, floor: Array) 
 
     Args:
         model: the model of the gap.
-        context: its predictions.
         weight: ``(n_joints, n_rows)`` square roots of the rows' weights.
         floor: ``(n_joints,)`` noise in the rows' band.
     """
@@ -157,7 +156,7 @@ _LISTED = 0.01
 
 
 @step("share out the gap")
-def budget_of(found: Found, floor: Array, scale: Array) -> Budget:
+def budget_of(found: GapModel, floor: Array, scale: Array) -> Budget:
     """Share out the gap.
 
     Args:
@@ -181,7 +180,7 @@ def budget_of(found: Found, floor: Array, scale: Array) -> Budget:
             i,
             float(shares.value[i] @ weight),
             float(np.maximum(shares.low[i], 0.0) @ weight),
-            stands_clear(shares, i),
+            is_significant(shares, i),
         )
         for i, term in enumerate(model.terms)
         if not term.effect.nameless
@@ -191,7 +190,13 @@ def budget_of(found: Found, floor: Array, scale: Array) -> Budget:
 
 
 def _channel_budget(
-    found: Found, context: Context, shares: Shares, floor: Array, j: int, weight: float, again: Array | None
+    found: GapModel,
+    context: Context,
+    shares: Shares,
+    floor: Array,
+    j: int,
+    weight: float,
+    again: Array | None,
 ) -> ChannelBudget:
     model, room = found.model, float(shares.open[j])
     level, gap = float(np.sqrt(shares.level[j])), float(np.sqrt(shares.before[j]))
@@ -221,7 +226,7 @@ def _channel_budget(
     return ChannelBudget(level, gap, tuple(effects), tuple(unnamed), rest, weight, unit)
 
 
-def stands_clear(shares: Shares, i: int) -> bool:
+def is_significant(shares: Shares, i: int) -> bool:
     """Whether an effect surely takes something of a joint's gap, and what is left there is clearly more without it.
 
     At any joint: without the gain of a finger's last joint the last link is fitted lighter, and that leaves too much at
@@ -235,7 +240,7 @@ def stands_clear(shares: Shares, i: int) -> bool:
     return bool((sure & (shares.lost[i] >= THRESHOLDS.trifle)).any())
 
 
-def _named_effect(found: Found, i: int, share: float, surely: float, clear: bool) -> Named:
+def _named_effect(found: GapModel, i: int, share: float, surely: float, clear: bool) -> Named:
     model, k = found.model, found.model.chosen[i]
     term, nats = model.design.terms[k], found.nats[k]
     beta, spread = term.to_beta(model.term_parameters(k)), linear_deviations(model, k)

@@ -11,7 +11,7 @@ from excite.diagnosis.budget.fit.joint_fit import Model
 from excite.diagnosis.budget.fit.terms import Term
 from excite.diagnosis.effects.form import Context
 from excite.diagnosis.equations.baseline import Baseline
-from excite.diagnosis.equations.dry_friction.fitted_signs import signs_again
+from excite.diagnosis.equations.dry_friction.fitted_signs import refit_signs
 from excite.diagnosis.equations.joint_torque import Solver
 from excite.diagnosis.equations.own_columns import own_signals, own_terms
 
@@ -94,7 +94,7 @@ def signs_beside(full: Baseline, model: Model) -> Baseline:
     """
     now = predict_model(full, model).baseline
     apart = replace(now, solver=Solver(now.fit.equations))
-    again = signs_again(apart.with_fit(apart.solver.fit_columns()))
+    again = refit_signs(apart.with_fit(apart.solver.fit_columns()))
     if again.signs == full.signs:
         return full
     moved = full.with_signs(again.signs)

@@ -173,11 +173,8 @@ def shares_of(model: Model, floor: Array) -> Shares:
     low, high = (np.where(room > 0.0, end, 0.0) for end in _share_interval(value, spread, wide))
     left = np.maximum(everything.mean, 1e-300)
     more = np.array([item.mean for item in lost]) / left
-    unsure = (
-        wide
-        * np.array([np.hypot(jackknife_std(item.blocks), jackknife_std(item.fits)) for item in lost])
-        / left
-    )
+    deviations = [np.hypot(jackknife_std(item.blocks), jackknife_std(item.fits)) for item in lost]
+    unsure = wide * np.array(deviations) / left
     return Shares(level, room, nothing.mean, everything.mean, value, low, high, more, unsure)
 
 
@@ -216,7 +213,7 @@ _ALIKE = 0.15
 
 
 @dataclass(frozen=True, eq=False)
-class _Link:
+class _Grams:
     """Products of columns by trial: of what every model has, a body's ten, and the measurement, in this order.
 
     Attributes:
@@ -342,7 +339,7 @@ def trials_that_carry(effects: Iterable[tuple[Effect, str]]) -> tuple[Finding, .
     )
 
 
-def _loaded_trials(products: _Link, weight: Array, n: int, learnt: set[int]) -> tuple[frozenset[int], Array]:
+def _loaded_trials(products: _Grams, weight: Array, n: int, learnt: set[int]) -> tuple[frozenset[int], Array]:
     """Trials in which a body explains most, and sums of squares that are left of each joint."""
     there: frozenset[int] = frozenset()
     left = products.fit_body(there, weight)[1]
@@ -358,7 +355,7 @@ def _loaded_trials(products: _Link, weight: Array, n: int, learnt: set[int]) -> 
     return (there, left) if there & learnt and learnt - there else (frozenset(), left)
 
 
-def _trial_products(context: Context, payload: Payload, link: str, rows: Rows, weight: Array) -> _Link:
+def _trial_products(context: Context, payload: Payload, link: str, rows: Rows, weight: Array) -> _Grams:
     samples = context.baseline.samples
     felt = _body_rows(context, payload, link, rows, weight)
     numbers = range(len(samples.trials))
@@ -368,7 +365,7 @@ def _trial_products(context: Context, payload: Payload, link: str, rows: Rows, w
         grams.append(np.array([matrix[rows.trial == k].T @ matrix[rows.trial == k] for k in numbers]))
         begin.append(at)
         at += rows.own[j].shape[1]
-    return _Link(tuple(grams), rows.shared.shape[2], tuple(begin), at)
+    return _Grams(tuple(grams), rows.shared.shape[2], tuple(begin), at)
 
 
 def _body_rows(context: Context, payload: Payload, link: str, rows: Rows, weight: Array) -> list[Array]:
@@ -398,7 +395,7 @@ _RIDGE = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
-class Generic:
+class GenericFunction:
     """A function of one thing.
 
     Attributes:
@@ -413,7 +410,7 @@ class Generic:
 
 
 @dataclass(frozen=True, eq=False)
-class Left:
+class Unnamed:
     """What a generic function takes of what is left of a channel.
 
     Attributes:
@@ -429,12 +426,11 @@ class Left:
     torque: Array
 
 
-def unnamed_of(model: Model, context: Context, weight: Array, floor: Array, joint: int) -> list[Left]:
+def unnamed_of(model: Model, context: Context, weight: Array, floor: Array, joint: int) -> list[Unnamed]:
     """Generic functions of what a model leaves of a joint, the best first.
 
     Args:
         model: the model of the gap.
-        context: its predictions.
         weight: ``(n_joints, n_rows)`` square roots of the rows' weights.
         floor: ``(n_joints,)`` noise in the rows' band.
     """
@@ -454,18 +450,20 @@ def unnamed_of(model: Model, context: Context, weight: Array, floor: Array, join
         if power <= 0.0:
             break
         # Hats, not what was filtered: the function itself.
-        found.append(Left(best.follows, power, best.knots, x if len(best.knots) == len(x) else np.zeros(0)))
+        found.append(
+            Unnamed(best.follows, power, best.knots, x if len(best.knots) == len(x) else np.zeros(0))
+        )
         rest, library = after, [item for item in library if item.follows != best.follows]
     return found
 
 
 def _best_function(
-    library: list[Generic],
+    library: list[GenericFunction],
     rest: Array,
     block: NDArray[np.int64],
     inside: NDArray[np.bool_],
     trial: NDArray[np.int64],
-) -> Generic | None:
+) -> GenericFunction | None:
     """The function by which blocks left out are predicted best; None where none is worth it."""
     total = float((rest[inside] ** 2).sum())
     best, most = None, THRESHOLDS.unnamed
@@ -500,7 +498,7 @@ def _solve_ridge(columns: Array, rest: Array) -> Array:
     return np.asarray(np.linalg.solve(gram + ridge, columns.T @ rest))
 
 
-def _generic_functions(context: Context, weight: Array, joint: int) -> list[Generic]:
+def _generic_functions(context: Context, weight: Array, joint: int) -> list[GenericFunction]:
     """Functions of everything that a channel's residual may follow."""
     base, samples = context.baseline, context.baseline.samples
     sign, load = context.friction_sign(joint), base.rigid[:, joint]
@@ -523,7 +521,7 @@ def _generic_functions(context: Context, weight: Array, joint: int) -> list[Gene
         hats = _hat_functions(signal, knots)
         columns = np.column_stack([hats * f[:, None] for f in factors.get(follows, [np.ones_like(sign)])])
         rows = samples.to_rows(columns, [joint] * columns.shape[1]) * weight[joint][:, None]
-        made.append(Generic(follows, knots, rows))
+        made.append(GenericFunction(follows, knots, rows))
     return made
 
 

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from excite.arrays import Array, Moved
 from excite.diagnosis.answer.candidate import Estimate
 from excite.diagnosis.effects.effect import Belief, Effect, Parameter, Shape, Theta
-from excite.diagnosis.effects.forces import Wave
-from excite.diagnosis.effects.form import Beyond, Context, Draft, Form, Sizes
+from excite.diagnosis.effects.forces import RippleNote
+from excite.diagnosis.effects.form import Absence, Context, Draft, Form, Sizes
 from excite.diagnosis.equations.joint_torque import Fit
 from excite.diagnosis.equations.own_columns import ARMATURE
 from excite.diagnosis.equations.units import is_sliding_joint
@@ -59,10 +59,10 @@ _LEAST = 0.02
 def tilt_gravity(gravity: Array, item: Sizes) -> Array:
     """Gravity ``(3,)`` in a tilted base [m/s²]: its components are along the axes that the effect is fitted in."""
     size, (first, second, down) = float(np.linalg.norm(gravity)), level_axes(gravity)
-    aside = item.parameter_value("gravity_x") * first + item.parameter_value("gravity_y") * second
+    aside = item.value_of("gravity_x") * first + item.value_of("gravity_y") * second
     # A tilt turns gravity, it does not add to it; but masses that were fitted beside what is left of it go with that.
     less = float(np.sqrt(max(size**2 - float(aside @ aside), 0.0))) - size
-    return (size + item.parameter_value("gravity_down", less)) * down + aside
+    return (size + item.value_of("gravity_down", less)) * down + aside
 
 
 class BaseTilt(Effect):
@@ -75,7 +75,7 @@ class BaseTilt(Effect):
 
     name = "base_tilt"
     belief = Belief(width=1.0)
-    told_by = frozenset({Doubt.POSITION, Doubt.GRAVITY})
+    observed_by = frozenset({Doubt.POSITION, Doubt.GRAVITY})
     linear: ClassVar[tuple[Parameter, ...]] = (
         Parameter("gravity_x", "m/s²", -5.0, 5.0),
         Parameter("gravity_y", "m/s²", -5.0, 5.0),
@@ -87,14 +87,14 @@ class BaseTilt(Effect):
     mujoco = "option gravity"
     moves = True
     by_motion = True
-    note = Wave
+    note = RippleNote
 
     @property
     def extended_forms(self) -> tuple[Effect, ...]:
         return (SteepTilt(),)
 
     @property
-    def alternative_forms(self) -> tuple[Effect, ...]:
+    def variant_forms(self) -> tuple[Effect, ...]:
         return (KnownLeverTilt(),)
 
     def is_candidate(self, modelled: tuple[str, ...]) -> bool:
@@ -142,7 +142,7 @@ class BaseTilt(Effect):
         return {"angle": angle, **{p.name: found[p.name] for p in self.linear[:2] if p.name in found}}
 
     def in_mujoco(self, item: Sizes) -> Form:
-        first = {name: item.parameter_value(f"first_row_{name}") for name in ("cosine", "sine")}
+        first = {name: item.value_of(f"first_row_{name}") for name in ("cosine", "sine")}
         noted = self.make_note(replace(item, values={**first, "periods_per_rev": 1.0}), item.joints[0])
         notes = (noted,) if any(first.values()) else ()
         return Form(gravity=lambda gravity: tilt_gravity(gravity, item), notes=notes)
@@ -158,7 +158,7 @@ class KnownLeverTilt(BaseTilt):
         return (BaseTilt(),)
 
     @property
-    def alternative_forms(self) -> tuple[Effect, ...]:
+    def variant_forms(self) -> tuple[Effect, ...]:
         return ()
 
 
@@ -279,7 +279,7 @@ class LinkLengthError(Effect):
 
     name = "link_length_error"
     belief = Belief(chance=0.01, width=0.01)
-    told_by = frozenset({Doubt.POSITION, Doubt.GRAVITY, Doubt.CLOCK, Doubt.SIZE})
+    observed_by = frozenset({Doubt.POSITION, Doubt.GRAVITY, Doubt.CLOCK, Doubt.SIZE})
     linear = tuple(Parameter(f"shift_{axis}", "m", -0.3, 0.3) for axis in "xyz")
     confusable_with = ("link_inertia", "payload", "encoder_offset")
     separating_motion = "fast motion of the joints before it, in several postures"
@@ -308,7 +308,7 @@ class LinkLengthError(Effect):
     def in_mujoco(self, item: Sizes) -> Form:
         def shift_body(draft: Draft) -> None:
             body = draft.moved_body(item.location)
-            body.pos = body.pos + np.array([item.parameter_value(p.name) for p in self.linear])
+            body.pos = body.pos + np.array([item.value_of(p.name) for p in self.linear])
 
         return Form(elements=shift_body)
 
@@ -360,7 +360,7 @@ class Payload(Effect):
 
     name = "payload"
     belief = Belief(chance=0.05)
-    told_by = frozenset({Doubt.POSITION, Doubt.GRAVITY, Doubt.CLOCK, Doubt.SIZE})
+    observed_by = frozenset({Doubt.POSITION, Doubt.GRAVITY, Doubt.CLOCK, Doubt.SIZE})
     linear = tuple(
         Parameter(n, u, width=w)
         for n, u, w in zip(
@@ -441,7 +441,7 @@ class Payload(Effect):
         return {"first_moment": Estimate(size, std, "kg·m")} | shown
 
     def in_mujoco(self, item: Sizes) -> Form:
-        return Form(body=np.array([item.parameter_value(p.name) for p in self.linear]))
+        return Form(body=np.array([item.value_of(p.name) for p in self.linear]))
 
 
 # How far from the joint that carries it a body may lie.
@@ -497,4 +497,4 @@ class PartTimePayload(Payload):
         return True
 
     def in_mujoco(self, item: Sizes) -> Form:
-        return Form(absent=Beyond.SOME_TRIALS)
+        return Form(absent=Absence.SOME_TRIALS)

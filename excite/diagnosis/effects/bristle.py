@@ -12,7 +12,7 @@ from excite.diagnosis.equations.dry_friction.friction_sign import RATIO, bend_br
 
 
 @dataclass(frozen=True)
-class Static:
+class StaticFriction:
     """Static friction over Coulomb's, ``excess·exp(−|v/velocity|^exponent)``.
 
     Attributes:
@@ -49,7 +49,7 @@ class Bristle:
     breakaway: float
     damping: float = 0.0
     damped_below: float = np.inf
-    static: Static | None = None
+    static: StaticFriction | None = None
     z: Array = field(default_factory=lambda: np.zeros((2, 1)))
     kept: Array = field(default_factory=lambda: np.ones((2, 1)))
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Estimate
-from excite.diagnosis.effects.form import Beyond, Context, Form, Note, Noted, Sizes, Told
+from excite.diagnosis.effects.form import Absence, Context, Form, InitialState, Note, Noted, Sizes
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.joint_torque import Fit
 from excite.diagnosis.equations.own_columns import OwnTerm
@@ -85,7 +85,7 @@ class Effect(ABC):
         mujoco: how a MuJoCo model expresses it, in words; :meth:`in_mujoco` does it.
         note: what a model leaves to its runner; None where that is nothing.
         term: the term of a baseline's drives that it is; None where it is none.
-        told_by: quantities of a log that it is measured by: where these are in doubt it cannot be named.
+        observed_by: quantities of a log that it is measured by: where these are in doubt it cannot be named.
         spans: what its columns are made of, in words; empty where no other effect's are.
         moves: whether it changes the torque that the gears carry (bodies, geometry), not the drives'.
         friction: whether the width of the velocity's sign change is searched along with it.
@@ -118,7 +118,7 @@ class Effect(ABC):
     late_by: ClassVar[str] = ""
     note: ClassVar[type[Note] | None] = None
     term: ClassVar[OwnTerm | None] = None
-    told_by: ClassVar[frozenset[Doubt]] = frozenset()
+    observed_by: ClassVar[frozenset[Doubt]] = frozenset()
     spans: ClassVar[tuple[str, ...]] = ()
     nameless: ClassVar[str] = ""
     seen_alone: ClassVar[bool] = False
@@ -154,12 +154,12 @@ class Effect(ABC):
         return ()
 
     @property
-    def second_order_form(self) -> Effect | None:
+    def refined_form(self) -> Effect | None:
         """The same with what its first order leaves out, tried at last; None where that is nothing."""
         return None
 
     @property
-    def alternative_forms(self) -> tuple[Effect, ...]:
+    def variant_forms(self) -> tuple[Effect, ...]:
         """Other forms of the same physics that may be what is there, tried along with this one."""
         return ()
 
@@ -167,7 +167,7 @@ class Effect(ABC):
         """Where the search of a richer form begins, from the non-linear parameters of the plain one."""
         return [theta]
 
-    def own_starts(self, context: Context, location: str) -> list[Theta]:
+    def further_starts(self, context: Context, location: str) -> list[Theta]:
         """Where the search of a richer form begins besides, where the plain one fits nothing."""
         return []
 
@@ -175,7 +175,7 @@ class Effect(ABC):
         """What says about the same beside bodies and a constant that are free to take up the rest; None, mostly."""
         return None
 
-    def carried_over(self, old: Context, new: Context, location: str, theta: Theta) -> Theta:
+    def transfer_shape(self, old: Context, new: Context, location: str, theta: Theta) -> Theta:
         """Non-linear parameters that say about the same on another fit of the baseline."""
         return theta
 
@@ -186,7 +186,6 @@ class Effect(ABC):
 
         Args:
             context: where its columns were made.
-            location: the link.
             information: inverse covariance of the linear parameters, ``(10, 10)``.
             target: ``information`` times their estimate.
         """
@@ -251,11 +250,11 @@ class Effect(ABC):
 
     def in_mujoco(self, item: Sizes) -> Form:
         """Its form in a MuJoCo model; without one, the model is without it, and says why."""
-        return Form(absent=Beyond.NO_FORM)
+        return Form(absent=Absence.NO_FORM)
 
-    def initial_state(self, context: Context, location: str, theta: Theta) -> Told:
+    def initial_state(self, context: Context, location: str, theta: Theta) -> InitialState:
         """What the record tells of its own state; nothing, unless said otherwise."""
-        return Told()
+        return InitialState()
 
     def second_name(self, baseline: Baseline, location: str, fit: Fit) -> str | None:
         """Another name that means the same in the data; none, unless said otherwise."""

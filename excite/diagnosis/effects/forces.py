@@ -11,7 +11,7 @@ from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Estimate
 from excite.diagnosis.effects.bristle import Bristle
 from excite.diagnosis.effects.effect import Effect, Parameter, Theta
-from excite.diagnosis.effects.form import Beyond, Context, Draft, Form, JointStep, Note, Sizes
+from excite.diagnosis.effects.form import Absence, Context, Draft, Form, JointStep, Note, Sizes
 from excite.diagnosis.effects.friction import hysteretic_sign
 from excite.diagnosis.equations.joint_torque import Fit
 from excite.doctor.doubt import Doubt
@@ -54,7 +54,7 @@ class OneSided(Effect):
             and beta[0] >= 0.0
         )
 
-    def beyond_edge(self, context: Context, location: str, theta: Theta) -> Theta:
+    def other_side(self, context: Context, location: str, theta: Theta) -> Theta:
         """Non-linear parameters of what acts on the other side of the same edge."""
         return (float(np.ptp(context.signal_at(location, "q"))) - theta[0],)
 
@@ -78,7 +78,7 @@ _FAR = 1e3
 
 
 @dataclass(frozen=True)
-class Spring(Note):
+class SpringNote(Note):
     """What a spring has beside its stiffness.
 
     Attributes:
@@ -93,7 +93,7 @@ class Spring(Note):
     rubbing: float | None = None
     breakaway: float | None = None
 
-    beyond = Beyond.SPRING
+    beyond = Absence.SPRING
 
     @property
     def has_friction(self) -> bool:
@@ -113,7 +113,7 @@ class JointSpring(Effect):
     """``τ = k q + τ_0``: stiffness and the torque at zero position."""
 
     name = "joint_spring"
-    told_by = frozenset({Doubt.POSITION, Doubt.GRAVITY})
+    observed_by = frozenset({Doubt.POSITION, Doubt.GRAVITY})
     linear: ClassVar[tuple[Parameter, ...]] = (
         Parameter("stiffness", "N·m/rad"),
         Parameter("torque_at_zero", "N·m", beside=True),
@@ -122,7 +122,7 @@ class JointSpring(Effect):
     separating_motion = "the joint slowly over its whole range, in two postures of the others"
     mujoco = "joint stiffness and springref; with slack, a tendon of that joint alone"
     by_motion = True
-    note = Spring
+    note = SpringNote
     spans: ClassVar[tuple[str, ...]] = ("q", "1")
     behind = True
 
@@ -131,7 +131,7 @@ class JointSpring(Effect):
         return (HardeningSpring(), RubbingSpring())
 
     @property
-    def alternative_forms(self) -> tuple[Effect, ...]:
+    def variant_forms(self) -> tuple[Effect, ...]:
         return (SlackSpring(), LowerSlackSpring())
 
     def locations(self, context: Context) -> tuple[str, ...]:
@@ -145,15 +145,15 @@ class JointSpring(Effect):
         q = context.signal_at(location, "q")
         constant = abs(beta[0] * q.mean() + beta[1])
         changes = abs(beta[0]) * q.std() >= _CHANGES * constant
-        return changes and pulls_back(q, beta[0]) and super().is_admissible(context, location, theta, beta)
+        return changes and is_restoring(q, beta[0]) and super().is_admissible(context, location, theta, beta)
 
     def in_mujoco(self, item: Sizes) -> Form:
-        stiffness = item.parameter_value("stiffness")
+        stiffness = item.value_of("stiffness")
 
         def add_spring(draft: Draft) -> None:
             joint = draft.find_joint(item.location)
             joint.stiffness = [stiffness, 0.0, 0.0]
-            joint.springref = -item.parameter_value("torque_at_zero") / stiffness
+            joint.springref = -item.value_of("torque_at_zero") / stiffness
 
         return Form(elements=add_spring)
 
@@ -167,11 +167,11 @@ class SlackSpring(OneSided, JointSpring):
     spans: ClassVar[tuple[str, ...]] = ()
 
     @property
-    def alternative_forms(self) -> tuple[Effect, ...]:
+    def variant_forms(self) -> tuple[Effect, ...]:
         return ()
 
     def in_mujoco(self, item: Sizes) -> Form:
-        edge, stiffness = item.parameter_value("edge"), item.parameter_value("stiffness")
+        edge, stiffness = item.value_of("edge"), item.value_of("stiffness")
         slack = [-_FAR, edge] if self.side > 0.0 else [edge, _FAR]
 
         def add_tendon_spring(draft: Draft) -> None:
@@ -211,7 +211,7 @@ class HardeningSpring(JointSpring):
 
     def is_admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
         stiffness, _, quadratic, cubic = beta[:4]
-        return pulls_back(context.signal_at(location, "q"), stiffness, quadratic, cubic)
+        return is_restoring(context.signal_at(location, "q"), stiffness, quadratic, cubic)
 
     def in_mujoco(self, item: Sizes) -> Form:
         return replace(super().in_mujoco(item), notes=(self.make_note(item),))
@@ -232,7 +232,7 @@ class RubbingSpring(HardeningSpring):
         return np.column_stack([columns, hysteretic_sign(context, location, theta[0])])
 
     def in_mujoco(self, item: Sizes) -> Form:
-        rubbing = item.parameter_value("rubbing")
+        rubbing = item.value_of("rubbing")
         if rubbing > 0.0:
             return super().in_mujoco(item)
         # Bristles do not push: where a fit has them do so, the joint has less dry friction.
@@ -240,7 +240,7 @@ class RubbingSpring(HardeningSpring):
         return replace(super().in_mujoco(replace(item, values=rest)), coulomb=rubbing)
 
 
-def pulls_back(q: Array, stiffness: float, quadratic: float = 0.0, cubic: float = 0.0) -> bool:
+def is_restoring(q: Array, stiffness: float, quadratic: float = 0.0, cubic: float = 0.0) -> bool:
     """Whether a spring holds against the motion as a whole, as what winds up does; no simulator has another.
 
     A polynomial that gives way curves through what a body, or a constant that differs from run to run, leaves: of
@@ -268,13 +268,13 @@ class EndStop(OneSided):
     within: ClassVar[tuple[float, float]] = (0.0, 0.45)
 
     @property
-    def alternative_forms(self) -> tuple[Effect, ...]:
+    def variant_forms(self) -> tuple[Effect, ...]:
         return (LowerEndStop(),)
 
     def equivalent_form(self, context: Context, location: str, theta: Theta) -> tuple[Effect, Theta]:
         """A spring that is slack where this pushes: weight and a constant take up what grows with the position."""
         other = LowerSlackSpring() if self.side > 0.0 else SlackSpring()
-        return other, self.beyond_edge(context, location, theta)
+        return other, self.other_side(context, location, theta)
 
 
 class LowerEndStop(EndStop):
@@ -283,7 +283,7 @@ class LowerEndStop(EndStop):
     side: ClassVar[float] = -1.0
 
     @property
-    def alternative_forms(self) -> tuple[Effect, ...]:
+    def variant_forms(self) -> tuple[Effect, ...]:
         return ()
 
 
@@ -297,7 +297,7 @@ _APART, _MOST = 0.5, 340.0
 
 
 @dataclass(frozen=True)
-class Wave(Note):
+class RippleNote(Note):
     """A torque periodic in a joint's position, with its second harmonic and the part that grows with the load.
 
     Attributes:
@@ -315,7 +315,7 @@ class Wave(Note):
     cosine_load: float | None = None
     sine_load: float | None = None
 
-    beyond = Beyond.SPRING
+    beyond = Absence.SPRING
 
     def joint_torque(self, at: JointStep) -> Array:
         phase = self.periods_per_rev * at.q
@@ -338,7 +338,7 @@ class TorqueRipple(Effect):
     separating_motion = "a slow sweep of the joint at constant speed"
     mujoco = "none of its own: a control callback"
     by_motion = True
-    note = Wave
+    note = RippleNote
 
     @property
     def extended_forms(self) -> tuple[Effect, ...]:

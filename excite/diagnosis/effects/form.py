@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.effects.bristle import Bristle, Static
+from excite.diagnosis.effects.bristle import Bristle, StaticFriction
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.dry_friction.friction_sign import sign_of_motion
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 # model.
 
 
-class Beyond(StrEnum):
+class Absence(StrEnum):
     """Why a MuJoCo model cannot have an effect, or a part of it, by itself."""
 
     FRICTION = "a joint has one level of dry friction, whatever its speed, load, time and deflection"
@@ -73,7 +73,7 @@ class Note(ABC):
         takes_all: whether its bristles hold all of the joint's dry friction.
     """
 
-    beyond: ClassVar[Beyond]
+    beyond: ClassVar[Absence]
     every_step: ClassVar[bool] = True
     takes_all: ClassVar[bool] = False
 
@@ -98,7 +98,7 @@ class Note(ABC):
         return 0.0
 
     @property
-    def static_friction(self) -> Static | None:
+    def static_friction(self) -> StaticFriction | None:
         """Static friction, which further bends whatever bristles the joint's friction has."""
         return None
 
@@ -173,7 +173,7 @@ class Sizes:
     values: Mapping[str, float]
     joints: tuple[str, ...] = ()
 
-    def parameter_value(self, name: str, missing: float = 0.0) -> float:
+    def value_of(self, name: str, missing: float = 0.0) -> float:
         """One of its parameters."""
         return float(self.values.get(name, missing))
 
@@ -234,11 +234,11 @@ class Form:
     elements: Change | None = None
     finish: Change | None = None
     notes: tuple[Noted, ...] = field(default=())
-    absent: Beyond | None = None
+    absent: Absence | None = None
 
 
 @dataclass(frozen=True, eq=False)
-class Told:
+class InitialState:
     """What a record tells of an effect's own state, for roll-outs that begin within it, one array a trial.
 
     Attributes:

@@ -10,9 +10,9 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Estimate
-from excite.diagnosis.effects.bristle import Bristle, Static
+from excite.diagnosis.effects.bristle import Bristle, StaticFriction
 from excite.diagnosis.effects.effect import Effect, Parameter, Theta
-from excite.diagnosis.effects.form import Beyond, Context, Form, JointStep, Note, Noted, Sizes, Told
+from excite.diagnosis.effects.form import Absence, Context, Form, InitialState, JointStep, Note, Noted, Sizes
 from excite.diagnosis.effects.gears.backlash import Backlash
 from excite.diagnosis.equations.dry_friction.friction_sign import (
     RATIO,
@@ -38,7 +38,7 @@ class ViscousFriction(Effect):
     """``τ = f_v v`` (Armstrong-Hélouvry, Dupont, Canudas de Wit 1994, section 2.1)."""
 
     name = "viscous_friction"
-    told_by = frozenset({Doubt.CLOCK, Doubt.DELAY})
+    observed_by = frozenset({Doubt.CLOCK, Doubt.DELAY})
     linear = (Parameter("coefficient", "N·m·s/rad", 0.0),)
     confusable_with = ("coulomb_friction", "actuator_lag")
     separating_motion = "constant speeds from slow to fast, both ways"
@@ -52,7 +52,7 @@ class ViscousFriction(Effect):
         return context.signal_at(location, "v")[:, None]
 
     def in_mujoco(self, item: Sizes) -> Form:
-        return Form(viscous=item.parameter_value("coefficient"))
+        return Form(viscous=item.value_of("coefficient"))
 
 
 # All of a joint's dry friction builds up over a deflection: a note to the runner, of the baseline's friction
@@ -63,7 +63,7 @@ PRESLIDING = "presliding"
 
 
 @dataclass(frozen=True)
-class BuildUp(Note):
+class PreslidingNote(Note):
     """Bristles that hold all of a joint's dry friction.
 
     Attributes:
@@ -76,7 +76,7 @@ class BuildUp(Note):
     damping: float | None = None
     damped_below: float | None = None
 
-    beyond = Beyond.FRICTION
+    beyond = Absence.FRICTION
     takes_all = True
 
     @property
@@ -95,7 +95,7 @@ _SMOOTH = 201
 
 
 @dataclass(frozen=True)
-class Drift(Note):
+class DriftNote(Note):
     """Friction that has drifted so far.
 
     Attributes:
@@ -112,7 +112,7 @@ class Drift(Note):
     session_end: float
     in_each_trial: float | None = None
 
-    beyond = Beyond.FRICTION
+    beyond = Absence.FRICTION
 
     @property
     def has_friction(self) -> bool:
@@ -156,14 +156,14 @@ class FrictionDrift(Effect):
     separating_motion = "the same trial at the start, in the middle and at the end of the session"
     mujoco = "none of its own: a control callback"
     friction = True
-    note = Drift
+    note = DriftNote
 
     @property
     def extended_forms(self) -> tuple[Effect, ...]:
         return (HeatedFriction(),)
 
     @property
-    def alternative_forms(self) -> tuple[Effect, ...]:
+    def variant_forms(self) -> tuple[Effect, ...]:
         return (DriftInTrial(),)
 
     def is_candidate(self, modelled: tuple[str, ...]) -> bool:
@@ -205,7 +205,7 @@ class FrictionDrift(Effect):
     def in_mujoco(self, item: Sizes) -> Form:
         return Form(notes=(self.make_note(item),))
 
-    def initial_state(self, context: Context, location: str, theta: Theta) -> Told:
+    def initial_state(self, context: Context, location: str, theta: Theta) -> InitialState:
         """Its Coulomb column over the sign of motion, or its viscous one over the velocity where it has no other."""
         from scipy.ndimage import uniform_filter1d
 
@@ -220,7 +220,7 @@ class FrictionDrift(Effect):
             ]
             if column.any():
                 break
-        return Told(growth=made)
+        return InitialState(growth=made)
 
 
 class DriftInTrial(FrictionDrift):
@@ -233,7 +233,7 @@ class DriftInTrial(FrictionDrift):
         return ()
 
     @property
-    def alternative_forms(self) -> tuple[Effect, ...]:
+    def variant_forms(self) -> tuple[Effect, ...]:
         return ()
 
     def search_grid(self, context: Context, location: str) -> list[Theta]:
@@ -290,7 +290,7 @@ _GROWS = 1e-3
 
 
 @dataclass(frozen=True)
-class Loaded(Note):
+class LoadNote(Note):
     """Dry friction by the torque that the gear carries.
 
     Attributes:
@@ -305,7 +305,7 @@ class Loaded(Note):
     power_scale: float | None = None
     own_share: float | None = None
 
-    beyond = Beyond.FRICTION
+    beyond = Absence.FRICTION
 
     @property
     def has_friction(self) -> bool:
@@ -330,7 +330,7 @@ class LoadDependentFriction(Effect):
     mujoco = "none of its own: a control callback"
     friction = True
     by_load = True
-    note = Loaded
+    note = LoadNote
 
     @property
     def extended_forms(self) -> tuple[Effect, ...]:
@@ -475,7 +475,7 @@ class CoulombFriction(Effect):
         return (CoulombBristles(), CoulombBehindPlay())
 
     @property
-    def alternative_forms(self) -> tuple[Effect, ...]:
+    def variant_forms(self) -> tuple[Effect, ...]:
         return (CoulombBristles(),)
 
     def search_grid(self, context: Context, location: str) -> list[Theta]:
@@ -492,7 +492,7 @@ class CoulombFriction(Effect):
         return narrow and super().is_admissible(context, location, theta, beta)
 
     def in_mujoco(self, item: Sizes) -> Form:
-        return Form(coulomb=item.parameter_value("level"))
+        return Form(coulomb=item.value_of("level"))
 
 
 class CoulombBristles(CoulombFriction):
@@ -505,7 +505,7 @@ class CoulombBristles(CoulombFriction):
         return (CoulombBehindPlay(),)
 
     @property
-    def alternative_forms(self) -> tuple[Effect, ...]:
+    def variant_forms(self) -> tuple[Effect, ...]:
         return ()
 
     def search_starts(self, theta: Theta) -> list[Theta]:
@@ -521,8 +521,8 @@ class CoulombBristles(CoulombFriction):
         return hysteretic_sign(context, location, theta[0])[:, None]
 
     def in_mujoco(self, item: Sizes) -> Form:
-        bends = BuildUp(item.parameter_value("breakaway"))
-        return Form(coulomb=item.parameter_value("level"), notes=(Noted(PRESLIDING, item.location, bends),))
+        bends = PreslidingNote(item.value_of("breakaway"))
+        return Form(coulomb=item.value_of("level"), notes=(Noted(PRESLIDING, item.location, bends),))
 
 
 class CoulombBehindPlay(CoulombBristles):
@@ -584,7 +584,7 @@ _LEFT = 0.1
 
 
 @dataclass(frozen=True)
-class Slow(Note):
+class StribeckNote(Note):
     """More dry friction at low speed, on the bristles that the joint's friction has, or on some of its own.
 
     Attributes:
@@ -603,16 +603,16 @@ class Slow(Note):
     breakaway: float | None = None
     bristle_damping: float | None = None
 
-    beyond = Beyond.FRICTION
+    beyond = Absence.FRICTION
 
     @property
     def has_friction(self) -> bool:
         return True
 
     @cached_property
-    def static_friction(self) -> Static:
+    def static_friction(self) -> StaticFriction:
         """See :class:`Note`."""
-        return Static(self.excess, self.velocity, 2.0 if self.exponent is None else self.exponent)
+        return StaticFriction(self.excess, self.velocity, 2.0 if self.exponent is None else self.exponent)
 
     def make_bristle(self) -> Bristle | None:
         if self.breakaway is None:
@@ -641,7 +641,7 @@ class Stribeck(Effect):
     separating_motion = "constant speeds from below the Stribeck velocity to well above it"
     mujoco = "none of its own: a control callback"
     friction = True
-    note = Slow
+    note = StribeckNote
 
     @property
     def extended_forms(self) -> tuple[Effect, ...]:

@@ -52,7 +52,7 @@ class ModelParameter(Effect):
 
     def in_mujoco(self, item: Sizes) -> Form:
         """See :class:`~excite.diagnosis.effects.effect.Effect`."""
-        values = [item.parameter_value(parameter.name) for parameter in self.linear]
+        values = [item.value_of(parameter.name) for parameter in self.linear]
         return Form(elements=lambda draft: self.edit(draft.spec, item.location, *values))
 
     def _edited_torques(self, context: Context, location: str, values: Sequence[float] | Array) -> Array:

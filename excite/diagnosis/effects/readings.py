@@ -11,9 +11,9 @@ import numpy as np
 from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Estimate
 from excite.diagnosis.effects.effect import Belief, Effect, Parameter, Shape, Theta
-from excite.diagnosis.effects.form import Beyond, Context, Draft, Form, Note, Sizes
+from excite.diagnosis.effects.form import Absence, Context, Draft, Form, Note, Sizes
 from excite.diagnosis.equations.baseline import Baseline
-from excite.diagnosis.equations.dry_friction.reversals import told_delay
+from excite.diagnosis.equations.dry_friction.reversals import estimate_delay
 from excite.diagnosis.equations.joint_torque import Fit
 from excite.diagnosis.equations.own_columns import CONSTANT, COULOMB, coulomb_level
 from excite.doctor.doubt import Doubt
@@ -26,7 +26,7 @@ class TorqueGain(Effect):
 
     name = "torque_gain"
     belief = Belief(width=0.3)
-    told_by = frozenset({Doubt.CLOCK, Doubt.SIZE})
+    observed_by = frozenset({Doubt.CLOCK, Doubt.SIZE})
     linear = (Parameter("gain_error", "1", -0.7, 2.0),)
     confusable_with = ("payload", "link_inertia", "load_dependent_friction")
     separating_motion = "the same motion with and without a known payload"
@@ -43,7 +43,7 @@ class TorqueGain(Effect):
         return {"gain": Estimate(1.0 + error["gain_error"].value, std, "1"), **error}
 
     def in_mujoco(self, item: Sizes) -> Form:
-        gain = 1.0 + item.parameter_value("gain_error")
+        gain = 1.0 + item.value_of("gain_error")
 
         def reduce_gain(draft: Draft) -> None:
             motor = draft.find_motor(item.location)
@@ -60,7 +60,7 @@ _ACTUATOR_LAG_SAMPLE = 0.4
 
 
 @dataclass(frozen=True)
-class FasterFilter(Note):
+class LagNote(Note):
     """The second of two filters in series, before that of the motors.
 
     Attributes:
@@ -69,7 +69,7 @@ class FasterFilter(Note):
 
     before: float
 
-    beyond = Beyond.CHANNEL
+    beyond = Absence.CHANNEL
     every_step = False
 
     @property
@@ -82,14 +82,14 @@ class ActuatorLag(Effect):
 
     name = "actuator_lag"
     belief = Belief(width=0.03, group="timing")
-    told_by = frozenset({Doubt.CLOCK, Doubt.DELAY})
+    observed_by = frozenset({Doubt.CLOCK, Doubt.DELAY})
     linear: ClassVar[tuple[Parameter, ...]] = (Parameter("time_constant", "s", 0.0, 0.5),)
     confusable_with = ("time_delay", "viscous_friction")
     separating_motion = "a chirp to 5 … 15 Hz"
     mujoco = "actuator dyntype filter, dynprm"
     timing = True
     late_by = "time_constant"
-    note = FasterFilter
+    note = LagNote
     twins_without_torque = ("time_delay",)
 
     @property
@@ -126,7 +126,7 @@ class ActuatorLag(Effect):
 
     def filter_time_constants(self, item: Sizes) -> tuple[float, float | None]:
         """Time constants of the motors' filter and of one before it [s]; None where there is no other."""
-        return item.parameter_value("time_constant"), None
+        return item.value_of("time_constant"), None
 
 
 class SecondOrderLag(ActuatorLag):
@@ -148,7 +148,7 @@ class SecondOrderLag(ActuatorLag):
 
     def filter_time_constants(self, item: Sizes) -> tuple[float, float | None]:
         """``T₂² τ̈ + T τ̇ + τ = u`` as two filters in series, as like as they can be where it rings."""
-        total, square = item.parameter_value("time_constant"), item.parameter_value("second_order")
+        total, square = item.value_of("time_constant"), item.value_of("second_order")
         root = float(np.sqrt(max(0.25 * total**2 - square, 0.0)))
         return 0.5 * total + root, 0.5 * total - root if square > 0.0 else None
 
@@ -160,7 +160,7 @@ _SMALL = 2e-3
 
 
 @dataclass(frozen=True)
-class LoggedAlone(Note):
+class OffsetNote(Note):
     """An offset of the log's positions that the servo does not have.
 
     Attributes:
@@ -169,7 +169,7 @@ class LoggedAlone(Note):
 
     in_log_only: float
 
-    beyond = Beyond.READING
+    beyond = Absence.READING
     every_step = False
 
     @property
@@ -186,7 +186,7 @@ class EncoderOffset(Effect):
 
     name = "encoder_offset"
     belief = Belief(chance=0.04, width=0.05)
-    told_by = frozenset({Doubt.POSITION, Doubt.GRAVITY})
+    observed_by = frozenset({Doubt.POSITION, Doubt.GRAVITY})
     linear = (Parameter("offset", "rad", -0.5, 0.5),)
     searched = (Parameter("secant", "1", math.exp(-_WIDEST), math.exp(_WIDEST)),)
     confusable_with = ("torque_bias", "base_tilt", "joint_spring")
@@ -194,7 +194,7 @@ class EncoderOffset(Effect):
     mujoco = "joint ref"
     moves = True
     by_motion = True
-    note = LoggedAlone
+    note = OffsetNote
 
     def search_grid(self, context: Context, location: str) -> list[Theta]:
         return [(1.0,)]
@@ -220,7 +220,7 @@ class EncoderOffset(Effect):
 
     def in_mujoco(self, item: Sizes) -> Form:
         def shift_reference(draft: Draft) -> None:
-            draft.find_joint(item.location).ref = item.parameter_value("offset")
+            draft.find_joint(item.location).ref = item.value_of("offset")
 
         return Form(elements=shift_reference)
 
@@ -236,7 +236,7 @@ _SURELY = 2.0
 
 
 @dataclass(frozen=True)
-class Late(Note):
+class DelayNote(Note):
     """A torque channel that is logged late: its torque is that of a later time.
 
     Attributes:
@@ -245,7 +245,7 @@ class Late(Note):
 
     delay: float
 
-    beyond = Beyond.CHANNEL
+    beyond = Absence.CHANNEL
     every_step = False
 
     @property
@@ -266,7 +266,7 @@ def delay_change(baseline: Baseline, delay: float) -> Array:
     return np.concatenate(parts) - baseline.total
 
 
-def _said_later(baseline: Baseline, delay: float) -> Array:
+def _logged_change(baseline: Baseline, delay: float) -> Array:
     """By how much the log's torques a while later differ from those now, ``(n_samples, n_joints)`` [N·m].
 
     Cubic splines leave the power of the noise in the rows' band; lines between samples would take a part of it.
@@ -286,7 +286,7 @@ class TimeDelay(Effect):
 
     name = "time_delay"
     belief = Belief(group="timing")
-    told_by = frozenset({Doubt.CLOCK, Doubt.DELAY})
+    observed_by = frozenset({Doubt.CLOCK, Doubt.DELAY})
     linear: ClassVar[tuple[Parameter, ...]] = (Parameter("delay", "s", 0.0, 0.15),)
     searched: ClassVar[tuple[Parameter, ...]] = (Parameter("secant", "s", 4e-4, 0.15),)
     confusable_with = ("actuator_lag", "viscous_friction", "load_dependent_friction")
@@ -295,7 +295,7 @@ class TimeDelay(Effect):
     timing = True
     of_channel = True
     stands_in = True
-    note = Late
+    note = DelayNote
 
     def locations(self, context: Context) -> tuple[str, ...]:
         return ("torque",)
@@ -316,7 +316,7 @@ class TimeDelay(Effect):
         return same and beta[0] >= least and super().is_admissible(context, location, theta, beta)
 
     @property
-    def second_order_form(self) -> Effect | None:
+    def refined_form(self) -> Effect | None:
         return WholeDelay()
 
     def in_mujoco(self, item: Sizes) -> Form:
@@ -336,11 +336,11 @@ class WholeDelay(TimeDelay):
     stands_in = False
 
     @property
-    def second_order_form(self) -> Effect | None:
+    def refined_form(self) -> Effect | None:
         return None
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
-        early = -_said_later(context.baseline, theta[0])
+        early = -_logged_change(context.baseline, theta[0])
         return Shape(offset={j: early[:, j] for j in range(early.shape[1])})
 
     def is_admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
@@ -349,7 +349,7 @@ class WholeDelay(TimeDelay):
     def to_estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
         """Its length as rows between reversals tell it, where they surely tell another than all rows do; else that."""
         found = super().to_estimates(context, location, theta, fit)
-        told = told_delay(context.baseline.with_fit(fit), theta[0], delay_change)
+        told = estimate_delay(context.baseline.with_fit(fit), theta[0], delay_change)
         if told is None:
             return found
         off = abs(told.size - theta[0])
@@ -374,7 +374,7 @@ class TorqueBias(Effect):
     """``τ_logged = τ + b``."""
 
     name = "torque_bias"
-    told_by = frozenset({Doubt.GRAVITY})
+    observed_by = frozenset({Doubt.GRAVITY})
     linear = (Parameter("bias", "N·m"),)
     confusable_with = ("coulomb_asymmetry", "encoder_offset", "base_tilt", "joint_spring")
     separating_motion = "a reading at zero torque"
@@ -387,7 +387,7 @@ class TorqueBias(Effect):
         return np.ones((len(context.v), 1))
 
     def in_mujoco(self, item: Sizes) -> Form:
-        return Form(bias=item.parameter_value("bias"))
+        return Form(bias=item.value_of("bias"))
 
     def second_name(self, baseline: Baseline, location: str, fit: Fit) -> str | None:
         """No larger than the Coulomb level, it may be friction that differs between directions."""

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.diagnosis.equations.baseline import Baseline
-from excite.diagnosis.equations.dry_friction.fitted_signs import first_signs
+from excite.diagnosis.equations.dry_friction.fitted_signs import fit_first_signs
 from excite.diagnosis.equations.dry_friction.friction_sign import WIDTHS, SignChange
 from excite.diagnosis.equations.joint_torque import Equations, Solver
 from excite.diagnosis.equations.own_columns import COULOMB, own_rows, own_signals, own_terms
@@ -86,7 +86,7 @@ def fit_baseline(
     if COULOMB not in terms:
         return baseline
     if like is None:
-        return first_signs(baseline, late=late)
+        return fit_first_signs(baseline, late=late)
     moved = baseline.with_signs(like.signs)
     return moved.with_fit(moved.solver.fit_columns())
 

@@ -38,7 +38,7 @@ def known_terms(samples: ArmSamples, modelled: Sequence[str]) -> tuple[KnownTerm
     return tuple(item for item in known if item.values.any() and not item.term.is_modelled(modelled))
 
 
-def less_known(samples: ArmSamples, modelled: tuple[str, ...], floor: Array) -> ArmSamples:
+def subtract_known_torques(samples: ArmSamples, modelled: tuple[str, ...], floor: Array) -> ArmSamples:
     """The samples with torques less those of the terms that are known.
 
     How dry friction changes sign is the record's: a fit with these terms free, thrown away, tells it.

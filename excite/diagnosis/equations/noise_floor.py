@@ -13,7 +13,7 @@ from excite.diagnosis.equations.arm_trial import ArmTrial, Bands
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.dry_friction.friction_sign import of_velocity
 from excite.diagnosis.equations.own_columns import ARMATURE, COULOMB, VISCOUS, own_terms
-from excite.diagnosis.equations.repeats import on_the_clock_of_the_first
+from excite.diagnosis.equations.repeats import align_repeat
 from excite.diagnosis.equations.samples import ArmSamples
 from excite.logs.log import Log, Trial
 from excite.logs.signals.butterworth import Derivatives, central_differences, lowpass, noise_bandwidth
@@ -107,7 +107,7 @@ def repeat_floor(samples: ArmSamples, residual: Array) -> Array | None:
     Differences of residuals, not of torques: the same command does not give quite the same motion.
     """
     values = [residual[:, samples.trial_of_row == k] for k in range(len(samples.trials))]
-    both = [on_the_clock_of_the_first(repeat, samples.trials, values) for repeat in samples.repeat_pairs]
+    both = [align_repeat(repeat, samples.trials, values) for repeat in samples.repeat_pairs]
     squares = np.concatenate([0.5 * (again - first) ** 2 for first, again in both], axis=1) if both else None
     return None if squares is None or not squares.size else np.sqrt(squares.mean(axis=1))
 
@@ -223,11 +223,8 @@ def _draw_position_noise(samples: ArmSamples, sigma: Array, rng: np.random.Gener
         e[:, index] = sigma * rng.standard_normal((len(e), len(index)))
         d = central_differences(lowpass(e, rate, samples.bands.kinematics_hz), rate)
         if samples.robot.mechanism is not None:
-            maps = (
-                samples.motion_maps
-                if len(samples.motion_maps) == 1
-                else samples.by_trial(samples.motion_maps)[k]
-            )
+            maps = samples.motion_maps
+            maps = maps if len(maps) == 1 else samples.by_trial(maps)[k]
             parts = (d.value, d.first, d.second)
             d = Derivatives(*((maps @ x[:, index, None])[:, :, 0] for x in parts))
         made.append(d)

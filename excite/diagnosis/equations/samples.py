@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array, Moved, widen_flags
 from excite.diagnosis.equations.arm_trial import ArmTrial, Bands
-from excite.diagnosis.equations.repeats import Repeat, repeats_of
+from excite.diagnosis.equations.repeats import Repeat, find_repeats
 from excite.logs.signals.butterworth import both_ways, butterworth_sections
 from excite.regressor.kernels import inverse_dynamics, joint_torque_regressor
 from excite.robot.robot import Robot
@@ -221,7 +221,7 @@ class ArmSamples:
     @cached_property
     def repeat_pairs(self) -> tuple[Repeat, ...]:
         """Trials that run one command again."""
-        return repeats_of(self.trials, self.rate_hz)
+        return find_repeats(self.trials, self.rate_hz)
 
     @cached_property
     def identification_rows(self) -> NDArray[np.bool_]:
@@ -267,10 +267,8 @@ class ArmSamples:
 
     def slipping_samples(self, joints: Iterable[int]) -> NDArray[np.bool_]:
         """Where some motors surely turn, ``(n_samples, n_joints)``; True for the others."""
-        made, cutoff = (
-            np.ones((len(self.is_start), len(self.joints)), dtype=np.bool_),
-            self.bands.kinematics_hz,
-        )
+        made = np.ones((len(self.is_start), len(self.joints)), dtype=np.bool_)
+        cutoff = self.bands.kinematics_hz
         for k in joints:
             v = self.motor_signal("v")[:, k]
             made[:, k] = surely_slips(v, self.is_start, self.standstill[k], self.rate_hz, cutoff)

@@ -72,7 +72,7 @@ def gap_of(problem: Problem, before: Fitted, after: Fitted, rng: np.random.Gener
     level = noise.likely
     loud, least = (float(((x / scale) ** 2).mean()) for x in (level, noise.least))
     # Noise happens to be a little less, or more, than it is on average.
-    left = what_is_left(problem, residuals, after, scale, rows, rng) if after.placed else None
+    left = describe_residual(problem, residuals, after, scale, rows, rng) if after.placed else None
     quiet = min(loud, last) if left is None else max(min(least, last), last - left.power)
     floor = level * np.sqrt(quiet / loud)
     start, end, noise_size = (float(np.sqrt(power)) for power in (first, last, quiet))
@@ -103,7 +103,7 @@ _ONE_SIDED_STD = 1.64
 
 
 @dataclass(frozen=True)
-class Left:
+class GapResidual:
     """What effects leave of a gap.
 
     Attributes:
@@ -115,14 +115,14 @@ class Left:
     interval: tuple[float, float]
 
 
-def what_is_left(
+def describe_residual(
     problem: Problem,
     residuals: tuple[Array, Array],
     after: Fitted,
     scale: Array,
     judged: NDArray[np.bool_],
     rng: np.random.Generator,
-) -> Left:
+) -> GapResidual:
     """What effects leave on the trials that a gap is judged on, looked for where they explain something.
 
     Where it is told from noise, a block bootstrap over time and over the noise's level gives an interval of two
@@ -147,12 +147,12 @@ def what_is_left(
     quiet = least + rng.uniform(size=_DRAWS) * (likely - least)
     quiet *= np.maximum(0.0, 1.0 + noise.spread * rng.standard_normal(_DRAWS))
     left, opened = now[pick].mean(axis=1) - quiet, np.maximum(was[pick].mean(axis=1) - quiet, 1e-12)
-    by_parameters = left_by_parameters(problem, after, scale, judged, rng, _DRAWS)
+    by_parameters = draw_residual_power(problem, after, scale, judged, rng, _DRAWS)
     share = np.minimum(1.0, np.maximum(left, by_parameters) / opened)
     if np.quantile(left, _ONE_SIDE) > 0.0 and _louder_than_noise(problem, after):
         low, high = np.quantile(share, [_ONE_SIDE, 1.0 - _ONE_SIDE])
-        return Left(max(float(left.mean()), float(by_parameters.mean())), (float(low), float(high)))
-    return Left(float(by_parameters.mean()), (0.0, float(np.quantile(share, 1.0 - 2.0 * _ONE_SIDE))))
+        return GapResidual(max(float(left.mean()), float(by_parameters.mean())), (float(low), float(high)))
+    return GapResidual(float(by_parameters.mean()), (0.0, float(np.quantile(share, 1.0 - 2.0 * _ONE_SIDE))))
 
 
 def _louder_than_noise(problem: Problem, after: Fitted) -> bool:
@@ -179,7 +179,7 @@ def _explained_below(record: FloatingRecord, explained: Array) -> float:
 # What errors of the fitted parameters leave of a gap, noise or not.
 
 
-def left_by_parameters(
+def draw_residual_power(
     problem: Problem,
     fitted: Fitted,
     scale: Array,

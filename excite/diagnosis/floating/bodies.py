@@ -12,7 +12,7 @@ from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Estimate
 from excite.diagnosis.floating.effect import (
     POINT,
-    Beyond,
+    Absence,
     FloatingEffect,
     Parameter,
     Part,
@@ -36,7 +36,7 @@ class LinkInertia(FloatingEffect):
 
     name = "link_inertia"
     seen_by = frozenset(Reads)
-    told_by = frozenset({Doubt.POSITION, Doubt.GRAVITY, Doubt.CLOCK, Doubt.SIZE})
+    observed_by = frozenset({Doubt.POSITION, Doubt.GRAVITY, Doubt.CLOCK, Doubt.SIZE})
     reads_as = "constant sensor bias, and the neighbouring links where they move as one"
     confusable_with = ("sensor_bias",)
     says = Part.BODIES
@@ -99,7 +99,7 @@ class JointElasticity(FloatingEffect):
     reads_as = "encoder offset, where the joint's load hardly changes"
     confusable_with = ("encoder_offset",)
     leaves = ("encoder_offset",)
-    says = Beyond.MOTION
+    says = Absence.MOTION
     least_shrink = 0.15
 
     places = staticmethod(visible_joints)
@@ -195,7 +195,7 @@ class LinkLengthError(FloatingEffect):
 
     name = "link_length_error"
     seen_by = frozenset(Reads)
-    told_by = frozenset({Doubt.POSITION, Doubt.GRAVITY, Doubt.CLOCK, Doubt.SIZE})
+    observed_by = frozenset({Doubt.POSITION, Doubt.GRAVITY, Doubt.CLOCK, Doubt.SIZE})
     reads_as = "sensor frame at the leg's end; inertia of what the joint carries"
     confusable_with = ("sensor_frame_offset", "link_inertia")
     says = Part.LENGTHS
@@ -224,10 +224,10 @@ class SoftTissue(FloatingEffect):
     """
 
     name = "soft_tissue"
-    told_by = frozenset({Doubt.CLOCK, Doubt.DELAY})
+    observed_by = frozenset({Doubt.CLOCK, Doubt.DELAY})
     reads_as = "elasticity, where the joint's load is the segment's own inertia"
     confusable_with = ("joint_elasticity",)
-    says = Beyond.MOTION
+    says = Absence.MOTION
     least_shrink = 0.3
 
     def locations(self, state: State) -> tuple[str, ...]:
@@ -390,7 +390,7 @@ class WobblingMass(FloatingEffect):
     form = "wobbling_mass"
     reads_as = "an external force, and elasticity of the joints that carry the segment"
     confusable_with = ("external_force", "joint_elasticity")
-    says = Beyond.FORCES
+    says = Absence.FORCES
     least_shrink = 0.3
     # A resonance is narrow.
     rough_steps = 10

@@ -28,7 +28,7 @@ class Part(StrEnum):
     SENSORS = "pos and quat of the site that is the sensor"
 
 
-class Beyond(StrEnum):
+class Absence(StrEnum):
     """Why a model cannot have an effect by itself: what its runner then applies to the record."""
 
     MOTION = "the recorded motion that it is led through is no part of a model"
@@ -52,7 +52,7 @@ class StandingNote:
     location: str
     parameters: Mapping[str, float]
     holds: Mapping[str, Any]
-    beyond: Beyond
+    beyond: Absence
 
     def to_json(self) -> str:
         """Parameters and all else as JSON."""
@@ -101,7 +101,7 @@ class FloatingEffect(ABC):
         reads_as: what it is confused with, and what tells it apart.
         confusable_with: effects that can look alike, by name.
         leaves: effects as which an approximate form of it leaves its own rest, at the same place.
-        told_by: quantities of a log that it is measured by: where these are in doubt it cannot be named.
+        observed_by: quantities of a log that it is measured by: where these are in doubt it cannot be named.
         says: the part of a MuJoCo model that has it, or why none can.
         places: where it can sit.
         own: its parameters, where they are the same at all places.
@@ -120,8 +120,8 @@ class FloatingEffect(ABC):
     reads_as: ClassVar[str]
     confusable_with: ClassVar[tuple[str, ...]] = ()
     leaves: ClassVar[tuple[str, ...]] = ()
-    told_by: ClassVar[frozenset[Doubt]] = frozenset()
-    says: ClassVar[Part | Beyond]
+    observed_by: ClassVar[frozenset[Doubt]] = frozenset()
+    says: ClassVar[Part | Absence]
     places: ClassVar[staticmethod[[State], tuple[str, ...]]]
     own: ClassVar[tuple[Parameter, ...]]
     counts: ClassVar[float] = 1.0
@@ -148,7 +148,7 @@ class FloatingEffect(ABC):
     @property
     def changes_readings(self) -> bool:
         """Whether it says something else of what the sensors read."""
-        return self.says is Beyond.READINGS
+        return self.says is Absence.READINGS
 
     def locations(self, state: State) -> tuple[str, ...]:
         """Places where it can sit."""
@@ -183,7 +183,6 @@ class FloatingEffect(ABC):
 
         Args:
             state: the nominal state.
-            location: its place.
             theta: its parameters.
         """
         if isinstance(self.says, Part):

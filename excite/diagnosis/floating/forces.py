@@ -13,7 +13,7 @@ import numpy as np
 from excite.arrays import Array
 from excite.diagnosis.floating.effect import (
     POINT,
-    Beyond,
+    Absence,
     FloatingEffect,
     Parameter,
     Reads,
@@ -32,7 +32,7 @@ class PointForce(FloatingEffect):
         at: the three parameters that are the point's coordinates in the frame of the link's joint.
     """
 
-    says = Beyond.FORCES
+    says = Absence.FORCES
     places = staticmethod(link_names)
     at = slice(3, 6)
 

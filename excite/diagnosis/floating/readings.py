@@ -16,7 +16,7 @@ from excite.diagnosis.effects.friction import CoulombFriction, ViscousFriction
 from excite.diagnosis.effects.gears.gear_effect import Armature
 from excite.diagnosis.effects.readings import TorqueBias, TorqueGain
 from excite.diagnosis.floating.effect import (
-    Beyond,
+    Absence,
     FloatingEffect,
     Parameter,
     Part,
@@ -39,7 +39,7 @@ class SensorBias(FloatingEffect):
     name = "sensor_bias"
     reads_as = "constant external force, inertials, base orientation; the unloaded foot tells"
     confusable_with = ("external_force", "link_inertia", "base_orientation_bias")
-    says = Beyond.READINGS
+    says = Absence.READINGS
 
     places = staticmethod(sensor_names)
     own = Parameter.of_names(WRENCH_AXES[:3], "N", 15.0, 1.0) + Parameter.of_names(
@@ -61,10 +61,10 @@ class BaseOrientationBias(FloatingEffect):
     """
 
     name = "base_orientation_bias"
-    told_by = frozenset({Doubt.POSITION, Doubt.GRAVITY})
+    observed_by = frozenset({Doubt.POSITION, Doubt.GRAVITY})
     reads_as = "constant horizontal sensor bias or external force; bending forward and turning"
     confusable_with = ("sensor_bias", "external_force")
-    says = Beyond.MOTION
+    says = Absence.MOTION
 
     own = Parameter.of_names(("rx", "ry", "rz"), "rad", 0.03, 1e-3)
     # Logged against true.
@@ -95,10 +95,10 @@ class EncoderOffset(FloatingEffect):
 
     name = "encoder_offset"
     seen_by = frozenset(Reads)
-    told_by = frozenset({Doubt.POSITION, Doubt.GRAVITY})
+    observed_by = frozenset({Doubt.POSITION, Doubt.GRAVITY})
     reads_as = "link length and inertia beyond the joint; postures that turn it against gravity"
     confusable_with = ("link_length_error", "link_inertia")
-    says = Beyond.MOTION
+    says = Absence.MOTION
 
     places = staticmethod(visible_joints)
     # The offset, true less logged; the contract counts the opposite.
@@ -124,7 +124,7 @@ class SensorCrosstalk(FloatingEffect):
     name = "sensor_crosstalk"
     reads_as = "a turn of the sensor's frame, which couples A to B and B to A"
     confusable_with = ("sensor_frame_offset",)
-    says = Beyond.READINGS
+    says = Absence.READINGS
 
     def locations(self, state: State) -> tuple[str, ...]:
         """Every ordered pair of axes of every sensor."""
@@ -178,10 +178,10 @@ class SensorGain(FloatingEffect):
     """Logged = gain × true, on one axis or on all six."""
 
     name = "sensor_gain"
-    told_by = frozenset({Doubt.CLOCK, Doubt.SIZE})
+    observed_by = frozenset({Doubt.CLOCK, Doubt.SIZE})
     reads_as = "with free inertials a gain common to all sensors is invisible"
     confusable_with = ("link_inertia",)
-    says = Beyond.READINGS
+    says = Absence.READINGS
     own = (Parameter("gain_error", "1", 0.1, 1e-3),)
 
     def locations(self, state: State) -> tuple[str, ...]:
@@ -209,9 +209,9 @@ class TimeDelay(FloatingEffect):
 
     name = "time_delay"
     seen_by = frozenset(Reads)
-    told_by = frozenset({Doubt.CLOCK, Doubt.DELAY})
+    observed_by = frozenset({Doubt.CLOCK, Doubt.DELAY})
     reads_as = "nothing else follows the wrench's rate"
-    says = Beyond.READINGS
+    says = Absence.READINGS
     own = (Parameter("delay", "s", 0.02, 1e-3),)
 
     def locations(self, state: State) -> tuple[str, ...]:
@@ -263,13 +263,17 @@ class DriveTerm(FloatingEffect):
     """
 
     law: ClassVar[Effect]
-    says = Beyond.READINGS
+    says = Absence.READINGS
     exact = True
     seen_by = frozenset({Reads.TORQUES})
 
     def __init_subclass__(cls) -> None:
         """Name, words and doubts are those of the law."""
-        cls.name, cls.confusable_with, cls.told_by = cls.law.name, cls.law.confusable_with, cls.law.told_by
+        cls.name, cls.confusable_with, cls.observed_by = (
+            cls.law.name,
+            cls.law.confusable_with,
+            cls.law.observed_by,
+        )
         cls.reads_as = f"{', '.join(cls.law.confusable_with)}; {cls.law.separating_motion}"
 
     def locations(self, state: State) -> tuple[str, ...]:

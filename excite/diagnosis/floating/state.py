@@ -252,12 +252,12 @@ class State:
         """The state with errors ``(10·n_segments,)`` of the inertial parameters."""
         return self.replace(phi=self.record.tree.phi + delta)
 
-    def free_errors(self) -> Free:
+    def free_errors(self) -> FreeParameters:
         """What is identified along, and what one expects of its errors before looking at data."""
         return inertial_errors(self)
 
 
-class Free(NamedTuple):
+class FreeParameters(NamedTuple):
     """Parameters that are identified along.
 
     Attributes:
@@ -270,19 +270,19 @@ class Free(NamedTuple):
     scales: Array
     at: NDArray[np.int64]
 
-    def join_with(self, other: Free) -> Free:
+    def join_with(self, other: FreeParameters) -> FreeParameters:
         """These and others."""
         parts = zip(self, other, strict=True)
-        return Free(*(np.concatenate([one, two], axis=-1) for one, two in parts))
+        return FreeParameters(*(np.concatenate([one, two], axis=-1) for one, two in parts))
 
 
-def inertial_errors(state: State) -> Free:
+def inertial_errors(state: State) -> FreeParameters:
     """The inertial parameters of measured segments, where the log has them identified."""
     own = inertial_scales(state.record.tree.phi)
     for segment in state.record.unmeasured:
         own[10 * segment : 10 * segment + 10] = 0.0
     free = np.flatnonzero(own) if state.record.inertials_free else np.zeros(0, dtype=np.int64)
-    return Free(state.regressor[:, :, free], own[free], free)
+    return FreeParameters(state.regressor[:, :, free], own[free], free)
 
 
 # What one expects of inertial parameters before looking at data.
@@ -508,7 +508,7 @@ class TorqueState(State):
         n = len(self.record.tree.phi)
         return self.replace(phi=self.record.tree.phi + delta[:n], drives=delta[n:].reshape(self.drives.shape))
 
-    def free_errors(self) -> Free:
+    def free_errors(self) -> FreeParameters:
         """Inertial parameters and terms of drives that are identified."""
         free, n = inertial_errors(self), len(self.record.tree.phi)
         lever, joints = self.reading_levers[TORQUE], self.record.robot.n_joints
@@ -519,7 +519,7 @@ class TorqueState(State):
             columns = lever * shape[:, None, :]
             size = np.maximum(np.sqrt((shape**2).mean(axis=0)), 1e-6)
             free = free.join_with(
-                Free(columns, _TORQUES_SHARE * spread / size, n + joints * k + np.arange(joints))
+                FreeParameters(columns, _TORQUES_SHARE * spread / size, n + joints * k + np.arange(joints))
             )
         return free
 

@@ -23,7 +23,7 @@ from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.baseline_fit import model_phi, prior_spread, standstill_weights
 from excite.diagnosis.equations.own_columns import own_signals, own_terms
 from excite.diagnosis.equations.samples import ArmSamples
-from excite.diagnosis.next_experiment.candidates import LONGEST_S, Offer, draw_motions, through_everything
+from excite.diagnosis.next_experiment.candidates import LONGEST_S, Offer, draw_motions, full_range_sines
 from excite.logs.signals.butterworth import settling_samples
 from excite.motion.files import save_motion
 from excite.motion.motion import Motion
@@ -152,9 +152,7 @@ def give_advice(attribution: Attribution, judgement: Judgement, out: Path | None
     out = None if looped else out
     if others and not looped:
         floor = np.maximum(attribution.floor, baseline.solver.equations.floor)
-        ratios = Expectation(baseline, [best, *others], floor).with_motion(
-            through_everything(baseline.samples)
-        )
+        ratios = Expectation(baseline, [best, *others], floor).with_motion(full_range_sines(baseline.samples))
         twins = np.maximum(ratios[0, 1:], ratios[1:, 0]) < _NOTHING
         alike = [item for item, is_twin in zip(others, twins, strict=True) if is_twin]
         others = [item for item, is_twin in zip(others, twins, strict=True) if not is_twin]
@@ -242,7 +240,7 @@ class Expectation:
         Args:
             motion: that is added to the record.
         """
-        fresh = as_trial(self.baseline.samples, motion)
+        fresh = motion_to_trial(self.baseline.samples, motion)
         moments = self._without_own(self._record_moments + self._second_moments(*self._new_rows(fresh)))
         count = int(self.baseline.solver.equations.use.sum()) + len(fresh.rows)
         n = len(self.rivals)
@@ -304,7 +302,7 @@ class Expectation:
 
     def _new_rows(self, trial: ArmTrial) -> tuple[Array, list[Array]]:
         """Rows ``(n_joints, n_rows, n)`` of a new trial, and each joint's own."""
-        baseline = on_trial(self.baseline, trial)
+        baseline = predict_trial(self.baseline, trial)
         samples, root = baseline.samples, baseline.root_weight
         bodies = np.zeros((len(samples.joints), len(trial.rows), 0))
         if baseline.free:
@@ -366,7 +364,7 @@ def _hypothesis_columns(item: Hypothesis, columns: Columns, shape: tuple[int, ..
     return [extra, made[:, :, None], offset[:, :, None]]
 
 
-def on_trial(baseline: Baseline, trial: ArmTrial) -> Baseline:
+def predict_trial(baseline: Baseline, trial: ArmTrial) -> Baseline:
     """The fitted baseline's predictions on another trial; its equations stay those of the record."""
     rate = 1.0 / float(trial.time[1] - trial.time[0])
     samples = replace(baseline.samples, trials=(trial,), rate_hz=rate)
@@ -388,7 +386,7 @@ def on_trial(baseline: Baseline, trial: ArmTrial) -> Baseline:
     )
 
 
-def as_trial(samples: ArmSamples, motion: Motion, rate_hz: float = _RATE_HZ) -> ArmTrial:
+def motion_to_trial(samples: ArmSamples, motion: Motion, rate_hz: float = _RATE_HZ) -> ArmTrial:
     """A motion as the trial that comes after the record's last, without torques."""
     rate = min(rate_hz, samples.rate_hz)
     short = motion.resampled(samples.robot, rate)

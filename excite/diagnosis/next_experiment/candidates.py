@@ -85,7 +85,7 @@ def draw_motions(samples: ArmSamples, targets: Sequence[str], seed: int, *, wide
     made = [] if wide else [Offer(motion, robot) for motion in retrace_record(samples)]
     if not wide and not shapes:
         return made
-    limits = robot if wide and shapes else within_record(samples, 0.2 if shapes else 0.0)
+    limits = robot if wide and shapes else limit_to_record(samples, 0.2 if shapes else 0.0)
     for drawn in plan_candidates(limits, _DRAWN, np.random.SeedSequence(seed + wide), targets=targets):
         path = sketch_motion(limits, drawn)
         if shapes:
@@ -122,7 +122,7 @@ def sketch_motion(robot: Robot, candidate: Candidate) -> Motion:
     )
 
 
-def within_record(samples: ArmSamples, more: float = 0.2) -> Robot:
+def limit_to_record(samples: ArmSamples, more: float = 0.2) -> Robot:
     """The robot with limits of what the record has shown, ``more`` of it in range, a fifth more of speed."""
     robot, index = samples.robot, list(samples.index)
     fastest = np.abs(samples.stack_trials("v")[:, index]).max(axis=0)
@@ -249,7 +249,7 @@ _TURNS_HZ, _APART = (0.11, 0.27, 0.61, 1.3), 0.13
 _RATE_HZ = 100.0
 
 
-def through_everything(samples: ArmSamples) -> Motion:
+def full_range_sines(samples: ArmSamples) -> Motion:
     """Sines of all joints over their whole range, as fast as their limits of speed allow."""
     robot = samples.robot
     limits, t = robot.limits, np.arange(round(LONGEST_S * _RATE_HZ)) / _RATE_HZ

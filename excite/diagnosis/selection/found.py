@@ -15,7 +15,7 @@ from excite.diagnosis.budget.fit.joint_fit import Model, fit_model
 from excite.diagnosis.budget.fit.terms import Term, TermMaker
 from excite.diagnosis.budget.library import Library
 from excite.diagnosis.budget.prediction import Prediction, predict_model
-from excite.diagnosis.budget.record import Found, Rival, rows_of
+from excite.diagnosis.budget.record import GapModel, Rival, rows_of
 from excite.diagnosis.budget.shares import shares_of
 from excite.diagnosis.effects.effect import Effect
 from excite.diagnosis.effects.form import Context
@@ -23,7 +23,7 @@ from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.standing_joints import stands_throughout
 from excite.diagnosis.selection.gram import Gram, Noise, discrepancy_columns
-from excite.diagnosis.selection.predictive import nats_of, that_predict
+from excite.diagnosis.selection.predictive import keep_predictive_terms, predictive_nats
 from excite.diagnosis.selection.prior import (
     Atom,
     Key,
@@ -37,10 +37,10 @@ from excite.diagnosis.selection.prior import (
 from excite.diagnosis.selection.sampler import Draws, draw_models, find_mode, gains_beside
 from excite.diagnosis.selection.settling import Basis, gears_of, settle_shapes
 from excite.diagnosis.selection.shapes import (
-    forms_unlike_grids,
-    in_plainest_forms,
     other_forms,
+    search_further_forms,
     shape_changes,
+    use_plainest_forms,
 )
 from excite.progress import step
 
@@ -59,7 +59,7 @@ Atoms = dict[Key, list[Atom]]
 
 
 @dataclass(frozen=True, eq=False)
-class Selected:
+class EffectPosterior:
     """The posterior over a record's effects.
 
     Attributes:
@@ -83,25 +83,25 @@ class Selected:
 
 
 @dataclass(eq=False)
-class _Turns:
+class _Search:
     """State of the search."""
 
     full: Baseline
     modelled: tuple[str, ...]
     library: Library
-    begun_context: Context
+    initial_context: Context
     rows: Rows
     discrepancy: tuple[Array, ...]
     noise: Noise
     slab: Slab
-    begun_terms: Sequence[Term]
+    initial_terms: Sequence[Term]
     candidates: Sequence[Term]
     bodies: Sequence[Term]
 
     @classmethod
-    def initial_turns(
+    def begin_search(
         cls, full: Baseline, modelled: tuple[str, ...], effects: tuple[Effect, ...], floor: Array
-    ) -> _Turns:
+    ) -> _Search:
         library, rows = Library(modelled, effects), rows_of(full, modelled, floor)
         residual = fit_model(Design(rows, ()), (), left_out=False).residual
         gap = np.sqrt(np.maximum((residual[:, rows.block >= 0] ** 2).mean(axis=1), floor**2))
@@ -123,7 +123,7 @@ class _Turns:
             [body for body in bodies if body is not None],
         )
 
-    def run_turns(self, rng: np.random.Generator) -> Selected:
+    def run_search(self, rng: np.random.Generator) -> EffectPosterior:
         """All turns."""
         found: Atoms = {}
         keys: list[Term] = []
@@ -143,14 +143,14 @@ class _Turns:
             if turn == len(_TURNS) - 1:
                 gram = Gram.of_rows(self.rows, self.discrepancy, atoms, self.noise)
                 draws = _sample_models(gram, terms, _LONGER * _SWEEPS, rng)
-                return Selected(self.full, gram, draws, self.noise, self.slab.gap)
+                return EffectPosterior(self.full, gram, draws, self.noise, self.slab.gap)
             found, keys = self._new_terms(atoms, terms, turn)
         raise AssertionError("there is a last turn")
 
     def _collect_atoms(self, found: Atoms, *, searched: bool) -> list[Atom]:
         """Atoms of all groups: the grid, and what was found; a gear that was searched stands without its grid."""
         grid: Atoms = {}
-        for term in (*self.begun_terms, *self.candidates, *self.bodies):
+        for term in (*self.initial_terms, *self.candidates, *self.bodies):
             grid.setdefault(term.key, []).append(atom_of(term, self.slab))
         for key, more in found.items():
             old = [atom for atom in grid.get(key, []) if not (searched and atom.term.known)]
@@ -174,11 +174,11 @@ class _Turns:
             found.setdefault(term.key, []).append(self._with_shape(maker, term, None))
         whole = TermMaker(now.context, self.full.strict)
         joints = self._worst_joints(terms)
-        for term in forms_unlike_grids(
+        for term in search_further_forms(
             settled.basis.gram, terms, self.slab, whole, self.library.effects, joints
         ):
             found.setdefault(term.key, []).append(self._with_shape(whole, term, None))
-        self._grid_again(now, terms, gears, first=turn == 0 or turned)
+        self._renew_grid(now, terms, gears, first=turn == 0 or turned)
         keys: list[Term] = []
         for term, x, maker in zip(terms, sizes, makers, strict=True):
             if _is_begun(term):
@@ -206,14 +206,14 @@ class _Turns:
         order = [int(j) for j in np.argsort(-left) if left[j] > _STANDS and names[j] not in taken]
         return [names[j] for j in order[:_TRIED]]
 
-    def _grid_again(self, now: Prediction, terms: Sequence[Term], gears: list[int], *, first: bool) -> None:
+    def _renew_grid(self, now: Prediction, terms: Sequence[Term], gears: list[int], *, first: bool) -> None:
         """Columns of the grid at what the model predicts, where it has moved the load, and once in any case."""
         moves = any(term.effect.moves for i, term in enumerate(terms) if i not in gears)
         if first or moves:
             context = now.context_without(*gears) if moves else Context(self.full)
             maker = TermMaker(context, self.full.strict)
-            self.begun_terms = self.library.make_initial_terms(maker)
-            self.candidates = self.library.make_candidate_terms(maker, self.begun_context)
+            self.initial_terms = self.library.make_initial_terms(maker)
+            self.candidates = self.library.make_candidate_terms(maker, self.initial_context)
 
     def _with_shape(self, maker: TermMaker, term: Term, x: Array | None) -> Atom:
         """A term with the columns of its shape."""
@@ -230,7 +230,7 @@ def _is_begun(term: Term) -> bool:
 
 def _whole_delay(maker: TermMaker, term: Term, x: Array) -> Term | None:
     """A delay whose size is its own length, in the place of a secant; None of other terms."""
-    closer = term.effect.second_order_form
+    closer = term.effect.refined_form
     if not (term.effect.stands_in and term.effect.timing) or closer is None:
         return None
     low, high = closer.searched[0].low, closer.searched[0].high
@@ -258,7 +258,7 @@ def _sample_models(gram: Gram, begin: Sequence[Term], sweeps: int, rng: np.rando
         mode = find_mode(problem, state)
         chosen = [int(a) for a in mode if a >= 0]
         sizes = gram.compute_posterior(chosen).sizes_by_atom
-        banned = [a for a in chosen if not _can_be(gram.atoms[a], sizes[a])]
+        banned = [a for a in chosen if not _is_possible(gram.atoms[a], sizes[a])]
         if not banned:
             break
         # What its size denies is not there: nothing else is to lean on it.
@@ -268,11 +268,11 @@ def _sample_models(gram: Gram, begin: Sequence[Term], sweeps: int, rng: np.rando
     return draw_models(problem, mode, sweeps, _BURNT, rng)
 
 
-def _can_be(atom: Atom, x: Array) -> bool:
+def _is_possible(atom: Atom, x: Array) -> bool:
     """Whether an atom's own sizes are what its effect's name says; of a body, whatever they are until it is fitted."""
     if atom.term.effect.is_body:
         return True
-    return atom.term.can_be(atom.term.context, atom.term_parameters(x))
+    return atom.term.is_possible(atom.term.context, atom.term_parameters(x))
 
 
 # Probability from which an effect is in the model, and that of a rival, in units of its own, from which it is told.
@@ -283,14 +283,14 @@ _OF_ALL, _OF_A_JOINT = 0.01, 0.05
 _LISTED = 8
 
 
-def model_of_gap(
+def build_gap_model(
     full: Baseline,
     modelled: tuple[str, ...],
     effects: tuple[Effect, ...],
     floor: Array,
     sigma: Array | None,
     rng: np.random.Generator,
-) -> Found:
+) -> GapModel:
     """The model of a record's gap, of all effects that the posterior over them names.
 
     Args:
@@ -302,7 +302,7 @@ def model_of_gap(
         rng: random numbers.
     """
     with step("look for effects"):
-        selected = _Turns.initial_turns(full, modelled, effects, floor).run_turns(rng)
+        selected = _Search.begin_search(full, modelled, effects, floor).run_search(rng)
     gram, draws = selected.gram, selected.draws
     rows = gram.rows
     groups = groups_of(gram.atoms)
@@ -310,7 +310,7 @@ def model_of_gap(
     sure = [a for a in selected.best_atoms if draws.inclusion[number[group_of(gram.atoms[a].term)]] >= _THERE]
     free = [gram.atoms[a].term for a in sure]
     terms = _with_bodies(free, selected, rows)
-    terms = _of_some_share(terms, selected, rows, floor, _torque_scale(full), Context(selected.full))
+    terms = _terms_with_share(terms, selected, rows, floor, _torque_scale(full), Context(selected.full))
     # A body beside what is named alone: what stood beside it may have cancelled a part of it.
     whole = {term.key: term for term in free if term.effect.is_body}
     terms = _with_bodies([whole.get(term.key, term) for term in terms], selected, rows)
@@ -318,15 +318,15 @@ def model_of_gap(
         full, rows_of(full, modelled, floor), modelled, gram.discrepancy, selected.noise, selected.gap
     )
     if len(terms) < len(free):
-        selected, rows, terms = _settled_anew(basis, terms, selected)
+        selected, rows, terms = _settle_again(basis, terms, selected)
     if sigma is not None:
         model = fit_model(Design(rows, tuple(terms)), range(len(terms)))
-        real = that_predict(model, selected.full, sigma, partial(_other_forms, selected), rng)
+        real = keep_predictive_terms(model, selected.full, sigma, partial(_other_forms, selected), rng)
         if real != terms:
-            selected, rows, terms = _settled_anew(basis, real, selected)
+            selected, rows, terms = _settle_again(basis, real, selected)
     late = _find_delay(terms, selected, rows, effects)
     if late is not None:
-        selected, rows, terms = _settled_anew(basis, [*terms, late[0]], selected)
+        selected, rows, terms = _settle_again(basis, [*terms, late[0]], selected)
     kept = {group_of(term) for term in terms}
     others: list[Term] = []
     rivals: dict[int, tuple[Rival, ...]] = {}
@@ -344,7 +344,7 @@ def model_of_gap(
             if draws.rivals[g, other] < _RIVAL or other == g or groups[other] in kept:
                 continue
             rest = (*terms[:k], *terms[k + 1 :])
-            like = _that_can_be(_likeliest_term(selected, int(other)), rest, selected, rows)
+            like = _possible_term(_likeliest_term(selected, int(other)), rest, selected, rows)
             if like is None or like.effect.nameless:
                 continue
             found.append(Rival(len(terms) + len(others), odds))
@@ -355,12 +355,12 @@ def model_of_gap(
     small = [term for term in small if group_of(term) not in kept]
     model = fit_model(Design(rows, (*terms, *others, *small)), range(len(terms)))
     now = predict_model(selected.full, model)
-    return Found(model, nats, rivals, len(groups), selected.full, now, _rank_single_terms(selected))
+    return GapModel(model, nats, rivals, len(groups), selected.full, now, _rank_single_terms(selected))
 
 
-def _settled_anew(
-    basis: Basis, terms: Sequence[Term], selected: Selected
-) -> tuple[Selected, Rows, list[Term]]:
+def _settle_again(
+    basis: Basis, terms: Sequence[Term], selected: EffectPosterior
+) -> tuple[EffectPosterior, Rows, list[Term]]:
     """Terms of which others have gone, begun anew from what is fitted without any, in their plainest forms.
 
     What stood beside them has bent their shapes, what they are made of and how friction changes sign: the posterior's
@@ -370,12 +370,12 @@ def _settled_anew(
     again = [term if term.effect.is_body else maker.remake_term(term) or term for term in terms]
     settled = settle_shapes(basis, again, once=False)
     now = settled.basis
-    plain = in_plainest_forms(now.gram, settled.terms, now.slab)
+    plain = use_plainest_forms(now.gram, settled.terms, now.slab)
     return replace(selected, full=now.full), now.rows, plain
 
 
 def _find_delay(
-    terms: Sequence[Term], selected: Selected, rows: Rows, effects: Sequence[Effect]
+    terms: Sequence[Term], selected: EffectPosterior, rows: Rows, effects: Sequence[Effect]
 ) -> tuple[Term, float] | None:
     """A delay of the whole torque by which blocks left out are predicted, with its log odds; None where none is.
 
@@ -390,16 +390,16 @@ def _find_delay(
     best: Term | None = None
     most = 0.0
     for effect in effects:
-        whole = effect.second_order_form if effect.timing and effect.stands_in else None
+        whole = effect.refined_form if effect.timing and effect.stands_in else None
         if whole is None:
             continue
         chance, grid = effect.belief.chance, effect.search_grid(now.context, "torque")
         price = float(np.log((1.0 - chance) / chance * len(grid)))
         for term in (maker.make_term(whole, "torque", theta) for theta in grid):
-            if term is None or not term.can_be(now.context, np.ones(1)):
+            if term is None or not term.is_possible(now.context, np.ones(1)):
                 continue
             both = fit_model(Design(rows, (*terms, term)), range(len(terms) + 1))
-            odds = nats_of(both, without, np.zeros_like(both.predicted)) - price
+            odds = predictive_nats(both, without, np.zeros_like(both.predicted)) - price
             if odds > most:
                 best, most = term, odds
     return None if best is None else (best, most)
@@ -412,24 +412,24 @@ def _torque_scale(full: Baseline) -> Array:
     return np.where(stands_throughout(samples), np.inf, np.maximum(tau.std(axis=0), 1e-9))
 
 
-def _likeliest_term(selected: Selected, group: int) -> Term:
+def _likeliest_term(selected: EffectPosterior, group: int) -> Term:
     """The likeliest atom's term of a group."""
     groups = groups_of(selected.gram.atoms)
     own = [a for a, atom in enumerate(selected.gram.atoms) if group_of(atom.term) == groups[group]]
     return selected.gram.atoms[max(own, key=lambda a: selected.draws.by_atom[a])].term
 
 
-def _with_bodies(terms: Sequence[Term], selected: Selected, rows: Rows) -> list[Term]:
+def _with_bodies(terms: Sequence[Term], selected: EffectPosterior, rows: Rows) -> list[Term]:
     """Terms, each body of them the likeliest that can exist beside the others; those that cannot are left out."""
     kept: list[Term] = []
     for k, term in enumerate(terms):
-        found = _that_can_be(term, (*kept, *terms[k + 1 :]), selected, rows)
+        found = _possible_term(term, (*kept, *terms[k + 1 :]), selected, rows)
         if found is not None:
             kept.append(found)
     return kept
 
 
-def _that_can_be(term: Term, others: Sequence[Term], selected: Selected, rows: Rows) -> Term | None:
+def _possible_term(term: Term, others: Sequence[Term], selected: EffectPosterior, rows: Rows) -> Term | None:
     """A term; of a body the likeliest that can exist beside others, None where there is none."""
     if not term.effect.is_body or term.direction is not None:
         return term
@@ -438,8 +438,8 @@ def _that_can_be(term: Term, others: Sequence[Term], selected: Selected, rows: R
     return make_body_term(model, maker, term.effect, term.location)
 
 
-def _of_some_share(
-    terms: Sequence[Term], selected: Selected, rows: Rows, floor: Array, scale: Array, context: Context
+def _terms_with_share(
+    terms: Sequence[Term], selected: EffectPosterior, rows: Rows, floor: Array, scale: Array, context: Context
 ) -> list[Term]:
     """Terms whose sizes are what their names say, that take a share of the gap and leave less of what judges.
 
@@ -449,10 +449,10 @@ def _of_some_share(
     kept, gone, changed = list(terms), list[Term](), set[Key]()
     while kept:
         model = fit_model(Design(rows, tuple(kept)), range(len(kept)))
-        cannot = [k for k, term in enumerate(kept) if not term.can_be(context, model.term_parameters(k))]
+        cannot = [k for k, term in enumerate(kept) if not term.is_possible(context, model.term_parameters(k))]
         if cannot:
             term = kept.pop(min(cannot, key=model.taken_by))
-            forms = _forms_that_can_be(term, kept, selected, rows, context)
+            forms = _possible_forms(term, kept, selected, rows, context)
             like = None if term.key in changed else next(forms, None)
             if like is None:
                 gone.append(term)
@@ -466,10 +466,10 @@ def _of_some_share(
             break
         gone.append(kept.pop(min(small, key=lambda k: worth[k])))
     for term in reversed(gone):
-        for like in _forms_that_can_be(term, kept, selected, rows, context):
+        for like in _possible_forms(term, kept, selected, rows, context):
             more = [*kept, like]
             model = fit_model(Design(rows, tuple(more)), range(len(more)))
-            fits = (one.can_be(context, model.term_parameters(k)) for k, one in enumerate(more))
+            fits = (one.is_possible(context, model.term_parameters(k)) for k, one in enumerate(more))
             worth = _relative_worth(model, floor, scale)
             if all(fits) and all(w >= 1.0 or one.started for w, one in zip(worth, more, strict=True)):
                 kept = more
@@ -477,29 +477,29 @@ def _of_some_share(
     return kept
 
 
-def _forms_that_can_be(
-    term: Term, others: Sequence[Term], selected: Selected, rows: Rows, context: Context
+def _possible_forms(
+    term: Term, others: Sequence[Term], selected: EffectPosterior, rows: Rows, context: Context
 ) -> Iterator[Term]:
     """A term, its law's plain form and forms with a part of its numbers, if sizes beside others are as names say.
 
     Of a term that cannot be itself, each form of no more numbers.
     """
 
-    def can_be(like: Term) -> bool:
+    def is_possible(like: Term) -> bool:
         model = fit_model(Design(rows, (*others, like)), range(len(others) + 1), left_out=False)
-        return like.can_be(context, model.term_parameters(len(others)))
+        return like.is_possible(context, model.term_parameters(len(others)))
 
-    own, itself = term.effect, can_be(term)
+    own, itself = term.effect, is_possible(term)
     if itself:
         yield term
     for like in _other_forms(selected, term):
         part = set(like.effect.linear) < set(own.linear) and like.effect.searched == own.searched
         plain = type(like.effect) is type(EFFECTS.get(term.name))
-        if (part or plain or (not itself and like.n_parameters <= term.n_parameters)) and can_be(like):
+        if (part or plain or (not itself and like.n_parameters <= term.n_parameters)) and is_possible(like):
             yield like
 
 
-def _other_forms(selected: Selected, term: Term) -> Iterator[Term]:
+def _other_forms(selected: EffectPosterior, term: Term) -> Iterator[Term]:
     """The likeliest atom of each other form of a term's law."""
     atoms, tried = selected.gram.atoms, {type(term.effect)}
     for a in np.argsort(-selected.draws.by_atom):
@@ -525,7 +525,7 @@ def _relative_worth(model: Model, floor: Array, scale: Array) -> Array:
     return np.array(made)
 
 
-def _rank_single_terms(selected: Selected) -> tuple[Term, ...]:
+def _rank_single_terms(selected: EffectPosterior) -> tuple[Term, ...]:
     """What would gain most beside friction and constants alone, best first."""
     gram = selected.gram
     problem = problem_of(gram.atoms, gram.gram, gram.reduced)

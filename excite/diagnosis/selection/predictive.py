@@ -28,7 +28,7 @@ Forms = Callable[[Term], Iterable[Term]]
 
 
 @step("predict blocks that are left out")
-def that_predict(
+def keep_predictive_terms(
     model: Model, full: Baseline, sigma: Array, forms: Forms, rng: np.random.Generator
 ) -> list[Term]:
     """Terms of a model without which blocks that are left out are predicted worse, that from noise taken off.
@@ -50,13 +50,13 @@ def that_predict(
     for k in sorted(judged, key=model.taken_by):
         without = fit_model(model.design, [i for i in model.chosen if i != k], model.weight)
         more = check.prediction_noise(without)
-        if nats_of(model, without, more - noise) > 0.0:
+        if predictive_nats(model, without, more - noise) > 0.0:
             continue
         found, best, left = without, 0.0, more
         for form in forms(model.design.terms[k]):
             other = check.of_form(model, k, form)
             drawn = check.prediction_noise(other)
-            gain = nats_of(other, without, more - drawn)
+            gain = predictive_nats(other, without, more - drawn)
             if gain > best:
                 found, best, left = other, gain, drawn
         model, noise = found, left
@@ -96,7 +96,7 @@ class _Check:
         return np.array([power[:, block == b].sum(axis=1) for b in range(int(block.max()) + 1)])
 
 
-def nats_of(model: Model, without: Model, noise: Array) -> float:
+def predictive_nats(model: Model, without: Model, noise: Array) -> float:
     """By how many nats a model predicts blocks better than one without a term, what noise makes of it taken off.
 
     Args:

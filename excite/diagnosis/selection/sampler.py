@@ -89,7 +89,7 @@ class Draws(NamedTuple):
     best: Indices
 
 
-class _Room(NamedTuple):
+class _Workspace(NamedTuple):
     """Working arrays."""
 
     factor: Array
@@ -446,8 +446,8 @@ def draw_models(problem: Problem, state: Indices, sweeps: int, burnt: int, rng: 
     return Draws(*_run_sweeps(problem, state.copy(), orders, rng.random((sweeps, 2, n)), burnt, _make_room()))
 
 
-def _make_room() -> _Room:
-    return _Room(
+def _make_room() -> _Workspace:
+    return _Workspace(
         np.zeros((_MOST, _MOST)),
         np.zeros(_MOST),
         np.zeros(_MOST),

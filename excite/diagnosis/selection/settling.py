@@ -19,7 +19,7 @@ from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.dry_friction.friction_sign import WIDTHS, SignChange
 from excite.diagnosis.selection.gram import Gram, Noise
 from excite.diagnosis.selection.prior import Slab
-from excite.diagnosis.selection.shapes import RICHER, Company, searched_together, shape_changes, step_shape
+from excite.diagnosis.selection.shapes import RICHER, SolvedTerms, search_shapes, shape_changes, step_shape
 
 # Searches at most, and change of a shape's logarithm from which there is another one.
 _SEARCHES, _STILL = 8, 0.003
@@ -74,7 +74,7 @@ class Settled:
 
     basis: Basis
     terms: list[Term]
-    company: Company
+    company: SolvedTerms
     makers: list[TermMaker]
     now: Prediction
 
@@ -133,7 +133,7 @@ def _search_shapes(basis: Basis, terms: Sequence[Term], most: int) -> Settled:
     for k in range(most):
         before, signs = terms, basis.full.signs
         terms = [_refine_delay_term(basis.rows, terms, i) for i in range(len(terms))]
-        terms, company = searched_together(basis.gram, terms, basis.slab)
+        terms, company = search_shapes(basis.gram, terms, basis.slab)
         model = fit_model(Design(basis.rows, tuple(terms)), range(len(terms)), left_out=False)
         turned = signs_beside(basis.full, model)
         if turned is not basis.full:

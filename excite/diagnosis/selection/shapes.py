@@ -83,7 +83,7 @@ def is_searched(term: Term) -> bool:
 
 
 @dataclass(frozen=True, eq=False)
-class Company:
+class SolvedTerms:
     """Some terms with what every model has, solved: what a further term is judged beside.
 
     Attributes:
@@ -113,7 +113,7 @@ class Company:
     slab: Slab
 
     @classmethod
-    def from_terms(cls, gram: Gram, terms: Sequence[Term], slab: Slab) -> Company:
+    def from_terms(cls, gram: Gram, terms: Sequence[Term], slab: Slab) -> SolvedTerms:
         """Terms solved together."""
         atoms = [_free_atom(gram, term, slab) for term in terms]
         begin = gram.always + np.cumsum([0, *(term.n_free for term in terms)])
@@ -196,7 +196,7 @@ def _free_atom(gram: Gram, term: Term, slab: Slab) -> Atom:
     return Atom(term, term.columns, n, np.zeros(n), np.full(n, 1e-6) + term.prior_precision, -free, free)
 
 
-def searched_beside(company: Company, maker: TermMaker, term: Term) -> tuple[Term, float]:
+def search_shape(company: SolvedTerms, maker: TermMaker, term: Term) -> tuple[Term, float]:
     """A term's shape by Gauss and Newton's steps beside others that are held, and its nats."""
     gain, x = company.gain_of(term)
     for _ in range(_STEPS):
@@ -232,9 +232,9 @@ def searched_beside(company: Company, maker: TermMaker, term: Term) -> tuple[Ter
     return term, gain
 
 
-def searched_together(gram: Gram, terms: Sequence[Term], slab: Slab) -> tuple[list[Term], Company]:
+def search_shapes(gram: Gram, terms: Sequence[Term], slab: Slab) -> tuple[list[Term], SolvedTerms]:
     """The shapes of all terms by Gauss and Newton's steps together, what is linear projected out (Kaufman 1975)."""
-    found, company = list(terms), Company.from_terms(gram, terms, slab)
+    found, company = list(terms), SolvedTerms.from_terms(gram, terms, slab)
     movable = [i for i, term in enumerate(found) if is_searched(term)]
     for _ in range(_STEPS if movable else 0):
         makers = {i: TermMaker(found[i].context, found[i].context.baseline.strict) for i in movable}
@@ -256,7 +256,7 @@ def searched_together(gram: Gram, terms: Sequence[Term], slab: Slab) -> tuple[li
                 steps = {p: float(s) for (k, p, _), s in zip(changes, both, strict=True) if k == i}
                 made = step_shape(makers[i], found[i], steps, factor)
                 new[i] = found[i] if made is None else made
-            other = Company.from_terms(gram, new, slab)
+            other = SolvedTerms.from_terms(gram, new, slab)
             if other.loss < company.loss - 0.02 and not _leaves_bounds(company, other):
                 ended = company.loss - other.loss < _ENOUGH
                 found, company = new, other
@@ -266,10 +266,11 @@ def searched_together(gram: Gram, terms: Sequence[Term], slab: Slab) -> tuple[li
     return found, company
 
 
-def _leaves_bounds(before: Company, after: Company) -> bool:
+def _leaves_bounds(before: SolvedTerms, after: SolvedTerms) -> bool:
     """Whether some term is what its name says before a step, and is not after it."""
     return any(
-        old.can_be(old.context, before.term_sizes(i)) and not new.can_be(new.context, after.term_sizes(i))
+        old.is_possible(old.context, before.term_sizes(i))
+        and not new.is_possible(new.context, after.term_sizes(i))
         for i, (old, new) in enumerate(zip(before.terms, after.terms, strict=True))
         if not new.effect.is_body and new.theta != old.theta
     )
@@ -287,12 +288,12 @@ def other_forms(
         forms = _forms_of(term)
         if term.effect.is_body:
             continue
-        company = Company.from_terms(gram, [other for k, other in enumerate(terms) if k != i], slab)
+        company = SolvedTerms.from_terms(gram, [other for k, other in enumerate(terms) if k != i], slab)
         own = company.gain_of(term)[0]
         if own < _WORTH:
             continue
         tried = [(form, form.search_starts(term.theta)) for form in forms]
-        for other in () if term.started else _others_there(company, atoms, term, own):
+        for other in () if term.started else _other_laws(company, atoms, term, own):
             tried.append((other.effect, [other.theta]))
             tried += [(form, form.search_starts(other.theta)) for form in other.effect.extended_forms]
         for form, starts in tried:
@@ -303,18 +304,18 @@ def other_forms(
     return found
 
 
-def in_plainest_forms(gram: Gram, terms: Sequence[Term], slab: Slab) -> list[Term]:
+def use_plainest_forms(gram: Gram, terms: Sequence[Term], slab: Slab) -> list[Term]:
     """Terms at their best shapes together, each in its law's plain form where a richer one says no more.
 
     What stood beside them while they were found may have bent them.
     """
-    terms, _ = searched_together(gram, terms, slab)
+    terms, _ = search_shapes(gram, terms, slab)
     for i, term in enumerate(terms):
         plain = EFFECTS.get(term.name)
         if plain is None or plain.stands_in or type(plain) is type(term.effect) or term.started:
             continue
         maker = TermMaker(term.context, term.context.baseline.strict)
-        beside = Company.from_terms(gram, [other for k, other in enumerate(terms) if k != i], slab)
+        beside = SolvedTerms.from_terms(gram, [other for k, other in enumerate(terms) if k != i], slab)
         begun = [
             maker.make_term(plain, term.location, theta)
             for theta in plain.search_grid(term.context, term.location)
@@ -326,7 +327,7 @@ def in_plainest_forms(gram: Gram, terms: Sequence[Term], slab: Slab) -> list[Ter
     return terms
 
 
-def forms_unlike_grids(
+def search_further_forms(
     gram: Gram,
     terms: Sequence[Term],
     slab: Slab,
@@ -344,19 +345,19 @@ def forms_unlike_grids(
         effects: whose forms are tried.
         joints: at which they are.
     """
-    company, found = Company.from_terms(gram, terms, slab), []
+    company, found = SolvedTerms.from_terms(gram, terms, slab), []
     for joint in joints:
         for effect in effects:
             for form in effect.extended_forms:
                 there = joint in effect.locations(maker.context)
-                starts = form.own_starts(maker.context, joint) if there else []
+                starts = form.further_starts(maker.context, joint) if there else []
                 begun = [maker.make_term(form, joint, theta) for theta in starts]
                 found += [best for best, gain in _best_of(company, maker, begun) if gain > _WORTH]
     return found
 
 
 def _best_of(
-    company: Company, maker: TermMaker, begun: Sequence[Term | None]
+    company: SolvedTerms, maker: TermMaker, begun: Sequence[Term | None]
 ) -> Iterator[tuple[Term, float]]:
     """The two best of some starts, each at its own end, with its nats; without what is no longer what its name says.
 
@@ -364,12 +365,12 @@ def _best_of(
     """
     gains = [(company.gain_of(term)[0], term) for term in begun if term is not None]
     for _, start in sorted(gains, reverse=True, key=lambda item: item[0])[:2]:
-        best, gain = searched_beside(company, maker, start)
-        if best.effect.is_body or best.can_be(best.context, company.gain_of(best)[1]):
+        best, gain = search_shape(company, maker, start)
+        if best.effect.is_body or best.is_possible(best.context, company.gain_of(best)[1]):
             yield best, gain
 
 
-def _others_there(company: Company, atoms: Sequence[Atom], term: Term, own: float) -> list[Term]:
+def _other_laws(company: SolvedTerms, atoms: Sequence[Atom], term: Term, own: float) -> list[Term]:
     """The likeliest other law of a term's place that has a shape, as it stands on its grid."""
     taken = {group_of(other) for other in (term, *company.terms)}
     there = [
@@ -385,7 +386,7 @@ def _forms_of(term: Term) -> tuple[Effect, ...]:
     """Other forms of a term's law; of what a model begins with, those that have another effect in them."""
     if not term.started:
         return (
-            (*term.effect.extended_forms, *term.effect.alternative_forms)
+            (*term.effect.extended_forms, *term.effect.variant_forms)
             if is_searched(term) or not term.theta
             else ()
         )

@@ -22,13 +22,13 @@ from excite.diagnosis.effects.readings import EncoderOffset, TimeDelay, TorqueGa
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.joint_torque import Fit
 from excite.diagnosis.equations.resampling import arm_samples
-from excite.diagnosis.servo.gains import known_servo, told_gains
+from excite.diagnosis.servo.gains import estimate_gains, known_servo
 from excite.diagnosis.servo.servo import (
     EXACT,
     ClosedLoop,
+    RolloutAgreement,
     Servo,
     ServoRecord,
-    Witness,
     cycle_lag,
     read_signals,
     roll_out,
@@ -104,7 +104,7 @@ def diagnose_commands(robot: Robot, log: Log, rng: np.random.Generator, out: Pat
     errors = of_positions(robot, log, tuple(found.gap.per_channel), loops[0].spans, rolled, floor)
     faults = (*found.faults, *find_beaten_channels(errors))
     return replace(
-        found, absorbed=(*told_gains(robot, log, servo), *found.absorbed), trivial=errors, faults=faults
+        found, absorbed=(*estimate_gains(robot, log, servo), *found.absorbed), trivial=errors, faults=faults
     )
 
 
@@ -176,7 +176,7 @@ def _judge_rollouts(result: Diagnosis, record: ServoRecord, closed: ClosedLoop) 
     if not rollout.before:
         return result
     gap = position_gap(rollout, closed.deviation, closed.floor)
-    unexplained = above_noise(closed.structured, gap)
+    unexplained = joints_above_noise(closed.structured, gap)
     few = result.effects[: max(closed.kept, 1)]
     faint = closed.strength < EXACT
     if result.effects and (faint or not is_confirmed(gap, closed.witness)):
@@ -204,7 +204,7 @@ def _judge_rollouts(result: Diagnosis, record: ServoRecord, closed: ClosedLoop) 
         # A further effect that roll-outs know nothing of is one of the servo that was taken for another.
         result = replace(result, gap=gap, effects=few)
         guessed = any(name.startswith(("kp of", "kd of")) for name in servo.estimated)
-        return with_twin(result, guessed, closed.delay) if result.verdict == "effect" else result
+        return mark_twins(result, guessed, closed.delay) if result.verdict == "effect" else result
     if result.verdict == "unknown" and result.location in closed.structured:
         # Where positions show no gap, what torques made of them call clear is the encoders' noise.
         if unexplained:
@@ -214,7 +214,7 @@ def _judge_rollouts(result: Diagnosis, record: ServoRecord, closed: ClosedLoop) 
     return replace(result, gap=gap)
 
 
-def is_confirmed(gap: Gap, said: Witness | None = None) -> bool:
+def is_confirmed(gap: Gap, said: RolloutAgreement | None = None) -> bool:
     """Whether roll-outs are clearly nearer to the record, or at least do not speak against the effects.
 
     Nearer is on some joint, and no further in all. What the encoders' noise has of the error, no simulator takes
@@ -224,7 +224,7 @@ def is_confirmed(gap: Gap, said: Witness | None = None) -> bool:
         gap: of roll-outs with the effects that help.
         said: by all effects' change of the roll-outs.
     """
-    if said is not None and not said.speaks_against:
+    if said is not None and not said.is_contradicting:
         return True
     return gap.after <= gap.before and any(
         max(c.after**2 - c.noise_floor**2, 0.0) < _CONFIRMS**2 * (c.before**2 - c.noise_floor**2)
@@ -248,7 +248,7 @@ def position_gap(rollout: Rollout, deviation: Array, floor: Array) -> Gap:
     return Gap(whole[0], whole[1], whole[2], share_closed(*whole), channels)
 
 
-def above_noise(joints: Sequence[str], gap: Gap) -> tuple[str, ...]:
+def joints_above_noise(joints: Sequence[str], gap: Gap) -> tuple[str, ...]:
     """Those of some joints whose roll-outs are off by more than the noise of the positions that they are held against.
 
     What torques leave there else, a servo that stiff, or encoders that coarse, hide in the positions; the torques are
@@ -262,7 +262,7 @@ def above_noise(joints: Sequence[str], gap: Gap) -> tuple[str, ...]:
     return tuple(j for j, c in known.items() if c.after**2 > STRUCTURED * c.noise_floor**2)
 
 
-def with_twin(result: Diagnosis, estimated: bool, delay: Estimate | None = None) -> Diagnosis:
+def mark_twins(result: Diagnosis, estimated: bool, delay: Estimate | None = None) -> Diagnosis:
     """Ambiguous where another name means the same without torque.
 
     Args:
@@ -351,7 +351,7 @@ class FollowedOffset(EncoderOffset):
         self._logged = LoggedOffset(kp, feedforward)
 
     @property
-    def alternative_forms(self) -> tuple[Effect, ...]:
+    def variant_forms(self) -> tuple[Effect, ...]:
         return (self._logged,)
 
 

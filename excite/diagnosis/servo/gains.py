@@ -179,7 +179,7 @@ def known_servo(robot: Robot, log: Log, trials: dict[str, Signals]) -> Servo:
     return replace(best.servo, estimated=stated.missing, told=by_name)
 
 
-def told_gains(robot: Robot, log: Log, servo: Servo) -> list[Absorbed]:
+def estimate_gains(robot: Robot, log: Log, servo: Servo) -> list[Absorbed]:
     """Gains as the record tells them, beside those that the log states and in units of the servo's firmware.
 
     Args:

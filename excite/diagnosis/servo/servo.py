@@ -18,10 +18,10 @@ from excite.diagnosis.effects.form import Context
 from excite.diagnosis.effects.readings import ActuatorLag, delay_change
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.baseline_fit import fit_baseline
-from excite.diagnosis.equations.dry_friction.reversals import between_reversals, told_delay
+from excite.diagnosis.equations.dry_friction.reversals import between_reversals, estimate_delay
 from excite.diagnosis.equations.noise_floor import position_noise, spectral_floor
 from excite.diagnosis.equations.own_columns import ARMATURE, coulomb_level
-from excite.diagnosis.equations.repeats import on_the_clock_of_the_first
+from excite.diagnosis.equations.repeats import align_repeat
 from excite.diagnosis.equations.samples import ArmSamples
 from excite.diagnosis.simulator.rollout import Drive, Plan
 from excite.diagnosis.simulator.rollout_compare import compare_rollouts
@@ -284,7 +284,7 @@ class ClosedLoop:
     delay: Estimate | None
     kept: int = 0
     spans: tuple[tuple[str, float, float], ...] = ()
-    witness: Witness | None = None
+    witness: RolloutAgreement | None = None
 
 
 @step("roll out in the simulator")
@@ -293,13 +293,12 @@ def roll_out(record: ServoRecord, attribution: Attribution, out: Path | None) ->
 
     Args:
         record: the log.
-        attribution: the effects.
         out: folder for the augmented model.
     """
     samples = attribution.baseline.samples
     order = record.joint_order(samples)
     inside = np.concatenate([t.q for t in samples.trials if t.identification])[:, list(samples.index)]
-    strong = without_faint(attribution)
+    strong = drop_faint_effects(attribution)
     found = {
         "deviation": np.maximum(inside.std(axis=0), 1e-9),
         "floor": position_floor(samples, record.logged, record.joints),
@@ -329,7 +328,7 @@ def effect_strength(item: Scored) -> float:
     return float((made / samples.to_rows([t.measured_torque for t in samples.trials]).std(axis=0)).max())
 
 
-def without_faint(attribution: Attribution) -> Attribution:
+def drop_faint_effects(attribution: Attribution) -> Attribution:
     """The effects up to the first that rebuilt torques are not exact enough for.
 
     The noise floor stays, and the parameters of the effects before it that were fitted beside it: what is so faint
@@ -350,7 +349,6 @@ def delay_for_lag(attribution: Attribution, record: ServoRecord) -> Estimate | N
 
     Args:
         attribution: the effects.
-        record: the log.
     """
     first = next(iter(attribution.accepted), None)
     if first is None or first.name != ActuatorLag.name:
@@ -369,7 +367,7 @@ def delay_for_lag(attribution: Attribution, record: ServoRecord) -> Estimate | N
         return delay_change(base, -delay)
 
     base, lag = first.hypothesis.baseline, first.hypothesis
-    told = [told_delay(base, float(lag.fit.extra[0]), change) for change in (late_commands, late_torques)]
+    told = [estimate_delay(base, float(lag.fit.extra[0]), change) for change in (late_commands, late_torques)]
     best = min((one for one in told if one is not None), key=lambda one: one.loss, default=None)
     if best is None:
         return None
@@ -407,7 +405,7 @@ def position_floor(samples: ArmSamples, logged: Mapping[str, Trial], joints: Seq
             off = lowpass(np.round(steps) - steps, rate, band) * marks[coarse]
             rounded[coarse] += (off**2).sum(axis=0) / _PLACES
     rows = [q[t.rows].T for q, t in zip(positions, samples.trials, strict=True)]
-    pairs = [on_the_clock_of_the_first(repeat, samples.trials, rows) for repeat in samples.repeat_pairs]
+    pairs = [align_repeat(repeat, samples.trials, rows) for repeat in samples.repeat_pairs]
     apart = np.hstack([np.zeros((n, 1)) if not pairs else np.zeros((n, 0)), *(b - a for a, b in pairs)])
     return np.asarray(
         np.max([white, np.sqrt(rounded / count), np.sqrt(0.5 * (apart**2).mean(axis=1))], axis=0)
@@ -419,7 +417,6 @@ def tracking_sentences(baseline: Baseline, record: ServoRecord) -> tuple[str, ..
 
     Args:
         baseline: with all accepted effects.
-        record: the log.
     """
     samples, servo = baseline.samples, record.servo
     order = record.joint_order(samples)
@@ -459,7 +456,7 @@ _LITTLE = 0.1
 
 
 @dataclass(frozen=True)
-class Witness:
+class RolloutAgreement:
     """What roll-outs say of effects.
 
     Attributes:
@@ -474,7 +471,7 @@ class Witness:
     heard: float
 
     @property
-    def speaks_against(self) -> bool:
+    def is_contradicting(self) -> bool:
         """Whether the change is surely less than foretold, and not surely any of it the right way.
 
         A simulation that gets nowhere says nothing, nor does a change within the error.
@@ -484,7 +481,7 @@ class Witness:
         return self.slope < 1.0 - _SURE * self.error and self.slope < max(_SURE * self.error, _LITTLE)
 
 
-def measure_rollout_agreement(before: Array, after: Array, band: float = 1.0) -> Witness:
+def measure_rollout_agreement(before: Array, after: Array, band: float = 1.0) -> RolloutAgreement:
     """Regress what the record asks for on what effects do.
 
     Under feedback the positions hardly show an effect that the torques show well: how much of the error goes
@@ -506,7 +503,7 @@ def measure_rollout_agreement(before: Array, after: Array, band: float = 1.0) ->
     size = np.sqrt((before**2).mean(axis=(0, 1))) + 1e-12
     change = (after - before) / size
     if not np.isfinite(after).all() or not change.any():
-        return Witness(np.nan, np.nan, 0.0)
+        return RolloutAgreement(np.nan, np.nan, 0.0)
     heard = float(np.sqrt((change**2).mean(axis=(0, 1))).max())
     # Of the cosine transform: what begins and ends apart leaks next to nothing into it.
     count = max(round(band * before.shape[1]), 1)
@@ -520,4 +517,4 @@ def measure_rollout_agreement(before: Array, after: Array, band: float = 1.0) ->
     slope = float(asked.sum()) / total
     # Of a ratio of sums over the joints and frequencies of each roll-out (Cochran 1977, section 6.3).
     spread = float(np.sqrt(n / max(n - 1, 1) * ((asked - slope * made) ** 2).sum()))
-    return Witness(slope, spread / total if n >= _ROLLOUTS else np.inf, heard)
+    return RolloutAgreement(slope, spread / total if n >= _ROLLOUTS else np.inf, heard)

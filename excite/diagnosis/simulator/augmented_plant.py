@@ -12,8 +12,8 @@ from excite.arrays import Array
 from excite.diagnosis.answer.candidate import RobotChanges, in_words
 from excite.diagnosis.attribution import Attribution, Scored
 from excite.diagnosis.effects.effect import Effect
-from excite.diagnosis.effects.form import Beyond, Context, Draft, Form, Note, Noted, Sizes, Told
-from excite.diagnosis.effects.friction import PRESLIDING, BuildUp
+from excite.diagnosis.effects.form import Absence, Context, Draft, Form, InitialState, Note, Noted, Sizes
+from excite.diagnosis.effects.friction import PRESLIDING, PreslidingNote
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.baseline_fit import model_phi
@@ -142,7 +142,7 @@ def _scaled_regressor(baseline: Baseline, gravity: Array | None) -> Array:
 # The MuJoCo model, and notes on what XML cannot say.
 
 
-def augmented_model(baseline: Baseline, effects: Sequence[Found]) -> AugmentedModel:
+def augmented_model(baseline: Baseline, effects: Sequence[FoundEffect]) -> AugmentedModel:
     """The simulator with effects; without any, the fitted or trusted baseline.
 
     Args:
@@ -191,7 +191,7 @@ def _presliding_notes(baseline: Baseline) -> list[Noted]:
     for j, (joint, sign) in enumerate(zip(baseline.samples.joints, baseline.signs, strict=True)):
         if sign.has_bristles:
             damped = (baseline.bristle_damping(j), sign.damped_below) if sign.has_damping else (None, None)
-            noted.append(Noted(PRESLIDING, joint, BuildUp(sign.breakaway, *damped)))
+            noted.append(Noted(PRESLIDING, joint, PreslidingNote(sign.breakaway, *damped)))
     return noted
 
 
@@ -348,7 +348,7 @@ def robot_changes(attribution: Attribution) -> tuple[RobotChanges, ...]:
     return tuple(_robot_changes(attribution.baseline_at(n), effects[:n]) for n in range(len(effects) + 1))
 
 
-def _robot_changes(baseline: Baseline, effects: Sequence[Found]) -> RobotChanges:
+def _robot_changes(baseline: Baseline, effects: Sequence[FoundEffect]) -> RobotChanges:
     samples, links = baseline.samples, _body_links(baseline)
     pairs = [(item, item.mujoco_form(samples.joints)) for item in effects]
     plant = plant_with(baseline, ((item.location, form) for item, form in pairs))
@@ -365,7 +365,7 @@ def _robot_changes(baseline: Baseline, effects: Sequence[Found]) -> RobotChanges
     return RobotChanges(viscous, coulomb, armature, bodies, beyond)
 
 
-def _undescribed_parts(item: Found, form: Form) -> list[str]:
+def _undescribed_parts(item: FoundEffect, form: Form) -> list[str]:
     """Parts of an effect that a description has no place for."""
     what = in_words(item.effect.name, item.location)
     if form.absent is not None:
@@ -378,11 +378,11 @@ def _undescribed_parts(item: Found, form: Form) -> list[str]:
     if form.elements is not None or form.finish is not None or form.notes:
         all_of_it = not (form.viscous or form.coulomb or form.armature)
         more = f"{what}: how it builds up and changes stands in {MODEL} alone"
-        said.append(in_no_description(item.effect.name, item.location) if all_of_it else more)
+        said.append(describe_missing(item.effect.name, item.location) if all_of_it else more)
     return said
 
 
-def in_no_description(effect: str, location: str) -> str:
+def describe_missing(effect: str, location: str) -> str:
     """The sentence for an effect that a simulator has and no description of a robot."""
     return f"{in_words(effect, location)}: it stands in {MODEL} alone"
 
@@ -448,7 +448,7 @@ def model_notes(model: mujoco.MjModel) -> list[tuple[str, str]]:
 # Sizes of the accepted effects as a simulator needs them.
 
 
-def found_effects(attribution: Attribution) -> tuple[Found, ...]:
+def found_effects(attribution: Attribution) -> tuple[FoundEffect, ...]:
     """The accepted effects with their sizes as fitted together, beside a channel's gain in units of the true torque."""
     found = [_accepted_effect(item) for item in attribution.accepted]
     forms = [item.mujoco_form((item.location,)) for item in found]
@@ -459,23 +459,25 @@ def found_effects(attribution: Attribution) -> tuple[Found, ...]:
     )
 
 
-def _of_the_joint(item: Found, form: Form) -> bool:
+def _of_the_joint(item: FoundEffect, form: Form) -> bool:
     """Whether an effect is a torque of its joint, neither a body nor of the channel that reads it."""
     return item.effect.own_joint and form.reads == 1.0 and form.bias == 0.0
 
 
-def _read_at(item: Found, factor: float) -> Found:
+def _read_at(item: FoundEffect, factor: float) -> FoundEffect:
     """An effect that a channel reads larger by a factor: its torques, and its shares of the load."""
     torques = {p.name for p in item.effect.linear if item.effect.by_load or p.unit != "1"}
     return replace(item, values={n: v / factor if n in torques else v for n, v in item.values.items()})
 
 
-def _accepted_effect(item: Scored) -> Found:
+def _accepted_effect(item: Scored) -> FoundEffect:
     h = item.hypothesis
-    return Found(h.effect, item.location, h.effect.to_sizes(Context(h.baseline), h.location, h.theta, h.fit))
+    return FoundEffect(
+        h.effect, item.location, h.effect.to_sizes(Context(h.baseline), h.location, h.theta, h.fit)
+    )
 
 
-def told_states(attribution: Attribution) -> tuple[tuple[str, Told], ...]:
+def initial_states(attribution: Attribution) -> tuple[tuple[str, InitialState], ...]:
     """By place, what the record tells of each accepted effect's own state."""
     hypotheses = [item.hypothesis for item in attribution.accepted]
     return tuple((h.location, h.effect.initial_state(h.fit_context, h.location, h.theta)) for h in hypotheses)
@@ -485,7 +487,7 @@ def told_states(attribution: Attribution) -> tuple[tuple[str, Told], ...]:
 
 
 @dataclass(frozen=True)
-class Found:
+class FoundEffect:
     """An accepted effect with its sizes.
 
     Attributes:
@@ -501,7 +503,7 @@ class Found:
     def mujoco_form(self, joints: tuple[str, ...]) -> Form:
         """Its form in a model of an arm with torque at these joints."""
         if self.effect.behind and self.location not in joints:
-            return Form(absent=Beyond.BEHIND)
+            return Form(absent=Absence.BEHIND)
         return self.effect.in_mujoco(Sizes(self.location, self.values, joints))
 
     @property
@@ -532,7 +534,7 @@ def read_notes(model: mujoco.MjModel) -> tuple[Noted, ...]:
 
 def _read_note(name: str, text: str) -> Noted:
     word, _, place = name.partition(".")
-    kind = BuildUp if word == PRESLIDING else _of_effect(word)
+    kind = PreslidingNote if word == PRESLIDING else _of_effect(word)
     if kind is None or not place:
         raise InputError(
             f"the model has a note of no effect that is known ({NOTE}.{name})",

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class Past:
+class WindowHistory:
     """The record before a window: what bristles, filters and soft gears remember.
 
     Attributes:
@@ -62,7 +62,7 @@ class Window:
     time: Array
     session_s: float
     growth: Mapping[str, float] = field(default_factory=dict)
-    past: Past | None = None
+    past: WindowHistory | None = None
     deflected: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
@@ -462,7 +462,7 @@ def cut_pieces(samples: ArmSamples, rigid: Array, plan: Plan) -> list[Piece]:
             np.asarray(t0 + step * np.arange(n * keep), dtype=np.float64),
             float(trial.session_s[i]),
             {joint: float(values[k][i]) for joint, values in plan.growth.items()},
-            Past(trial.time[before], smooth[k].value[before], trial.v[before][:, index]),
+            WindowHistory(trial.time[before], smooth[k].value[before], trial.v[before][:, index]),
             {
                 joint: (float(values[k][i, 0]), float(np.interp(half, trial.time, values[k][:, 1])))
                 for joint, values in plan.deflections.items()

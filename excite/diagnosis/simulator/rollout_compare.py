@@ -24,7 +24,7 @@ from excite.diagnosis.simulator.augmented_plant import (
     augmented_model,
     describe_left_out,
     found_effects,
-    told_states,
+    initial_states,
 )
 from excite.diagnosis.simulator.rollout import HORIZON_S, Drive, Piece, Plan, Simulator, cut_pieces
 from excite.errors import InputError
@@ -106,7 +106,7 @@ def compare_rollouts(attribution: Attribution, plan: Plan) -> Comparison:
             field="joints",
             remedy="log them all, or give a model without them",
         )
-    told = told_states(attribution)
+    told = initial_states(attribution)
     plan = replace(
         plan,
         growth={place: state.growth for place, state in told if state.growth is not None},

@@ -321,7 +321,7 @@ class Atom(NamedTuple):
         return self.kind.effect, self.place
 
 
-class _Sized(NamedTuple):
+class _FittedSizes(NamedTuple):
     """Sizes of columns in units of their deviations, and their covariance."""
 
     size: Array
@@ -428,13 +428,13 @@ class Limbs:
             made.append((x.T @ x, x.T @ y))
         return made
 
-    def fit_columns(self, columns: Sequence[int], *, without: int | None = None) -> _Sized:
+    def fit_columns(self, columns: Sequence[int], *, without: int | None = None) -> _FittedSizes:
         """Columns fitted, a stretch left out."""
         kept = [part for k, part in enumerate(self.learning_products) if k != without]
         a = np.sum([part[0] for part in kept], axis=0)[np.ix_(columns, columns)] + np.eye(len(columns))
         h = np.sum([part[1] for part in kept], axis=0)[list(columns)]
         factor = cho_factor(a)
-        return _Sized(cho_solve(factor, h), cho_solve(factor, np.eye(len(columns))))
+        return _FittedSizes(cho_solve(factor, h), cho_solve(factor, np.eye(len(columns))))
 
     def residual_rows(self, columns: Sequence[int]) -> Array:
         """``(n_rows,)`` target less what columns explain of it."""
@@ -599,20 +599,20 @@ Change = Callable[[Array, Array], Array]
 """From times ``(n,)`` [s] and readings ``(n, 6)`` of the IMU to what they would be."""
 
 
-class _Reading(NamedTuple):
+class _ImuChange(NamedTuple):
     """Changes of the IMU's readings, each with the size that it is of."""
 
     kind: Kind
     changes: tuple[tuple[Change, float], ...]
 
 
-def _imu_readings(log: Log) -> Iterator[_Reading]:
+def _imu_readings(log: Log) -> Iterator[_ImuChange]:
     """Effects of the IMU, where a log has one."""
     if any(trial.imu is None for trial in log.trials):
         return
-    yield _Reading(TURNED, tuple((_turn_imu(turn), TURNED.least) for turn in np.eye(3) * TURNED.least))
+    yield _ImuChange(TURNED, tuple((_turn_imu(turn), TURNED.least) for turn in np.eye(3) * TURNED.least))
     for delay in _IMU_DELAYS:
-        yield _Reading(LATE_IMU, ((_shift_readings(delay), delay),))
+        yield _ImuChange(LATE_IMU, ((_shift_readings(delay), delay),))
 
 
 def _turn_imu(turn: Array) -> Change:
@@ -627,7 +627,7 @@ def _shift_readings(delay: float) -> Change:
 
 
 def _row_changes(
-    problem: IdentificationProblem, log: Log, settings: ProblemSettings, readings: Sequence[_Reading]
+    problem: IdentificationProblem, log: Log, settings: ProblemSettings, readings: Sequence[_ImuChange]
 ) -> Array:
     """Change of the rows per unit of each change of the readings, ``(n_rows, n_changes)``."""
     robot, filters = problem.robot, settings.filters(floating=False, lowpass_hz=log.header.lowpass_hz)

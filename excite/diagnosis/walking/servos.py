@@ -42,7 +42,7 @@ _CUT_OFTEN, _TIMES = 0.005, 3
 Indices = NDArray[np.int64]
 
 
-class Way(NamedTuple):
+class CommandPath(NamedTuple):
     """What a servo follows: the command of a joint, by its column, and whether its rate as well."""
 
     column: int
@@ -82,7 +82,7 @@ class Servo:
     """
 
     joint: str
-    way: Way
+    way: CommandPath
     law: Array
     parts: Array
     stated: Array
@@ -129,11 +129,12 @@ def read_servos(log: Log) -> Iterator[Servo]:
         if joint in log.header.no_torque:
             continue
         told = max(
-            (_fit_law(signals, j, Way(j, rate)) for rate in stated.follows), key=lambda one: one.law.r_squared
+            (_fit_law(signals, j, CommandPath(j, rate)) for rate in stated.follows),
+            key=lambda one: one.law.r_squared,
         )
         if told.law.r_squared <= _FOLLOWS or not 0.5 < 1.0 + told.law.sizes[3] / told.law.sizes[0] < 1.5:
             # What follows no command of its own, or turned about, may follow another's as it is.
-            ways = [Way(k, rate) for k in columns for rate in stated.follows]
+            ways = [CommandPath(k, rate) for k in columns for rate in stated.follows]
             plain = {way: _solve_law(_delay_grams(signals, j, way), scaled=False) for way in ways}
             other = max(plain, key=lambda one: plain[one].r_squared)
             told = _fit_law(signals, j, other) if plain[other].r_squared > _FOLLOWS else told
@@ -157,23 +158,23 @@ def read_servos(log: Log) -> Iterator[Servo]:
         )
 
 
-class _Told(NamedTuple):
+class _FittedLaw(NamedTuple):
     """A joint's law: of which command, its products, and where it is cut how often."""
 
-    way: Way
+    way: CommandPath
     grams: Array
     law: _Law
     limit: float
     cut: float
 
 
-def _fit_law(signals: Sequence[_Signals], j: int, way: Way) -> _Told:
+def _fit_law(signals: Sequence[_Signals], j: int, way: CommandPath) -> _FittedLaw:
     law = _solve_law(grams := _delay_grams(signals, j, way))
     limit, cut = _torque_limit(signals, j, way, law)
     for _ in range(_TIMES if cut > _CUT_OFTEN else 0):
         law = _solve_law(grams := _delay_grams(signals, j, way, limit))
         limit, cut = _torque_limit(signals, j, way, law)
-    return _Told(way, grams, law, limit, cut)
+    return _FittedLaw(way, grams, law, limit, cut)
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,7 +201,7 @@ class _Signals:
         q, v, tau, command = (lowpass(x, 1.0 / step, cutoff) for x in raw)
         return cls(q, v, tau, command, np.gradient(command, step, axis=0), raw, step)
 
-    def asked_torque(self, j: int, way: Way, sizes: Array) -> Array:
+    def asked_torque(self, j: int, way: CommandPath, sizes: Array) -> Array:
         """Torque ``(n,)`` that a law asks for, unfiltered."""
         q, v, _, command = self.raw
         heard = _shift_later(command[:, way.column], round(sizes[5]))
@@ -215,7 +216,7 @@ def _shift_later(values: Array, samples: int) -> Array:
     return np.asarray(values[np.maximum(np.arange(len(values)) - samples, 0)])
 
 
-def _delay_grams(signals: Sequence[_Signals], j: int, way: Way, limit: float = np.inf) -> Array:
+def _delay_grams(signals: Sequence[_Signals], j: int, way: CommandPath, limit: float = np.inf) -> Array:
     """By stretch and delay, products of errors of position and velocity, one, the command, its bend, and torque.
 
     ``(n_stretches, n_delays, 6, 6)``, of samples that no torque at a limit is filtered into.
@@ -258,7 +259,7 @@ def _solve_law(grams: Array, *, without: int | None = None, scaled: bool = True)
     return _Law(np.array([*sizes[best], best + between]), float(left[best]), float(whole[best][5, 5] - mean))
 
 
-def _torque_limit(signals: Sequence[_Signals], j: int, way: Way, law: _Law) -> tuple[float, float]:
+def _torque_limit(signals: Sequence[_Signals], j: int, way: CommandPath, law: _Law) -> tuple[float, float]:
     """Torque at which a law is cut, that leaves least of what the law leaves, and the share of samples beyond it."""
     asked = np.concatenate([one.asked_torque(j, way, law.sizes) for one in signals])
     told = np.concatenate([one.raw[2][:, j] for one in signals])

@@ -15,7 +15,7 @@ from excite.diagnosis.answer.effect_summary import effect_summaries
 from excite.diagnosis.effects.bodies import BaseTilt, KnownLeverTilt, LinkLengthError, Payload, SteepTilt
 from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
 from excite.diagnosis.effects.forces import LowerSlackSpring, RippleHarmonics, SlackSpring, TorqueRipple
-from excite.diagnosis.effects.form import Beyond, Context, JointStep, Note, Sizes
+from excite.diagnosis.effects.form import Absence, Context, JointStep, Note, Sizes
 from excite.diagnosis.effects.friction import (
     Stribeck,
     StribeckBristles,
@@ -29,7 +29,7 @@ from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.baseline import Baseline, Derived
 from excite.diagnosis.equations.dry_friction.friction_sign import SignChange
 from excite.diagnosis.servo.diagnose import LoggedOffset
-from excite.diagnosis.simulator.augmented_plant import Found, augmented_model, read_notes
+from excite.diagnosis.simulator.augmented_plant import FoundEffect, augmented_model, read_notes
 from excite.logs.vocabulary import EFFECTS as WORDS
 from tests.diagnosis.effects.arm_record import Case, baseline, forms, place
 
@@ -138,7 +138,7 @@ def test_what_follows_the_motion_alone_is_the_same_whatever_else_was_found(name:
     assert alike or not made.effect.by_motion
 
 
-def fitted_beside(base: Baseline, found: Found) -> Baseline:
+def fitted_beside(base: Baseline, found: FoundEffect) -> Baseline:
     """The baseline as a fit beside an effect leaves it: a joint's drive is in units of the channel that reads it."""
     form, j = found.mujoco_form(base.samples.joints), found.location
     if form.reads == 1.0:
@@ -161,7 +161,7 @@ def test_a_model_with_it_follows_the_record_that_its_columns_say(name: str) -> N
     model = augmented_model(fitted_beside(base, found), [found])
     plain = augmented_model(base, ()).xml
     if found.reason_of_absence is not None:
-        assert found.mujoco_form(base.samples.joints).absent in Beyond
+        assert found.mujoco_form(base.samples.joints).absent in Absence
         assert found.reason_of_absence in model.warnings
         return
     assert model.warnings == ()
@@ -171,15 +171,15 @@ def test_a_model_with_it_follows_the_record_that_its_columns_say(name: str) -> N
     assert np.linalg.norm(with_it) ** 2 < np.linalg.norm(missed) ** 2 + (_LEFT * np.linalg.norm(without)) ** 2
 
 
-def acts(note: Note) -> dict[Beyond, bool]:
+def acts(note: Note) -> dict[Absence, bool]:
     """By what a model cannot say, whether the note says such a thing."""
     there = JointStep(carried=lambda: np.ones(1), q=np.array([0.1]), v=np.array([0.1]))
     return {
-        Beyond.FRICTION: note.has_friction,
-        Beyond.SPRING: note.joint_torque(there) != 0.0,
-        Beyond.CHANNEL: note.late_by > 0.0 or note.filter_before > 0.0,
-        Beyond.READING: note.log_offset != 0.0,
-        Beyond.START: note.resting_deflection(1.0) is not None,
+        Absence.FRICTION: note.has_friction,
+        Absence.SPRING: note.joint_torque(there) != 0.0,
+        Absence.CHANNEL: note.late_by > 0.0 or note.filter_before > 0.0,
+        Absence.READING: note.log_offset != 0.0,
+        Absence.START: note.resting_deflection(1.0) is not None,
     }
 
 
@@ -210,7 +210,7 @@ def test_it_says_what_it_is_where_it_can_be_and_what_it_looks_like(effect: Effec
     related = (effect.confusable_with, effect.twins_without_torque, effect.twins_of_a_gain)
     for name in (name for names in related for name in names):
         assert name in known and name != effect.name
-    for form in (*effect.extended_forms, *effect.alternative_forms):
+    for form in (*effect.extended_forms, *effect.variant_forms):
         assert form.name == effect.name
     asked = ("rigid_body_fixed",) if effect.term is None else effect.term.words
     assert not effect.is_candidate((*asked, effect.name))
@@ -228,7 +228,7 @@ class Formless(Effect):
 
 
 def test_an_effect_without_a_form_is_said_to_have_none() -> None:
-    item = Found(Formless(), "elbow", {"coefficient": 1.0})
+    item = FoundEffect(Formless(), "elbow", {"coefficient": 1.0})
     base = baseline(drives=True)
     assert item.reason_of_absence is not None and item.reason_of_absence.startswith(
         "formless has no form in a simulator"

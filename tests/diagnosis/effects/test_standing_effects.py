@@ -10,7 +10,7 @@ import pytest
 from excite.arrays import Array
 from excite.diagnosis.answer.effect_summary import effect_summaries
 from excite.diagnosis.effects.registry import EFFECTS
-from excite.diagnosis.floating.effect import Beyond, FloatingEffect, Part, Reads, StandingNote, segment_of
+from excite.diagnosis.floating.effect import Absence, FloatingEffect, Part, Reads, StandingNote, segment_of
 from excite.diagnosis.floating.forces import PressedContact, Surface, UnloggedContact
 from excite.diagnosis.floating.hypotheses import Fitted, Placed, explained_state, nominal_fit
 from excite.diagnosis.floating.problem import Problem, build_problem
@@ -126,9 +126,9 @@ def test_a_model_has_the_part_that_it_says_and_no_other(problem: Problem, form: 
     assert {part for part, moved in parts.items() if moved} == ({said} if isinstance(said, Part) else set())
     if isinstance(said, StandingNote):
         reasons = {
-            Beyond.MOTION: not np.array_equal(changed.q, state.q),
-            Beyond.READINGS: any(changed.readings[n] is not x for n, x in state.readings.items()),
-            Beyond.FORCES: np.any(changed.extra != state.extra),
+            Absence.MOTION: not np.array_equal(changed.q, state.q),
+            Absence.READINGS: any(changed.readings[n] is not x for n, x in state.readings.items()),
+            Absence.FORCES: np.any(changed.extra != state.extra),
         }
         assert [reason for reason, moved in reasons.items() if moved] == [said.beyond]
         assert tuple(said.parameters) == tuple(p.name for p in effect.parameters_at(state, location))

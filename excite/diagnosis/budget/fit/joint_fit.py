@@ -115,7 +115,7 @@ def fit_model(
     chosen = tuple(chosen)
     layout, grams, floor = design.lay_out_parameters(chosen), design.fitted, design.rows.floor
     count = float(grams.count.sum())
-    rows = Stacked.of_model(grams if left_out else grams.sum_over_blocks, layout)
+    rows = StackedGrams.of_model(grams if left_out else grams.sum_over_blocks, layout)
     if weight is None:
         power = np.array([g[-1, -1] for g in grams.total]) / count
         weight = 1.0 / np.maximum(power, floor**2)
@@ -124,7 +124,7 @@ def fit_model(
         normal, right = rows.normal_equations(weight, by_block=False)
         full = normal[0] + np.diag(prior + _RIDGE * np.diag(normal[0]))
         x = np.linalg.solve(full, right[0] + known)
-        power = rows.left_of_all(x) / count
+        power = rows.total_squares(x) / count
         new = 1.0 / np.maximum(power, floor**2)
         done = np.max(np.abs(np.log(new / weight))) < 0.05
         weight = new
@@ -213,7 +213,7 @@ def estimate_autocorrelation(values: Array, use: NDArray[np.bool_], trial: NDArr
 
 
 @dataclass(frozen=True, eq=False)
-class Stacked:
+class StackedGrams:
     """Gram matrices of a model's parameters, as sums of squares are made of them.
 
     Attributes:
@@ -229,7 +229,7 @@ class Stacked:
     total: Array
 
     @classmethod
-    def of_model(cls, grams: Grams, layout: Layout) -> Stacked:
+    def of_model(cls, grams: Grams, layout: Layout) -> StackedGrams:
         """Those of a model whose parameters stand as the layout says."""
         n_joints, n_blocks, p = len(grams.of), len(grams.count), layout.size
         of, right = np.zeros((n_joints, n_blocks, p, p)), np.zeros((n_joints, n_blocks, p))
@@ -258,7 +258,7 @@ class Stacked:
         inner = (self.of @ x[None, :, :, None])[..., 0] - 2.0 * self.right
         return np.maximum((self.square + (inner * x).sum(axis=-1)).T, 1e-300)
 
-    def left_of_all(self, x: Array) -> Array:
+    def total_squares(self, x: Array) -> Array:
         """The same of parameters ``(p,)`` over all blocks, ``(n_joints,)``."""
         inner = (self.total @ x) @ x - 2.0 * self.right.sum(axis=1) @ x
         return np.maximum(self.square.sum(axis=1) + inner, 1e-300)

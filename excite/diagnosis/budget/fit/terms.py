@@ -56,7 +56,7 @@ class Term:
         """Name and place."""
         return self.name, self.location
 
-    def can_be(self, context: Context, x: Array) -> bool:
+    def is_possible(self, context: Context, x: Array) -> bool:
         """Whether fitted parameters ``(size,)`` are of something that can be, as its name says it."""
         if self.known:
             return self.is_admissible(context, x)

@@ -9,7 +9,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.effects.effect import Belief, Effect, Parameter, Theta
-from excite.diagnosis.effects.form import DEFLECTION, Beyond, Context, Draft, Form, Note, Sizes
+from excite.diagnosis.effects.form import DEFLECTION, Absence, Context, Draft, Form, Note, Sizes
 from excite.diagnosis.effects.gears.gear import Gear, contact_stiffness, gear_damping
 from excite.diagnosis.effects.gears.gear_effect import GearEffect, joint_behind
 from excite.diagnosis.equations.joint_torque import Fit
@@ -127,7 +127,7 @@ _SETTLED = 0.9
 
 
 @dataclass(frozen=True)
-class Play(Note):
+class BacklashNote(Note):
     """Where a loose gear begins a roll-out of which nothing is told: at one end of its play.
 
     Attributes:
@@ -140,7 +140,7 @@ class Play(Note):
     softness: float | None = None
     stiffness: float | None = None
 
-    beyond = Beyond.START
+    beyond = Absence.START
     every_step = False
 
     def resting_deflection(self, torque: float) -> float:
@@ -154,7 +154,7 @@ class Backlash(GearEffect):
 
     name = "backlash"
     belief = Belief(group="gear")
-    told_by = frozenset({Doubt.DELAY})
+    observed_by = frozenset({Doubt.DELAY})
     searched: ClassVar[tuple[Parameter, ...]] = (
         Parameter("width", "rad", 2e-4, 0.08),
         Parameter("contact_hz", "Hz", 4.0, 150.0),
@@ -162,7 +162,7 @@ class Backlash(GearEffect):
     confusable_with = ("torque_bias", "stribeck", "joint_elasticity")
     separating_motion = "torque crossing zero at constant speed"
     mujoco = "a second joint with limited range behind the motor's"
-    note = Play
+    note = BacklashNote
 
     @property
     def extended_forms(self) -> tuple[Effect, ...]:
@@ -182,13 +182,10 @@ class Backlash(GearEffect):
         def add_play_joint(draft: Draft) -> None:
             # Its range is as wide as the play; its stops have the contact's frequency and damping.
             joint = joint_behind(draft, item.location)
-            half = 0.5 * item.parameter_value("width")
+            half = 0.5 * item.value_of("width")
             joint.limited, joint.range = True, [-half, half]
-            ratio = item.parameter_value("damping_ratio", 1.0)
-            joint.solref_limit = [
-                1.0 / (2.0 * np.pi * item.parameter_value("contact_hz", 20.0) * ratio),
-                ratio,
-            ]
+            ratio = item.value_of("damping_ratio", 1.0)
+            joint.solref_limit = [1.0 / (2.0 * np.pi * item.value_of("contact_hz", 20.0) * ratio), ratio]
             joint.solimp_limit = [0.99, 0.99, 0.001, 0.5, 2.0]
 
         return Form(elements=add_play_joint, notes=(self.make_note(item),))
@@ -243,8 +240,8 @@ class SoftBacklash(Backlash):
             joint_behind(draft, item.location)
 
         def add_soft_contacts(draft: Draft) -> None:
-            of_contact = (item.parameter_value(name) for name in ("softness", "stiffness", "damping"))
-            play = SoftPlay(0.5 * item.parameter_value("width"), *of_contact)
+            of_contact = (item.value_of(name) for name in ("softness", "stiffness", "damping"))
+            play = SoftPlay(0.5 * item.value_of("width"), *of_contact)
             add_soft_play(draft.spec, item.location + DEFLECTION, play)
 
         return Form(elements=add_free_joint, finish=add_soft_contacts, notes=(self.make_note(item),))

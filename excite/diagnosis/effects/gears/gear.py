@@ -32,7 +32,7 @@ class Gear(NamedTuple):
     depth: float = 0.0
 
 
-class Behind(NamedTuple):
+class DrivenLink(NamedTuple):
     """What a gear has behind it at every sample, ``(n_samples,)`` each.
 
     Attributes:
@@ -52,7 +52,7 @@ class Behind(NamedTuple):
     by_qv: Array
 
     @classmethod
-    def of_joint(cls, context: Context, j: int, *, second_order: bool = False) -> Behind:
+    def of_joint(cls, context: Context, j: int, *, second_order: bool = False) -> DrivenLink:
         """What joint j's gear has behind it; second derivatives are none to first order."""
         load = np.ascontiguousarray(context.baseline.rigid[:, j])
         key, kept = (j, "behind, curved" if second_order else "behind"), context.baseline.derived.values
@@ -71,9 +71,9 @@ class Behind(NamedTuple):
         turned = (self.by_q + 0.5 * self.by_qq * x) * x + (self.by_v + self.by_qv * x) * s
         return self.load + turned + self.inertia * acc
 
-    def at_samples(self, samples: NDArray[np.int64]) -> Behind:
+    def at_samples(self, samples: NDArray[np.int64]) -> DrivenLink:
         """The same at some samples."""
-        return Behind(*(values[samples] for values in self))
+        return DrivenLink(*(values[samples] for values in self))
 
 
 def link_inertia(context: Context, j: int) -> Array:

@@ -13,8 +13,14 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.diagnosis.effects.effect import Belief, Effect, Parameter, Shape, Theta
-from excite.diagnosis.effects.form import DEFLECTION, Beyond, Context, Draft, Form, Note, Sizes, Told
-from excite.diagnosis.effects.gears.gear import Behind, Gear, contact_stiffness, gear_damping, link_inertia
+from excite.diagnosis.effects.form import DEFLECTION, Absence, Context, Draft, Form, InitialState, Note, Sizes
+from excite.diagnosis.effects.gears.gear import (
+    DrivenLink,
+    Gear,
+    contact_stiffness,
+    gear_damping,
+    link_inertia,
+)
 from excite.diagnosis.equations.joint_torque import Fit
 from excite.diagnosis.equations.own_columns import ARMATURE
 from excite.diagnosis.equations.samples import ArmSamples
@@ -40,7 +46,7 @@ class GearEffect(Effect, ABC):
     second_order: bool = False
 
     @property
-    def second_order_form(self) -> Effect | None:
+    def refined_form(self) -> Effect | None:
         """To second order: a gear that is soft for its load turns gravity with it."""
         if self.second_order:
             return None
@@ -70,14 +76,14 @@ class GearEffect(Effect, ABC):
     def link_deflection(self, context: Context, location: str, theta: Theta) -> Array:
         """The link's angle less the motor's, its speed and its acceleration, the rows of ``(3, n_samples)``."""
         j, samples = context.row(location), context.baseline.samples
-        behind = Behind.of_joint(context, j, second_order=self.second_order)
+        behind = DrivenLink.of_joint(context, j, second_order=self.second_order)
         gear = self.make_gear(context, location, theta)
         begin = first_states(context, j, behind, gear)
         return integrate_deflection(behind, gear, samples.is_start, begin, 1.0 / samples.rate_hz)
 
-    def initial_state(self, context: Context, location: str, theta: Theta) -> Told:
+    def initial_state(self, context: Context, location: str, theta: Theta) -> InitialState:
         moved = self.link_deflection(context, location, theta)
-        return Told(deflection=context.baseline.samples.by_trial(moved[:2].T))
+        return InitialState(deflection=context.baseline.samples.by_trial(moved[:2].T))
 
 
 def joint_behind(draft: Draft, motor: str) -> mujoco.MjsJoint:
@@ -102,8 +108,8 @@ _X, _S, _MEAN, _NOW, _THEN, _INERTIA, _TURN, _DRAG, _BEND, _TWIST = range(10)
 def integrate_deflection(behind, gear, starts, begin, dt):  # pragma: no cover - compiled
     """Integrate ``M δ̈ = −τ(δ, δ̇) − k(δ) − D δ̇`` with a dead band of ±gap, by its midpoints.
 
-    ``behind`` (:class:`~excite.diagnosis.effects.gears.gear.Behind`) is the torque τ that the link needs and what it
-    changes with. The inertia behind a joint does not change with its own angle, and so nothing does with the square of
+    ``behind`` (:class:`~excite.diagnosis.effects.gears.gear.DrivenLink`) is the torque τ that the link needs and its
+    changes. The inertia behind a joint does not change with its own angle, and so nothing does with the square of
     its own speed. ``starts`` marks the first sample of each trial, the first of all among them, where the deflection is
     the static one and ``begin (n_trials, 2)`` more, angle and speed.
 
@@ -278,7 +284,7 @@ _FORGOTTEN = 5.0
 _STEPS = 4
 
 
-def first_states(context: Context, j: int, behind: Behind, gear: Gear) -> Array:
+def first_states(context: Context, j: int, behind: DrivenLink, gear: Gear) -> Array:
     """Deflection and its speed at each trial's first sample, beyond rest under the load, ``(n_trials, 2)``.
 
     Where a trial begins in motion the gear already swings, and a soft one goes on for longer than the rows wait. The
@@ -302,7 +308,7 @@ def first_states(context: Context, j: int, behind: Behind, gear: Gear) -> Array:
     rows = np.concatenate([firsts[k] + np.arange(counts[k]) for k in told])
     measured = np.concatenate([samples.trials[k].measured_torque[: counts[k], j] for k in told])
     own = base.total[rows, j] - base.rigid[rows, j]
-    early = _Early(
+    early = _EarlySamples(
         behind.at_samples(rows),
         samples.is_start[rows],
         measured - own,
@@ -318,7 +324,7 @@ def first_states(context: Context, j: int, behind: Behind, gear: Gear) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class _Early:
+class _EarlySamples:
     """The samples before the rows, of the trials in which they tell something.
 
     Attributes:
@@ -331,7 +337,7 @@ class _Early:
         gear: the gear.
     """
 
-    behind: Behind
+    behind: DrivenLink
     starts: NDArray[np.bool_]
     carried: Array
     moving: NDArray[np.bool_]
@@ -400,7 +406,7 @@ class Armature(Effect):
     """``τ = I_a a``: the rotor's inertia times the gear ratio squared, felt by its own joint alone."""
 
     name = "armature"
-    told_by = frozenset({Doubt.CLOCK})
+    observed_by = frozenset({Doubt.CLOCK})
     linear = (Parameter("inertia", "kg·m²", 0.0),)
     confusable_with = ("link_inertia", "payload", "joint_elasticity")
     separating_motion = "fast motion of that joint in two postures with different link inertia"
@@ -414,14 +420,14 @@ class Armature(Effect):
         return context.signal_at(location, "a")[:, None]
 
     def in_mujoco(self, item: Sizes) -> Form:
-        return Form(armature=item.parameter_value("inertia"))
+        return Form(armature=item.value_of("inertia"))
 
 
 # A soft gear between motor and link.
 
 
 @dataclass(frozen=True)
-class Stretched(Note):
+class ElasticityNote(Note):
     """Where a soft gear begins a roll-out of which nothing is told.
 
     Attributes:
@@ -432,7 +438,7 @@ class Stretched(Note):
     stiffness: float
     hardening_at: float | None = None
 
-    beyond = Beyond.START
+    beyond = Absence.START
     every_step = False
 
     def resting_deflection(self, torque: float) -> float:
@@ -457,7 +463,7 @@ class JointElasticity(GearEffect):
     confusable_with = ("armature", "backlash", "time_delay")
     separating_motion = "a chirp of that joint around the resonance"
     mujoco = "a second joint with stiffness and damping behind the motor's"
-    note = Stretched
+    note = ElasticityNote
 
     @property
     def extended_forms(self) -> tuple[Effect, ...]:
@@ -470,7 +476,7 @@ class JointElasticity(GearEffect):
     def make_gear(self, context: Context, location: str, theta: Theta) -> Gear:
         return Gear(theta[0], gear_damping(context, context.row(location), theta[0], theta[1]))
 
-    def carried_over(self, old: Context, new: Context, location: str, theta: Theta) -> Theta:
+    def transfer_shape(self, old: Context, new: Context, location: str, theta: Theta) -> Theta:
         """As many swings a second: a link that turns out lighter has a gear that is softer by as much."""
         before, after = (float(link_inertia(c, c.row(location)).mean()) for c in (old, new))
         return (theta[0] * after / before, *theta[1:])
@@ -484,8 +490,8 @@ class JointElasticity(GearEffect):
         def add_elastic_joint(draft: Draft) -> None:
             # MuJoCo's polynomial: force −(k₀ + k₁ |x| + k₂ x²) x.
             joint = joint_behind(draft, item.location)
-            joint.stiffness = [item.parameter_value("stiffness"), 0.0, self.cubic_stiffness(item)]
-            joint.damping = [item.parameter_value("damping"), 0.0, 0.0]
+            joint.stiffness = [item.value_of("stiffness"), 0.0, self.cubic_stiffness(item)]
+            joint.damping = [item.value_of("damping"), 0.0, 0.0]
 
         return Form(elements=add_elastic_joint, notes=(self.make_note(item),))
 
@@ -507,7 +513,7 @@ class HardeningElasticity(JointElasticity):
         # Under a constant load the tangent is what has been found, and the spring at rest is softer.
         return [(s * theta[0], theta[1], at) for s in (0.15, 0.4, 0.8) for at in (0.01, 0.03, 0.08)]
 
-    def own_starts(self, context: Context, location: str) -> list[Theta]:
+    def further_starts(self, context: Context, location: str) -> list[Theta]:
         """Stiffer where the load stretches it than at rest: hardly damped, and damped more, whose valley is wider."""
         j = context.row(location)
         load = float(np.sqrt(np.mean(context.baseline.rigid[:, j] ** 2)))
@@ -519,4 +525,4 @@ class HardeningElasticity(JointElasticity):
         return super().make_gear(context, location, theta)._replace(cubic=theta[2] ** -2)
 
     def cubic_stiffness(self, item: Sizes) -> float:
-        return item.parameter_value("stiffness") / item.parameter_value("hardening_at") ** 2
+        return item.value_of("stiffness") / item.value_of("hardening_at") ** 2

@@ -38,7 +38,7 @@ _CLEARLY = 0.05
 _STRAIGHTER = 1.3
 
 
-def first_signs(baseline: Baseline, *, late: bool) -> Baseline:
+def fit_first_signs(baseline: Baseline, *, late: bool) -> Baseline:
     """The sign changes of a baseline that has been fitted with any: grids first, then between the grid's.
 
     Args:
@@ -99,7 +99,7 @@ def _fit_delay(
     return late, delay
 
 
-def signs_again(baseline: Baseline) -> Baseline:
+def refit_signs(baseline: Baseline) -> Baseline:
     """The sign changes searched anew: an effect that was missing may have bent them."""
     if not COULOMB.is_modelled(baseline.modelled):
         return baseline

@@ -58,7 +58,7 @@ def between_reversals(samples: ArmSamples, carried: float = _CARRIED) -> NDArray
     return np.concatenate(parts).T
 
 
-def told_delay(base: Baseline, delay: float, change: Change) -> Delay | None:
+def estimate_delay(base: Baseline, delay: float, change: Change) -> Delay | None:
     """A delay by Newton's steps, predictions following, between reversals; None where they lead nowhere.
 
     Args:
