@@ -72,18 +72,18 @@ class Hypothesis:
 
     @property
     def is_physical(self) -> bool:
-        """Whether its fit says something that can be: no rotor weighs less than nothing."""
+        """Whether its fitted parameters are physically possible: no negative rotor inertia, for instance."""
         inside = self.effect.in_bounds(self.fit.extra, self.fit.extra_std)
         return inside and self.effect.is_physical(Context(self.baseline), self.location, self.fit)
 
     @property
     def is_within_scope(self) -> bool:
-        """Whether its search ended within what its name stands for."""
+        """Whether its fitted shape is inside the range that the effect describes."""
         return self.effect.is_within_scope(Context(self.baseline), self.location, self.theta, self.fit)
 
     @property
     def fit_with_trial_deviations(self) -> Fit:
-        """The fit with the deviations that are told: those by which trials disagree."""
+        """The fit with standard deviations from the disagreement between trials."""
         return replace(
             self.fit, extra_std=self.baseline.solver.std_between_trials(self.fit, self.effect.prior_widths)
         )
@@ -132,7 +132,7 @@ def fit_along_direction(item: Hypothesis, direction: Array) -> Hypothesis:
 
 @dataclass(frozen=True, eq=False)
 class Scored:
-    """A hypothesis against the fit before it.
+    """Score a hypothesis against the fit before it.
 
     Attributes:
         hypothesis: the hypothesis.
@@ -295,7 +295,7 @@ class Scorer:
         return other_postures(np.maximum(repeat, 0.5 * self.spectral), self.unrepeated)
 
     def score_fit(self, before: Fit, item: Hypothesis, nats: float | None = None) -> Scored:
-        """A hypothesis against the fit before it.
+        """Score a hypothesis against the fit before it.
 
         Args:
             before: the fit without it.

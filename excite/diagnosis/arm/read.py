@@ -57,7 +57,7 @@ class BudgetVerdict:
     scorer: Scorer
 
     def decide_verdict(self) -> tuple[Attribution, Judgement]:
-        """The effects that are named, in the equations, and the verdict."""
+        """Fit the named effects in the equations and decide the verdict."""
         sure = [item for item in self.budget.named if item.clear and is_accepted(item)]
         whole = is_gap_explained(self.budget, sure)
         # What is clear at its own place is there, whatever hides the rest of the machine or explains it.
@@ -107,7 +107,7 @@ class BudgetVerdict:
         return [], []
 
     def _term_to_drop(self, model: Model) -> int | None:
-        """The term of a model that goes next; None where all may stay."""
+        """Index of the term that is dropped next; None where all stay."""
         left, terms = power_of(model).mean, model.terms
         if self._scaled_power(left) >= self._scaled_power(power_of(fit_model(model.design, ())).mean):
             others = [[i for i in model.chosen if i != k] for k in model.chosen]
@@ -122,11 +122,11 @@ class BudgetVerdict:
         return min(gone, key=model.taken_by, default=None)
 
     def _scaled_power(self, power: Array) -> float:
-        """Mean squares of all joints in units of their torques."""
+        """Sum over joints of the mean square residual, each divided by the square of its torque's scale."""
         return float((power / self.scorer.scale**2).sum())
 
     def _judge_unnamed_gap(self) -> tuple[Attribution, Judgement]:
-        """Nothing that is named is the gap."""
+        """The verdict where no named effect explains the gap."""
         structured = structured_joints(self._empty_attribution, self.scorer.spectral)
         named = (self._terms_by_key[item.effect, item.location] for item in self.budget.named)
         ranking = self._score_terms((*named, *self._unnamed_likely_terms))[:_LISTED]
@@ -177,7 +177,7 @@ class BudgetVerdict:
         return after, judgement
 
     def _add_effects(self, kept: Sequence[Named], model: Model) -> list[Scored]:
-        """The effects one after the other, each of the size that the model has it."""
+        """Add effects to the equations one after the other, each at its fitted size."""
         accepted = list[Scored]()
         for k, item in enumerate(kept):
             current = extend_baseline(accepted[-1].hypothesis) if accepted else self._initial_baseline
@@ -210,7 +210,7 @@ class BudgetVerdict:
         )
 
     def _rivals_of(self, item: Named) -> list[tuple[Scored, float]]:
-        """What might stand in the place of an effect, with its probability."""
+        """Rivals of an effect, each with its probability."""
         model = self.found.model
         terms = model.design.terms
         k = next(k for k in model.chosen if terms[k].key == (item.effect, item.location))
@@ -370,7 +370,7 @@ def is_gap_explained(budget: Budget, effects: Sequence[Named]) -> bool:
 
 
 def _structureless_share(budget: Budget) -> float:
-    """What follows nothing and yet stands above the noise, over all channels."""
+    """Share of the gap above the noise that follows no signal, over all channels."""
     return sum(
         channel.weight * channel.rest
         for channel in budget.channels.values()
@@ -398,5 +398,5 @@ def is_accepted(item: Named) -> bool:
 
 
 def has_no_rival(item: Named) -> bool:
-    """Whether an effect has no rival of another name."""
+    """Whether no effect of another name is a rival."""
     return item.probability >= THRESHOLDS.probable and all(name == item.effect for name, _ in item.rivals)

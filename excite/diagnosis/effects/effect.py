@@ -135,7 +135,7 @@ class Effect(ABC):
 
     @property
     def prior_widths(self) -> Array:
-        """Standard deviations that its linear parameters have a priori, ``(n_linear,)``."""
+        """Prior standard deviations of its linear parameters, ``(n_linear,)``."""
         return np.array([p.width for p in self.linear])
 
     @property
@@ -155,28 +155,28 @@ class Effect(ABC):
 
     @property
     def refined_form(self) -> Effect | None:
-        """The same with what its first order leaves out, tried at last; None where that is nothing."""
+        """The same physics without linearisation, tried last; None where the effect has no such form."""
         return None
 
     @property
     def variant_forms(self) -> tuple[Effect, ...]:
-        """Other forms of the same physics that may be what is there, tried along with this one."""
+        """Other forms of the same physics, tried along with this one."""
         return ()
 
     def search_starts(self, theta: Theta) -> list[Theta]:
-        """Where the search of a richer form begins, from the non-linear parameters of the plain one."""
+        """Starting points ``theta`` of an extended form's search, given those of the plain form."""
         return [theta]
 
     def further_starts(self, context: Context, location: str) -> list[Theta]:
-        """Where the search of a richer form begins besides, where the plain one fits nothing."""
+        """Further starting points of an extended form's search, used where the plain form fits nothing."""
         return []
 
     def equivalent_form(self, context: Context, location: str, theta: Theta) -> tuple[Effect, Theta] | None:
-        """What says about the same beside bodies and a constant that are free to take up the rest; None, mostly."""
+        """An effect with nearly the same torque, but for bodies and a constant; None for most effects."""
         return None
 
     def transfer_shape(self, old: Context, new: Context, location: str, theta: Theta) -> Theta:
-        """Non-linear parameters that say about the same on another fit of the baseline."""
+        """``theta`` for another fit of the baseline, such that the torque is nearly the same."""
         return theta
 
     def nearest_body(
@@ -192,7 +192,7 @@ class Effect(ABC):
         return None
 
     def is_candidate(self, modelled: tuple[str, ...]) -> bool:
-        """Whether it can be told from what the baseline has."""
+        """Whether it is tried beside a baseline with the terms ``modelled``: not if that has it already."""
         return self.name not in modelled if self.term is None else not self.term.is_modelled(modelled)
 
     def locations(self, context: Context) -> tuple[str, ...]:
@@ -200,7 +200,7 @@ class Effect(ABC):
         return context.joints
 
     def search_grid(self, context: Context, location: str) -> list[Theta]:
-        """Non-linear parameters to start the search from."""
+        """Grid of non-linear parameters from which the search starts."""
         return [()]
 
     def unit_torques(self, context: Context, location: str, theta: Theta) -> Array:
@@ -208,11 +208,11 @@ class Effect(ABC):
         raise NotImplementedError
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
-        """What it adds to the torques."""
+        """Columns and offset that it adds to the torques."""
         return Shape(context.motor_columns(location, self.unit_torques(context, location, theta)))
 
     def is_admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
-        """Whether the parameters are physical, and far enough from what another effect's name says better."""
+        """Whether parameters are within their bounds and describe this effect rather than another one."""
         return self.in_bounds(beta, np.zeros(len(beta)))
 
     def in_bounds(self, beta: Array, spread: Array) -> bool:
@@ -222,19 +222,19 @@ class Effect(ABC):
         )
 
     def is_physical(self, context: Context, location: str, fit: Fit) -> bool:
-        """Whether a fit says something that can be, within what the record tells of it."""
+        """Whether a fit is physically possible within its standard deviations."""
         return True
 
     def is_possible(self, context: Context, location: str, beta: Array) -> bool:
-        """Whether linear parameters ``(n_linear,)`` are of something that can exist there."""
+        """Whether linear parameters ``(n_linear,)`` are physically possible at that place."""
         return True
 
     def is_within_scope(self, context: Context, location: str, theta: Theta, fit: Fit) -> bool:
-        """Whether a search ended within what the effect's name stands for, not at the end of it."""
+        """Whether the fitted ``theta`` is inside the range that this effect describes, not at its bound."""
         return True
 
     def to_estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
-        """Its parameters, for people; without those that nothing in the record shows."""
+        """Estimates of its parameters by name, without those that the record does not determine."""
         found = {
             p.name: Estimate(float(b), float(s), p.unit)
             for p, b, s in zip(self.linear, fit.extra, fit.extra_std, strict=True)
@@ -243,7 +243,7 @@ class Effect(ABC):
         return found | {p.name: Estimate(t, None, p.unit) for p, t in zip(self.searched, theta, strict=True)}
 
     def to_sizes(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, float]:
-        """Its parameters by name, and what else a simulator needs of it."""
+        """Values of its parameters by name, with further numbers that a simulator needs."""
         values = {name: e.value for name, e in self.to_estimates(context, location, theta, fit).items()}
         values |= {p.name: float(b) for p, b in zip(self.linear, fit.extra, strict=True)}
         return values | {p.name: float(t) for p, t in zip(self.searched, theta, strict=True)}
@@ -253,15 +253,15 @@ class Effect(ABC):
         return Form(absent=Absence.NO_FORM)
 
     def initial_state(self, context: Context, location: str, theta: Theta) -> InitialState:
-        """What the record tells of its own state; nothing, unless said otherwise."""
+        """Its internal state along the record, for roll-outs; empty by default."""
         return InitialState()
 
     def second_name(self, baseline: Baseline, location: str, fit: Fit) -> str | None:
-        """Another name that means the same in the data; none, unless said otherwise."""
+        """Name of another effect with the same torques in this record; None by default."""
         return None
 
     def make_note(self, item: Sizes, place: str | None = None) -> Noted:
-        """Its note with the sizes that it has."""
+        """Its note with given parameter values."""
         if self.note is None:
             raise TypeError(f"{self.name} leaves nothing to a runner")
         return Noted(self.name, place or item.location, self.note.from_values(item.values))

@@ -99,11 +99,11 @@ class Note(ABC):
 
     @property
     def static_friction(self) -> StaticFriction | None:
-        """Static friction, which further bends whatever bristles the joint's friction has."""
+        """Static friction of the joint, applied to its bristles; None where it has none."""
         return None
 
     def make_bristle(self) -> Bristle | None:
-        """Bristles of its own."""
+        """Bristle model of its own; None where it has none."""
         return None
 
     def held_friction(self, level: Array) -> Array:
@@ -131,11 +131,11 @@ class Note(ABC):
 
     @classmethod
     def from_values(cls, values: Mapping[str, float]) -> Self:
-        """The note with those of the values that are its own."""
+        """The note made from the values that it uses."""
         return cls(**{name: values[name] for name in cls.number_names() if name in values})
 
     def to_text(self) -> str:
-        """Its numbers by name; those that it does not have are left out."""
+        """Its numbers as ``NAME=NUMBER``, without those that are None."""
         values = ((name, getattr(self, name)) for name in self.number_names())
         return " ".join(f"{name}={value:.9g}" for name, value in values if value is not None)
 
@@ -174,7 +174,7 @@ class Sizes:
     joints: tuple[str, ...] = ()
 
     def value_of(self, name: str, missing: float = 0.0) -> float:
-        """One of its parameters."""
+        """Value of a parameter; ``missing`` where it has none of that name."""
         return float(self.values.get(name, missing))
 
 
@@ -289,7 +289,7 @@ class Context:
         return samples.stack_trials(name)[:, self.follower_indices[place]]
 
     def motor_columns(self, place: str, columns: Array) -> dict[int, Array]:
-        """What torques at a joint, ``(n_samples, n)``, are in the rows of the motors that move it."""
+        """Columns of torque at a joint, ``(n_samples, n)``, mapped to the motors that move it."""
         if place in self.joints:
             return {self.row(place): columns}
         along = self.baseline.samples.motion_maps[:, self.follower_indices[place]]
@@ -316,14 +316,14 @@ class Context:
         return self.baseline.samples.stack_trials("session_s")
 
     def friction_sign(self, j: int) -> Array:
-        """What a joint's dry friction follows, ``(n_samples,)``."""
+        """Smoothed sign of the velocity that a joint's dry friction follows, ``(n_samples,)``."""
         if j not in self._signs:
             base = self.baseline
             self._signs[j] = sign_of_motion(base.samples, j, base.signs[j])
         return self._signs[j]
 
     def perturbed_torques(self, j: int, turn: float = 0.0, speed: float = 0.0, more: float = 0.0) -> Array:
-        """Torques of the fitted bodies where a joint moves otherwise by so much, ``(n_samples, n_joints)`` [N·m]."""
+        """Torques of the fitted bodies at a perturbed motion of one joint, ``(n_samples, n_joints)`` [N·m]."""
         samples = self.baseline.samples
         return samples.rigid_torques(self.baseline.phi, *samples.perturbed_motion(j, turn, speed, more))
 

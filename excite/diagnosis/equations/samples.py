@@ -213,7 +213,7 @@ class ArmSamples:
 
     @cached_property
     def is_start(self) -> NDArray[np.bool_]:
-        """Which full-rate samples are the first of a trial, ``(n_samples,)``."""
+        """Mask of the full-rate samples that are the first of a trial, ``(n_samples,)``."""
         marked = np.zeros(self._trial_layout.ends[-1], dtype=np.bool_)
         marked[np.concatenate([[0], self._trial_layout.ends[:-1]])] = True
         return marked
@@ -225,12 +225,12 @@ class ArmSamples:
 
     @cached_property
     def identification_rows(self) -> NDArray[np.bool_]:
-        """Which rows belong to identification trials, ``(n_rows,)``."""
+        """Mask of the rows of identification trials, ``(n_rows,)``."""
         return np.concatenate([np.full(len(t.rows), t.identification) for t in self.trials])
 
     @cached_property
     def judging_rows(self) -> NDArray[np.bool_]:
-        """Which rows judge, ``(n_rows,)``: those of validation trials, all where there are none."""
+        """Mask of the rows that judge, ``(n_rows,)``: of validation trials; all rows where there are none."""
         outside = ~self.identification_rows
         return outside if outside.any() else self.identification_rows
 
@@ -289,7 +289,7 @@ class ArmSamples:
         return {}
 
     def stack_trials(self, name: str) -> Array:
-        """A channel of all trials at full rate below each other; not to be written to."""
+        """A channel of all trials at full rate, concatenated; read-only."""
         if name not in self.motion_cache:
             self.motion_cache[name] = np.concatenate([getattr(trial, name) for trial in self.trials])
         return np.asarray(self.motion_cache[name])
@@ -300,7 +300,7 @@ class ArmSamples:
         return self.rigid_torques()
 
     def by_trial(self, values: Array) -> list[Array]:
-        """Full-rate values of all trials, back into trials."""
+        """Split full-rate values of all trials into one array a trial."""
         return np.split(values, self._trial_layout.ends[:-1])
 
 

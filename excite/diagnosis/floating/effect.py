@@ -133,7 +133,7 @@ class FloatingEffect(ABC):
 
     @property
     def form_name(self) -> str:
-        """What the library calls this form."""
+        """Name of this form in the library."""
         return self.form or self.name
 
     def is_seen(self, record: FloatingRecord) -> bool:
@@ -163,7 +163,7 @@ class FloatingEffect(ABC):
         return (np.zeros(len(self.parameters_at(state, location))),)
 
     def stored_data(self, record: FloatingRecord) -> dict[str, Any]:
-        """What it has learnt beside its parameters, ready for JSON; by default nothing."""
+        """What it stores beside its parameters, ready for JSON; empty by default."""
         return {}
 
     def with_stored_data(self, said: Mapping[str, Any], record: FloatingRecord) -> FloatingEffect:
@@ -171,12 +171,12 @@ class FloatingEffect(ABC):
         return self
 
     def is_allowed(self, theta: Array) -> bool:
-        """Whether there can be such a thing, as far as a linearised fit tells."""
+        """Whether linearly fitted parameters are physically possible."""
         return True
 
     @abstractmethod
     def apply_to(self, state: State, location: str, theta: Array) -> State:
-        """What is true if it is there with parameters ``theta``, given all else in ``state``."""
+        """The true state if the effect is there with parameters ``theta``."""
 
     def in_mujoco(self, state: State, location: str, theta: Array) -> Part | StandingNote:
         """What of a model has it, written from what :meth:`apply_to` makes of a state, or the note beside the model.
@@ -213,7 +213,7 @@ class FloatingEffect(ABC):
         }
 
     def effect_name(self, theta: Array) -> str:
-        """The contract's name for it at these parameters."""
+        """Name of the effect at these parameters."""
         return self.name
 
     def parameter_scales(self, state: State, location: str) -> Array:

@@ -124,7 +124,7 @@ class _Search:
         )
 
     def run_search(self, rng: np.random.Generator) -> EffectPosterior:
-        """All turns."""
+        """Run all turns of the search."""
         found: Atoms = {}
         keys: list[Term] = []
         for turn, (anneal, white) in enumerate(_TURNS):
@@ -526,7 +526,7 @@ def _relative_worth(model: Model, floor: Array, scale: Array) -> Array:
 
 
 def _rank_single_terms(selected: EffectPosterior) -> tuple[Term, ...]:
-    """What would gain most beside friction and constants alone, best first."""
+    """Terms by their gain beside friction and constants alone, best first."""
     gram = selected.gram
     problem = problem_of(gram.atoms, gram.gram, gram.reduced)
     state = np.full(len(problem.begin), -1, dtype=np.int64)
