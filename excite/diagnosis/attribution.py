@@ -29,7 +29,7 @@ class Columns:
     extra: Array | None
     offset: Array | None
 
-    def torque(self, beta: Array, shape: tuple[int, ...]) -> Array:
+    def predict_torque(self, beta: Array, shape: tuple[int, ...]) -> Array:
         """At linear parameters ``(n_linear,)``, ``shape``: ``(n_joints, n_rows)``."""
         made = np.zeros(shape) if self.offset is None else self.offset
         return made if self.extra is None else made + self.extra @ beta
@@ -60,32 +60,32 @@ class Hypothesis:
     direction: Array | None = None
 
     @property
-    def fitted(self) -> Array | None:
+    def fitted_columns(self) -> Array | None:
         """Columns of what is fitted, ``(n_joints, n_rows, n)``: of each linear parameter, or of them all together."""
         extra = self.columns.extra
         return extra if extra is None or self.direction is None else extra @ self.direction[:, None]
 
     @property
-    def context(self) -> Context:
+    def fit_context(self) -> Context:
         """Predictions that its columns were made of."""
         return self.made_at or Context(self.baseline)
 
     @property
-    def physical(self) -> bool:
-        """Whether its fit says something that can be: no rotor weighs less than nothing."""
+    def is_physical(self) -> bool:
+        """Whether its fitted parameters are physically possible: no negative rotor inertia, for instance."""
         inside = self.effect.in_bounds(self.fit.extra, self.fit.extra_std)
-        return inside and self.effect.physical(Context(self.baseline), self.location, self.fit)
+        return inside and self.effect.is_physical(Context(self.baseline), self.location, self.fit)
 
     @property
-    def settled(self) -> bool:
-        """Whether its search ended within what its name stands for."""
-        return self.effect.settled(Context(self.baseline), self.location, self.theta, self.fit)
+    def is_within_scope(self) -> bool:
+        """Whether its fitted shape is inside the range that the effect describes."""
+        return self.effect.is_within_scope(Context(self.baseline), self.location, self.theta, self.fit)
 
     @property
-    def told(self) -> Fit:
-        """The fit with the deviations that are told: those by which trials disagree."""
+    def fit_with_trial_deviations(self) -> Fit:
+        """The fit with standard deviations from the disagreement between trials."""
         return replace(
-            self.fit, extra_std=self.baseline.solver.std_between_trials(self.fit, self.effect.widths)
+            self.fit, extra_std=self.baseline.solver.std_between_trials(self.fit, self.effect.prior_widths)
         )
 
     @property
@@ -103,7 +103,7 @@ def at_rows(context: Context, shape: Shape) -> Columns:
     if shape.columns:
         keys = sorted(shape.columns)
         m = shape.columns[keys[0]].shape[1]
-        stacked = samples.rows(
+        stacked = samples.to_rows(
             np.concatenate([shape.columns[k].T for k in keys]).T, np.repeat(keys, m).tolist()
         )
         extra = np.zeros((len(context.joints), n_rows, m))
@@ -111,16 +111,16 @@ def at_rows(context: Context, shape: Shape) -> Columns:
             extra[k] = stacked[:, m * place : m * (place + 1)] * root[k][:, None]
     if shape.offset:
         keys = sorted(shape.offset)
-        stacked = samples.rows(np.stack([shape.offset[k] for k in keys]).T, keys)
+        stacked = samples.to_rows(np.stack([shape.offset[k] for k in keys]).T, keys)
         offset = np.zeros((len(context.joints), n_rows))
         offset[keys] = stacked.T * root[keys]
     return Columns(extra, offset)
 
 
-def along(item: Hypothesis, direction: Array) -> Hypothesis:
+def fit_along_direction(item: Hypothesis, direction: Array) -> Hypothesis:
     """A hypothesis of whose linear parameters only the size is left to be fitted, ``direction (n_linear,)`` times."""
     whole = replace(item, direction=direction)
-    one = item.baseline.solver.fit(whole.fitted, item.columns.offset)
+    one = item.baseline.solver.fit_columns(whole.fitted_columns, item.columns.offset)
     # Proportions are those of an estimate: a parameter is no surer than it is where all are free.
     std = np.maximum(one.extra_std[0] * np.abs(direction), item.fit.extra_std)
     fit = replace(one, extra=one.extra[0] * direction, extra_std=std, columns=item.columns.extra)
@@ -132,7 +132,7 @@ def along(item: Hypothesis, direction: Array) -> Hypothesis:
 
 @dataclass(frozen=True, eq=False)
 class Scored:
-    """A hypothesis against the fit before it.
+    """Score a hypothesis against the fit before it.
 
     Attributes:
         hypothesis: the hypothesis.
@@ -182,15 +182,15 @@ class Attribution:
     accepted: tuple[Scored, ...] = ()
     stranger: Scored | None = None
 
-    def beside(self, count: int) -> Baseline:
+    def baseline_at(self, count: int) -> Baseline:
         """The baseline with the first effects in it."""
         if count in {0, len(self.accepted)}:
             return self.final if count else self.baseline
         return self.accepted[count].hypothesis.baseline
 
-    def first(self, count: int) -> Attribution:
+    def first_n(self, count: int) -> Attribution:
         """The first effects alone."""
-        return replace(self, accepted=self.accepted[:count], final=self.beside(count))
+        return replace(self, accepted=self.accepted[:count], final=self.baseline_at(count))
 
 
 # A verdict and what it rests on.
@@ -238,10 +238,10 @@ def effective_counts(residual: Array, use: NDArray[np.bool_], trial: NDArray[np.
 # The baseline with an effect in it that was found.
 
 
-def extended(item: Hypothesis) -> Baseline:
+def extend_baseline(item: Hypothesis) -> Baseline:
     """The baseline with an effect in it, of the size that it was fitted with: its torque is taken off the rows."""
     baseline, e = item.baseline, item.baseline.solver.equations
-    solver = Solver(replace(e, y=e.y - item.columns.torque(item.fit.extra, e.y.shape)))
+    solver = Solver(replace(e, y=e.y - item.columns.predict_torque(item.fit.extra, e.y.shape)))
     torque = torque_of(item)
     added, drive = baseline.added, baseline.added_drive
     added, drive = (added + torque, drive) if item.effect.moves else (added, drive + torque)
@@ -253,12 +253,12 @@ def extended(item: Hypothesis) -> Baseline:
         added=added,
         added_drive=drive,
     )
-    return fixed.updated(solver.fit())
+    return fixed.with_fit(solver.fit_columns())
 
 
 def torque_of(item: Hypothesis) -> Array:
     """What a fitted effect adds to the torques at full rate, ``(n_samples, n_joints)`` [N·m]."""
-    shape = item.effect.shape(item.context, item.location, item.theta)
+    shape = item.effect.shape(item.fit_context, item.location, item.theta)
     torque = np.zeros_like(item.baseline.rigid)
     for j, columns in shape.columns.items():
         torque[:, j] += columns @ item.fit.extra
@@ -287,15 +287,15 @@ class Scorer:
     unrepeated: Array | float
     scale: Array
 
-    def floor(self, fit: Fit) -> Array:
+    def noise_floor(self, fit: Fit) -> Array:
         """Of repeated trials; of the spectrum where there are none."""
-        repeat = repeat_floor(self.baseline.samples, self.baseline.judged(fit.residual))
+        repeat = repeat_floor(self.baseline.samples, self.baseline.judging_residual(fit.residual))
         if repeat is None:
             return self.spectral
         return other_postures(np.maximum(repeat, 0.5 * self.spectral), self.unrepeated)
 
-    def scored(self, before: Fit, item: Hypothesis, nats: float | None = None) -> Scored:
-        """A hypothesis against the fit before it.
+    def score_fit(self, before: Fit, item: Hypothesis, nats: float | None = None) -> Scored:
+        """Score a hypothesis against the fit before it.
 
         Args:
             before: the fit without it.
@@ -303,13 +303,14 @@ class Scorer:
             nats: its evidence, where that is known from a fit of all effects.
         """
         samples = self.baseline.samples
-        first, last = self.baseline.judged(before.residual), self.baseline.judged(item.fit.residual)
+        first = self.baseline.judging_residual(before.residual)
+        last = self.baseline.judging_residual(item.fit.residual)
         # Of what this hypothesis leaves: what another has left to explain would count for correlated noise.
-        counts = effective_counts(last, samples.identification, samples.trial_of_row)
-        power, before_it = (_mean_squares(rows, samples.identification) for rows in (last, first))
+        counts = effective_counts(last, samples.identification_rows, samples.trial_of_row)
+        power, before_it = (_mean_squares(rows, samples.identification_rows) for rows in (last, first))
         # Repeated trials may show less noise than the spectrum above the band makes one expect.
         least = np.zeros_like(power)
-        least[:, 0] = np.minimum(self.spectral, self.floor(item.fit)) ** 2
+        least[:, 0] = np.minimum(self.spectral, self.noise_floor(item.fit)) ** 2
         ratio = 0.5 * counts * np.log(np.maximum(before_it, least) / np.maximum(power, least))
         cost = 0.5 * item.n_parameters * np.log(max(counts.sum(), 2.0)) + np.log(200.0)
         own = item.effect.own_joint and item.location in samples.joints
@@ -337,8 +338,8 @@ _FAR, _EXACT = 8.0, 1e-3
 def structured_joints(attribution: Attribution, spectral: Array) -> tuple[str, ...]:
     """Joints whose residual after all accepted effects is significantly more than noise, most of the torque first."""
     samples, scale = attribution.final.samples, attribution.scale
-    residual = attribution.final.judged(attribution.final.fit.residual)
-    counts = effective_counts(residual, samples.identification, samples.trial_of_row).sum(axis=1)
+    residual = attribution.final.judging_residual(attribution.final.fit.residual)
+    counts = effective_counts(residual, samples.identification_rows, samples.trial_of_row).sum(axis=1)
     power, own = (residual**2).mean(axis=1), np.maximum(attribution.floor, spectral)
 
     def is_gap(floor: Array, times: float, share: float) -> NDArray[np.bool_]:

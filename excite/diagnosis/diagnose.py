@@ -20,7 +20,7 @@ from excite.diagnosis.floating.registry import FLOATING_EFFECTS
 from excite.diagnosis.servo.diagnose import diagnose_commands
 from excite.diagnosis.servo.gains import torque_constants
 from excite.diagnosis.servo.servo import read_signals
-from excite.diagnosis.walking.diagnose import diagnose_walking, walks
+from excite.diagnosis.walking.diagnose import diagnose_walking, is_walking
 from excite.doctor.doubt import Doubt
 from excite.doctor.examine import Chart, examine
 from excite.errors import InputError, LogError
@@ -86,11 +86,11 @@ def diagnose(
             "has no identification trial", field="trials", remedy="give one the role identification"
         )
     with told_to(progress):
-        found = _examined(robot, loaded, rng, None if out is None else Path(out))
+        found = _examine_and_diagnose(robot, loaded, rng, None if out is None else Path(out))
     return found if budget else replace(found, budget=None)
 
 
-def _examined(robot: Robot, log: Log, rng: np.random.Generator, folder: Path | None) -> Diagnosis:
+def _examine_and_diagnose(robot: Robot, log: Log, rng: np.random.Generator, folder: Path | None) -> Diagnosis:
     """The diagnosis of a log that the doctor looks through first, with what limits it."""
     header = log.header
     if header.free_base or header.torque == "none":
@@ -102,16 +102,16 @@ def _examined(robot: Robot, log: Log, rng: np.random.Generator, folder: Path | N
     trials = chart.log.trials if chart.log.header.free_base else long_trials(robot, chart.log)
     short = [trial.name for trial in chart.log.trials if trial.name not in {kept.name for kept in trials}]
     chart = replace(chart, log=replace(chart.log, trials=trials))
-    found = _diagnosed(robot, chart, rng, folder)
+    found = _diagnose_clean(robot, chart, rng, folder)
     limits = tuple(item.text for item in chart.findings if not item.repaired and item.severity != "note")
     left_out = (f"left out, as their motion is over too soon: {list_names(short)}",) if short else ()
-    doubts = (said(chart.doubts),) if chart.doubts else ()
+    doubts = (describe_doubts(chart.doubts),) if chart.doubts else ()
     warnings = (*limits, *left_out, *doubts, *found.warnings)
     faults = (*chart.findings, *found.faults)
     return replace(found, faults=faults, warnings=warnings, modelled=baseline_of(chart))
 
 
-def _diagnosed(robot: Robot, chart: Chart, rng: np.random.Generator, folder: Path | None) -> Diagnosis:
+def _diagnose_clean(robot: Robot, chart: Chart, rng: np.random.Generator, folder: Path | None) -> Diagnosis:
     """The diagnosis of a log that the doctor has repaired; what a fault could be taken for is no candidate."""
     loaded = chart.log
     # The doctor may have turned gravity, or a sensor.
@@ -119,7 +119,7 @@ def _diagnosed(robot: Robot, chart: Chart, rng: np.random.Generator, folder: Pat
     modelled = baseline_of(chart)
     if modelled != loaded.header.modelled:
         loaded = replace(loaded, header=loaded.header.model_copy(update={"modelled": modelled}))
-    if walks(loaded):
+    if is_walking(loaded):
         return diagnose_walking(robot, loaded)
     if not loaded.header.free_base:
         if loaded.header.torque == "none":
@@ -131,11 +131,11 @@ def _diagnosed(robot: Robot, chart: Chart, rng: np.random.Generator, folder: Pat
 
 def baseline_of(chart: Chart) -> tuple[str, ...]:
     """What the baseline has: what the log says, less what the doctor doubts."""
-    modelled = _modelled(chart.log.header)
+    modelled = _baseline_terms(chart.log.header)
     return in_doubt(modelled, chart.doubts) if chart.doubts else modelled
 
 
-def _modelled(header: LogHeader) -> tuple[str, ...]:
+def _baseline_terms(header: LogHeader) -> tuple[str, ...]:
     """What the log says that the baseline has, else what an identification takes where it says nothing."""
     if "modelled" in header.model_fields_set or header.free_base or header.torque == "none":
         return header.modelled
@@ -164,12 +164,12 @@ def in_doubt(modelled: Sequence[str], doubts: AbstractSet[Doubt]) -> tuple[str, 
     words = dict.fromkeys(modelled)
     if any(doubt.of_bodies for doubt in doubts) and _GIVEN in words:
         words = dict.fromkeys(_IDENTIFIED if word == _GIVEN else word for word in modelled)
-    told = [effect.name for effect in EFFECTS.values() if effect.told_by & doubts]
-    told += [effect.name for effect in FLOATING_EFFECTS.values() if effect.told_by & doubts]
+    told = [effect.name for effect in EFFECTS.values() if effect.observed_by & doubts]
+    told += [effect.name for effect in FLOATING_EFFECTS.values() if effect.observed_by & doubts]
     return tuple(words | dict.fromkeys(told))
 
 
-def said(doubts: AbstractSet[Doubt]) -> str:
+def describe_doubts(doubts: AbstractSet[Doubt]) -> str:
     """The same in a sentence."""
     open_ = " and ".join(doubt.value for doubt in Doubt if doubt in doubts)
     bodies = "; bodies are identified along" if any(doubt.of_bodies for doubt in doubts) else ""

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from excite.arrays import Array
 from excite.diagnosis.answer.gap import TrivialErrors
 from excite.diagnosis.equations.arm_trial import ArmTrial
-from excite.diagnosis.equations.repeats import Moving, Repeat, lag_of
+from excite.diagnosis.equations.repeats import Moving, Repeat, estimate_lag
 from excite.diagnosis.equations.samples import ArmSamples
-from excite.diagnosis.equations.units import force_unit, slides
+from excite.diagnosis.equations.units import force_unit, is_sliding_joint
 from excite.logs.log import Log
 from excite.robot.robot import Robot
 from excite.rows.kinematics import forces_on_grid, positions_on_grid, trial_grid, trial_rate
@@ -47,7 +47,7 @@ class Commanded(Moving, Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class _Thinned:
+class _ThinnedMotion:
     """Some samples of something that moves."""
 
     time: Array
@@ -55,15 +55,15 @@ class _Thinned:
     v: Array
 
 
-def alike(trials: Sequence[Commanded]) -> tuple[Repeat, ...]:
+def find_repeated_commands(trials: Sequence[Commanded]) -> tuple[Repeat, ...]:
     """Pairs of trials that say that they repeat each other, or whose commands do."""
     if not trials:
         return ()
     rate = 1.0 / float(np.median(np.diff(trials[0].time)))
     step = max(1, max(len(t.time) for t in trials) // _SAMPLES)
-    few = [_Thinned(t.time[::step], t.q[::step], t.v[::step]) for t in trials]
-    like = [_Alike.of(trial) for trial in few]
-    apart = {(i, k): like[i].apart(like[k]) for i, k in combinations(range(len(trials)), 2)}
+    few = [_ThinnedMotion(t.time[::step], t.q[::step], t.v[::step]) for t in trials]
+    like = [_CommandSummary.from_trial(trial) for trial in few]
+    apart = {(i, k): like[i].largest_difference(like[k]) for i, k in combinations(range(len(trials)), 2)}
     stated = [
         (i, k) for i, k in apart if trials[i].name == trials[k].repeats or trials[k].name == trials[i].repeats
     ]
@@ -71,15 +71,15 @@ def alike(trials: Sequence[Commanded]) -> tuple[Repeat, ...]:
         (pair for pair in apart if apart[pair] <= _LOOK and pair not in stated), key=apart.__getitem__
     )
     found = (
-        Repeat(i, k, lag_of(trials[i], trials[k], rate))
+        Repeat(i, k, estimate_lag(trials[i], trials[k], rate))
         for i, k in (*stated, *near[:_LOOKS])
-        if (i, k) in stated or _same(few[i], few[k], lag_of(few[i], few[k], rate / step))
+        if (i, k) in stated or _is_same_command(few[i], few[k], estimate_lag(few[i], few[k], rate / step))
     )
     return tuple(islice(found, _PAIRS))
 
 
 @dataclass(frozen=True, eq=False)
-class _Alike:
+class _CommandSummary:
     """What of a command does not depend on when a logger was started, by joint: mean, deviation, and its speed's."""
 
     mean: Array
@@ -87,11 +87,11 @@ class _Alike:
     speed: Array
 
     @classmethod
-    def of(cls, trial: Moving) -> _Alike:
+    def from_trial(cls, trial: Moving) -> _CommandSummary:
         """Of a command."""
         return cls(trial.q.mean(axis=0), trial.q.std(axis=0), trial.v.std(axis=0))
 
-    def apart(self, other: _Alike) -> float:
+    def largest_difference(self, other: _CommandSummary) -> float:
         """Largest difference, as a share of deviations."""
         spread, speed = (
             max(float(one.sum()), float(two.sum()), 1e-300)
@@ -104,15 +104,15 @@ class _Alike:
         )
 
 
-def _same(one: Moving, other: Moving, lag: float) -> bool:
+def _is_same_command(one: Moving, other: Moving, lag: float) -> bool:
     """Whether two commands are one."""
-    left = _difference(Repeat(0, 1, lag), (one.time, other.time), (one.q, other.q))
+    left = _repeat_difference(Repeat(0, 1, lag), (one.time, other.time), (one.q, other.q))
     if len(left) < _SHARED * min(len(one.time), len(other.time)):
         return False
     return bool((left**2).mean() < _SAME**2 * one.q.var(axis=0).mean())
 
 
-def _difference(
+def _repeat_difference(
     pair: Repeat,
     times: Sequence[Array],
     values: Sequence[Array],
@@ -236,11 +236,11 @@ class LinearFilter:
     lags: tuple[Array, ...]
     weights: tuple[Array, ...]
 
-    def predicted(self, trial: EvenTrial) -> Array:
+    def predict_positions(self, trial: EvenTrial) -> Array:
         """Positions ``(n, n_joints)`` [rad or m]."""
         rows, each = np.arange(len(trial.time)), zip(self.lags, self.weights, strict=True)
         return np.column_stack(
-            [_taps(trial, j, lags, rows) @ weights for j, (lags, weights) in enumerate(each)]
+            [_tap_columns(trial, j, lags, rows) @ weights for j, (lags, weights) in enumerate(each)]
         )
 
     @property
@@ -277,16 +277,16 @@ def _fit_filters(
     if len(rows) == 1:
         rows = [(trials[0], part) for part in np.array_split(rows[0][1], _PARTS)]
 
-    def tried(j: int) -> Iterator[tuple[float, Array, Array]]:
+    def try_filters(j: int) -> Iterator[tuple[float, Array, Array]]:
         for lags in choices[j]:
-            made = [np.column_stack([_taps(t, j, lags, r), t.position[r, j]]) for t, r in rows]
+            made = [np.column_stack([_tap_columns(t, j, lags, r), t.position[r, j]]) for t, r in rows]
             parts = np.array([x.T @ x for x in made])
             for ridge in ridges:
                 both = (np.append(_ridge_solution(parts.sum(axis=0) - part, ridge), -1.0) for part in parts)
                 left = sum(float(x @ part @ x) for x, part in zip(both, parts, strict=True))
                 yield left, lags, _ridge_solution(parts.sum(axis=0), ridge)
 
-    best = [min(tried(j), key=lambda item: item[0]) for j in range(len(choices))]
+    best = [min(try_filters(j), key=lambda item: item[0]) for j in range(len(choices))]
     return LinearFilter(tuple(lags for _, lags, _ in best), tuple(weights for *_, weights in best))
 
 
@@ -299,7 +299,7 @@ def _ridge_solution(products: Array, ridge: float) -> Array:
     return np.asarray(np.linalg.solve(normal, products[:-1, -1]))
 
 
-def _taps(trial: EvenTrial, joint: int, lags: Array, rows: NDArray[np.intp]) -> Array:
+def _tap_columns(trial: EvenTrial, joint: int, lags: Array, rows: NDArray[np.intp]) -> Array:
     """Earlier commands and one, ``(n_rows, n_taps + 1)``; before a trial its first one held."""
     earlier = np.interp(trial.time[rows, None] - lags, trial.time, trial.command[:, joint])
     return np.column_stack([earlier, np.ones(len(rows))])
@@ -321,7 +321,6 @@ def of_positions(
     They are fitted on the identification trials and judged on the pieces that judge the simulator.
 
     Args:
-        robot: the robot.
         log: the log, repaired, with commands.
         joints: the channels.
         spans: pieces that judge; by default the whole validation trials, all trials where there are none.
@@ -333,9 +332,9 @@ def of_positions(
     if not learnt or not any(t.judges.any() for t in trials):
         return {}
     late, fir = fit_delayed_command(learnt), fit_fir(learnt)
-    command = _error(trials, [t.command for t in trials])
-    delayed, filtered = (_error(trials, [p.predicted(t) for t in trials]) for p in (late, fir))
-    repeat = _repeat(
+    command = _judged_rms(trials, [t.command for t in trials])
+    delayed, filtered = (_judged_rms(trials, [p.predict_positions(t) for t in trials]) for p in (late, fir))
+    repeat = _repeat_rms(
         trials, [t.time for t in trials], [t.position for t in trials], [t.judges for t in trials]
     )
     return {
@@ -346,7 +345,7 @@ def of_positions(
             repeat=None if repeat is None else float(repeat[j]),
             model=None if model is None else model.get(name),
             floor=0.0 if floor is None else floor.get(name, 0.0),
-            unit="m" if slides(robot, name) else "rad",
+            unit="m" if is_sliding_joint(robot, name) else "rad",
             delay_s=float(late.length_s[j]),
             fir_s=float(fir.length_s[j]),
         )
@@ -358,14 +357,13 @@ def of_torques(samples: ArmSamples, after: Array) -> dict[str, TrivialErrors]:
     """What one trial's torques say of another's with the same command, by joint; no more where torques are judged.
 
     Args:
-        samples: the samples.
         after: ``(n_joints, n_rows)`` what the model leaves [N·m].
     """
-    measured = samples.rows(samples.stacked("measured"))
+    measured = samples.to_rows(samples.stack_trials("measured_torque"))
     trials = samples.trials
-    judge = samples.judging
+    judge = samples.judging_rows
     rows = [np.flatnonzero(samples.trial_of_row == k) for k in range(len(trials))]
-    repeat = _repeat(
+    repeat = _repeat_rms(
         [_Run(t) for t in trials],
         [t.time[t.rows] for t in trials],
         [measured[r] for r in rows],
@@ -391,13 +389,13 @@ class _Run:
         self.v = trial.v if trial.q_cmd is None else np.gradient(trial.q_cmd, trial.time, axis=0)
 
 
-def _error(trials: Sequence[EvenTrial], predicted: Sequence[Array]) -> Array:
+def _judged_rms(trials: Sequence[EvenTrial], predicted: Sequence[Array]) -> Array:
     """RMS over all rows that judge, ``(n_joints,)``."""
     left = [(p - t.position)[t.judges] for p, t in zip(predicted, trials, strict=True)]
     return np.asarray(np.sqrt((np.concatenate(left) ** 2).mean(axis=0)))
 
 
-def _repeat(
+def _repeat_rms(
     trials: Sequence[Commanded],
     times: Sequence[Array],
     values: Sequence[Array],
@@ -407,10 +405,10 @@ def _repeat(
 
     Each pair with a trial that judges counts on the rows that do; where no such trial was run twice, all pairs.
     """
-    pairs = alike(trials)
+    pairs = find_repeated_commands(trials)
     both = [*pairs, *(Repeat(pair.again, pair.first, -pair.lag_s) for pair in pairs)]
-    told = [_difference(pair, times, values, judges) for pair in both]
+    told = [_repeat_difference(pair, times, values, judges) for pair in both]
     if not any(len(item) for item in told):
-        told = [_difference(pair, times, values) for pair in pairs]
+        told = [_repeat_difference(pair, times, values) for pair in pairs]
     each = [np.sqrt((item**2).mean(axis=0)) for item in told if len(item)]
     return np.mean(each, axis=0) if each else None

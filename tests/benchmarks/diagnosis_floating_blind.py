@@ -16,7 +16,7 @@ from benchmarks.blind.floating import floating_draft
 from benchmarks.blind.make import build_floating_case
 from benchmarks.blind.score import BlindScore, score_diagnoses
 from excite.diagnosis.floating.answer import residual_of
-from excite.diagnosis.floating.diagnose import Analysis, analyse, diagnosis_of
+from excite.diagnosis.floating.diagnose import Analysis, analyse_log, diagnosis_of
 from excite.diagnosis.floating.record import prepare_record
 from excite.diagnosis.floating.spectrum import in_band
 from excite.diagnosis.floating.state import State
@@ -52,7 +52,7 @@ def scored(seed: int = SEED, cases: int = CASES, first: int = 0) -> tuple[BlindS
             save_log(case.log, Path(place) / name)
             answers[name] = case.answer
             started = time.process_time()
-            analysis = analyse(load_log(Path(place) / name))
+            analysis = analyse_log(load_log(Path(place) / name))
             documents[name] = diagnosis_of(analysis).to_json()
             seconds[name] = time.process_time() - started
             interval = documents[name]["gap"]["share_closed_90"]
@@ -67,9 +67,9 @@ def scored(seed: int = SEED, cases: int = CASES, first: int = 0) -> tuple[BlindS
 def truly_closed(analysis: Analysis, quiet: Log) -> float:
     """Share of the gap's power that a diagnosis' model closes in the same validation trials without noise."""
     record = prepare_record(quiet)
-    problem = replace(analysis.problem, record=record, nominal=State.logged(record))
+    problem = replace(analysis.problem, record=record, nominal=State.from_log(record))
     held_out = problem.record.validation_samples()
-    measured = in_band(analysis.problem.record, analysis.problem.nominal.measured)
+    measured = in_band(analysis.problem.record, analysis.problem.nominal.measured_forces)
     scale = measured[~held_out].std(axis=0)
     before, after = (
         float(((residual_of(problem, fitted)[held_out] / scale) ** 2).sum())

@@ -12,7 +12,7 @@ from benchmarks.blind.case import _prepare_robot, log_session, noise_of, recordi
 from benchmarks.blind.draw import ROBOTS, draft_case
 from excite.arrays import Array
 from excite.diagnosis.answer.gap import gap_of
-from excite.diagnosis.arm.diagnose import judged_record
+from excite.diagnosis.arm.diagnose import judge_record
 from excite.diagnosis.arm.record import TorqueRecord
 from excite.diagnosis.attribution import Attribution
 from excite.diagnosis.effects.form import Context
@@ -22,7 +22,7 @@ from excite.diagnosis.equations.noise_floor import (
     other_postures,
     position_noise,
     repeat_floor,
-    unrepeated,
+    unrepeated_noise_power,
 )
 from excite.diagnosis.equations.own_columns import own_signals, own_terms
 from excite.diagnosis.equations.resampling import arm_samples
@@ -74,9 +74,10 @@ class Case:
         keep = np.isin(self.samples.trial_of_row, chosen)
         part = replace(self.samples, trials=tuple(trials[k] for k in chosen))
         floor = other_postures(
-            self.repeat, unrepeated(part, self.noise[:, keep], ~self.samples.identification[keep])
+            self.repeat,
+            unrepeated_noise_power(part, self.noise[:, keep], ~self.samples.identification_rows[keep]),
         )
-        left, rows = self.after[:, keep], ~self.samples.identification[keep]
+        left, rows = self.after[:, keep], ~self.samples.identification_rows[keep]
         floor = np.sqrt(floor**2 + held_power(part, left, floor, rows))
         rng = np.random.default_rng(2)
         return gap_of(part, self.before[:, keep], left, floor, self.scale, rng).interval
@@ -160,13 +161,13 @@ def cases_of(seed: int, cases: int) -> Iterator[Case]:
 
 def _diagnosed(robot: Robot, log: Log, noisy: tuple[Trial, ...], clean: tuple[Trial, ...]) -> Case | None:
     chart = examine(robot, log)
-    judged = judged_record(TorqueRecord(robot, chart.log, log.header.modelled))
+    judged = judge_record(TorqueRecord(robot, chart.log, log.header.modelled))
     samples, baseline, found = judged.samples, judged.baseline, judged.attribution
     if not found.accepted:
         return None
     columns = [log.header.joints.index(name) for name in samples.joints]
     sigma = position_noise(samples, columns, chart.log.trials)
-    repeated = repeat_floor(samples, baseline.plain(found.final.fit.residual))
+    repeated = repeat_floor(samples, baseline.plain_residual(found.final.fit.residual))
     floor = found.floor if repeated is None else np.maximum(repeated, 0.5 * found.floor)
     everywhere = arm_samples(robot, log, noisy)
     quiet = arm_samples(robot, log, clean)
@@ -194,7 +195,7 @@ def residuals_on(found: Attribution, samples: ArmSamples) -> tuple[Array, Array]
         ``(n_joints, n_rows)`` each [N·m].
     """
     joints = range(len(samples.joints))
-    tau = samples.rows([t.tau for t in samples.trials], joints)
+    tau = samples.to_rows([t.tau for t in samples.trials], joints)
     first = _on(found.baseline, samples)
     added, drive, sum_ = (np.zeros_like(first.total) for _ in range(3))
     for item in found.accepted:
@@ -213,7 +214,7 @@ def residuals_on(found: Attribution, samples: ArmSamples) -> tuple[Array, Array]
         sum_ += then
         added, drive = (added + then, drive) if h.effect.moves else (added, drive + then)
     final = _on(found.final, samples).total + sum_
-    before, after = (tau - samples.rows(samples.split(total), joints) for total in (first.total, final))
+    before, after = (tau - samples.to_rows(samples.by_trial(total), joints) for total in (first.total, final))
     return before.T, after.T
 
 
@@ -221,10 +222,12 @@ def _on(
     baseline: Baseline, samples: ArmSamples, added: Array | float = 0.0, drive: Array | float = 0.0
 ) -> Baseline:
     """The baseline with its predictions on other samples."""
-    q, v, a = (samples.stacked(name) for name in ("q", "v", "a"))
+    q, v, a = (samples.stack_trials(name) for name in ("q", "v", "a"))
     rigid = inverse_dynamics(samples.robot.model, q, v, a, baseline.phi)[:, list(samples.index)] + added
     terms = own_terms(baseline.modelled)
-    own = [own_signals(samples, terms, j, baseline.signs[j]) @ o for j, o in enumerate(baseline.fit.own)]
+    own = [
+        own_signals(samples, terms, j, baseline.signs[j]) @ o for j, o in enumerate(baseline.fit.own_coefs)
+    ]
     total = rigid + np.column_stack(own) + drive
     nothing = np.zeros_like(total)
     return replace(

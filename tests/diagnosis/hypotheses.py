@@ -12,7 +12,7 @@ from excite.diagnosis.equations.baseline import Baseline
 
 def fitted(baseline: Baseline, effect: Effect, place: str, theta: Theta = ()) -> Hypothesis:
     """An effect fitted beside what is modelled, alone."""
-    term = TermMaker(Context(baseline), baseline.strict).make(effect, place, theta)
+    term = TermMaker(Context(baseline), baseline.strict).make_term(effect, place, theta)
     assert term is not None
     item = hypothesis_of(term, baseline)
     assert item is not None

@@ -51,7 +51,7 @@ def test_it_stands_in_the_document(found: Diagnosis) -> None:
 
 def test_shares_of_the_map_are_those_of_the_budget(found: Diagnosis) -> None:
     assert found.budget is not None
-    assert {line.channel: line.share for line in found.where} == found.budget.weights
+    assert {line.channel: line.share for line in found.where} == found.budget.channel_weights
 
 
 def test_only_gains_that_nobody_stated_are_listed() -> None:

@@ -94,7 +94,7 @@ def test_a_direction_that_nothing_shows_is_not_told() -> None:
     fit = SimpleNamespace(
         extra=np.array([0.05, 0.0, 0.0, 0.0]), extra_std=np.array([1e-3, np.inf, np.inf, np.inf])
     )
-    told = BaseTilt().estimates(None, "base", (), fit)
+    told = BaseTilt().to_estimates(None, "base", (), fit)
     assert set(told) == {"angle", "gravity_x"}
     assert told["angle"].value == pytest.approx(0.05 / 9.81, rel=1e-3)
     assert told["angle"].std == pytest.approx(1e-3 / 9.81)
@@ -102,7 +102,7 @@ def test_a_direction_that_nothing_shows_is_not_told() -> None:
 
 def test_of_a_tilt_that_nothing_shows_no_deviation_is_told() -> None:
     """A shaft that stands upright feels none."""
-    told = BaseTilt().estimates(
+    told = BaseTilt().to_estimates(
         None, "base", (), SimpleNamespace(extra=np.zeros(4), extra_std=np.full(4, np.inf))
     )
     assert set(told) == {"angle"} and told["angle"].std is None

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from excite.diagnosis.budget.made import sizes_by_trial
-from excite.diagnosis.budget.record import begun_baseline
+from excite.diagnosis.budget.record import fit_initial_baseline
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.noise_floor import spectral_floor
 from excite.diagnosis.equations.resampling import arm_samples
-from excite.diagnosis.selection.found import model_of_gap
+from excite.diagnosis.selection.found import build_gap_model
 from excite.finding import Finding
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Trial
@@ -33,8 +33,8 @@ def _found(folder, factors: tuple[float, ...], shape: str) -> tuple[Finding, ...
     log = load_log(save_log(two_joint_log(tuple(trials)), folder))
     samples = arm_samples(nominal_robot(log), log, log.trials)
     floor = spectral_floor(samples)
-    full = begun_baseline(samples, log.header.modelled, floor)
-    found = model_of_gap(
+    full = fit_initial_baseline(samples, log.header.modelled, floor)
+    found = build_gap_model(
         full, log.header.modelled, tuple(EFFECTS.values()), floor, None, np.random.default_rng(0)
     )
     return sizes_by_trial(found.model, found.prediction.context, found.baseline.strict, floor)

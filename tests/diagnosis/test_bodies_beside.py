@@ -8,12 +8,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from excite.diagnosis.attribution import along
-from excite.diagnosis.budget.bodies import body, likeliest_beside
+from excite.diagnosis.attribution import fit_along_direction
+from excite.diagnosis.budget.bodies import fit_likeliest_bodies, make_body_term
 from excite.diagnosis.budget.fit.design import Design
-from excite.diagnosis.budget.fit.joint_fit import fit
+from excite.diagnosis.budget.fit.joint_fit import fit_model
 from excite.diagnosis.budget.fit.terms import Term, TermMaker
-from excite.diagnosis.budget.record import begun_baseline, rows_of
+from excite.diagnosis.budget.record import fit_initial_baseline, rows_of
 from excite.diagnosis.effects.form import Context
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.baseline import Baseline
@@ -39,7 +39,7 @@ def baseline(tmp_path_factory: pytest.TempPathFactory) -> Baseline:
     folder = tmp_path_factory.mktemp("loaded")
     log = load_log(save_log(two_joint_log(tuple(made), modelled=list(MODELLED)), folder))
     samples = arm_samples(nominal_robot(log), log, log.trials)
-    return begun_baseline(samples, MODELLED, spectral_floor(samples))
+    return fit_initial_baseline(samples, MODELLED, spectral_floor(samples))
 
 
 def carried(time: np.ndarray, q: np.ndarray) -> np.ndarray:
@@ -53,7 +53,9 @@ def carried(time: np.ndarray, q: np.ndarray) -> np.ndarray:
 
 def at(rows_design: Design, beside: tuple[Term, ...], maker: TermMaker) -> Term:
     design = Design(rows_design.rows, beside)
-    made = body(fit(design, range(len(beside)), left_out=False), maker, EFFECTS["payload"], "lower")
+    made = make_body_term(
+        fit_model(design, range(len(beside)), left_out=False), maker, EFFECTS["payload"], "lower"
+    )
     assert made is not None
     return made
 
@@ -64,21 +66,21 @@ def test_a_body_without_the_constant_that_it_stood_beside_is_another(baseline: B
         TermMaker(Context(baseline), baseline.strict),
         Design(rows_of(baseline, MODELLED, np.full(2, 0.01)), ()),
     )
-    constant = maker.make(EFFECTS["torque_bias"], "second", ())
+    constant = maker.make_term(EFFECTS["torque_bias"], "second", ())
     assert constant is not None
     held = replace(
         constant, known=True, scale=np.ones(1), columns={1: 0.5 * constant.columns[1] / constant.scale}
     )
     bent, alone = at(empty, (held,), maker), at(empty, (), maker)
-    model = fit(Design(empty.rows, (held, bent)), (0, 1))
-    (found,) = likeliest_beside(model, [1], maker)
-    moment = {name: term.beta(np.ones(1)) for name, term in (("bent", bent), ("found", found))}
+    model = fit_model(Design(empty.rows, (held, bent)), (0, 1))
+    (found,) = fit_likeliest_bodies(model, [1], maker)
+    moment = {name: term.to_beta(np.ones(1)) for name, term in (("bent", bent), ("found", found))}
     centre = {name: beta[1:4] / beta[0] for name, beta in moment.items()}
     np.testing.assert_allclose(centre["found"], BALL.lever, atol=0.01)
     assert np.linalg.norm(centre["bent"] - BALL.lever) > 0.03
     np.testing.assert_allclose(found.direction, alone.direction)
     # Beside all others it is what it was.
-    again, other = likeliest_beside(model, [1, 0], maker)
+    again, other = fit_likeliest_bodies(model, [1, 0], maker)
     np.testing.assert_allclose(
         again.direction / again.direction[0], bent.direction / bent.direction[0], atol=1e-3
     )
@@ -87,6 +89,6 @@ def test_a_body_without_the_constant_that_it_stood_beside_is_another(baseline: B
 
 def test_parameters_in_fixed_proportions_are_no_surer_than_free_ones(baseline: Baseline) -> None:
     item = fitted(baseline, EFFECTS["payload"], "lower")
-    made = along(item, BALL.toDynamicParameters())
+    made = fit_along_direction(item, BALL.toDynamicParameters())
     assert (made.fit.extra_std >= item.fit.extra_std).all()
     assert made.fit.extra[0] == pytest.approx(BALL.mass, rel=0.02)

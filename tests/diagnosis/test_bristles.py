@@ -89,7 +89,7 @@ def fitted(folder: Path) -> Baseline:
 
 def left(baseline: Baseline) -> float:
     """What is left of the force in the validation trial [N]."""
-    rest = baseline.plain(baseline.fit.residual)[0, ~baseline.samples.identification]
+    rest = baseline.plain_residual(baseline.fit.residual)[0, ~baseline.samples.identification_rows]
     return float(np.sqrt((rest**2).mean()))
 
 
@@ -97,17 +97,17 @@ def left(baseline: Baseline) -> float:
 def test_damping_of_bristles_is_fitted(tmp_path: Path, dies_at: float):
     baseline = fitted(recorded(tmp_path, breakaway=2e-3, damping=0.5, excess=0.0, dies_at=dies_at))
     (sign,) = baseline.signs
-    assert sign.damped and math.isinf(sign.damped_below) is math.isinf(dies_at)
+    assert sign.has_damping and math.isinf(sign.damped_below) is math.isinf(dies_at)
     assert sign.breakaway == pytest.approx(2e-3, rel=0.15)
-    assert float(baseline.fit.own[0][1]) == pytest.approx(COULOMB, rel=0.02)
+    assert float(baseline.fit.own_coefs[0][1]) == pytest.approx(COULOMB, rel=0.02)
     plain = baseline.with_signs([sign._replace(damped_below=0.0)])
-    assert left(baseline) < 0.7 * left(plain.updated(plain.solver.fit()))
+    assert left(baseline) < 0.7 * left(plain.with_fit(plain.solver.fit_columns()))
     assert left(baseline) < 1.5 * float(spectral_floor(baseline.samples)[0])
 
 
 def test_bristles_without_damping_get_none(tmp_path: Path):
     (sign,) = fitted(recorded(tmp_path, breakaway=2e-3, damping=0.0, excess=0.0)).signs
-    assert sign.bent and not sign.damped
+    assert sign.has_bristles and not sign.has_damping
 
 
 def test_damped_bristles_are_no_gap(tmp_path: Path):

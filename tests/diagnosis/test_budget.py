@@ -13,18 +13,18 @@ import yaml
 from scipy.signal import lfilter
 
 from excite.diagnosis.answer.gap import Budget, ChannelBudget, EffectShare, Named, UnnamedShare
-from excite.diagnosis.arm.diagnose import independent_joints, other_machine, unison
-from excite.diagnosis.arm.read import explained
+from excite.diagnosis.arm.diagnose import find_changed_sizes, find_joints_in_unison, independent_joints
+from excite.diagnosis.arm.read import is_gap_explained
 from excite.diagnosis.budget.fit.joint_fit import effective_share
-from excite.diagnosis.budget.made import budget_of, stands_clear
-from excite.diagnosis.budget.record import Found, begun_baseline
+from excite.diagnosis.budget.made import budget_of, is_significant
+from excite.diagnosis.budget.record import GapModel, fit_initial_baseline
 from excite.diagnosis.budget.shares import Shares
 from excite.diagnosis.diagnose import diagnose
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.noise_floor import spectral_floor
 from excite.diagnosis.equations.resampling import arm_samples
-from excite.diagnosis.selection.found import model_of_gap
+from excite.diagnosis.selection.found import build_gap_model
 from excite.errors import LogError
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log, Trial
@@ -38,19 +38,19 @@ FRICTION = ("rigid_body", "viscous_friction", "coulomb_friction")
 More = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
-def searched(log: Log, modelled: tuple[str, ...]) -> Found:
+def searched(log: Log, modelled: tuple[str, ...]) -> GapModel:
     """The model of the gap of a log's own rows."""
     samples = arm_samples(nominal_robot(log), log, log.trials)
     floor = spectral_floor(samples)
-    full = begun_baseline(samples, modelled, floor)
-    return model_of_gap(full, modelled, tuple(EFFECTS.values()), floor, None, np.random.default_rng(0))
+    full = fit_initial_baseline(samples, modelled, floor)
+    return build_gap_model(full, modelled, tuple(EFFECTS.values()), floor, None, np.random.default_rng(0))
 
 
 def budgeted(log: Log, modelled: tuple[str, ...]) -> Budget:
     """The budget of a log's own rows."""
     found = searched(log, modelled)
     samples = found.baseline.samples
-    tau = samples.rows([t.tau for t in samples.trials])[samples.identification]
+    tau = samples.to_rows([t.tau for t in samples.trials])[samples.identification_rows]
     return budget_of(found, spectral_floor(samples), tau.std(axis=0))
 
 
@@ -214,7 +214,7 @@ def test_trials_of_another_machine_are_said_to_be(tmp_path: Path, judged: float,
     sizes = {"identification": 0.4, "validation": judged}
     trials = tuple(replace(t, tau=t.tau + np.array([0.0, sizes[t.role]])) for t in log.trials)
     found = searched(load_log(save_log(two_joint_log(trials), tmp_path / "log")), FRICTION)
-    assert [item.kind for item in other_machine(found.model)] == said
+    assert [item.kind for item in find_changed_sizes(found.model)] == said
 
 
 def test_a_size_of_next_to_nothing_is_no_other_machine(tmp_path: Path) -> None:
@@ -224,7 +224,7 @@ def test_a_size_of_next_to_nothing_is_no_other_machine(tmp_path: Path) -> None:
     trials = tuple(replace(t, tau=t.tau + np.array([0.0, sizes[t.role]])) for t in plain)
     found = searched(load_log(save_log(two_joint_log(trials), tmp_path / "log")), FRICTION)
     assert ("torque_bias", "second") not in {term.key for term in found.model.terms}
-    assert other_machine(found.model) == ()
+    assert find_changed_sizes(found.model) == ()
 
 
 @pytest.mark.parametrize(
@@ -244,7 +244,7 @@ def test_effects_are_the_gap_where_the_largest_share_is_theirs(shares, unnamed, 
     budget = Budget(
         {"joint_0": ChannelBudget(0.01, 1.0, at, strange, 1.0 - sum(shares) - unnamed, 1.0)}, named
     )
-    assert explained(budget, named) is said
+    assert is_gap_explained(budget, named) is said
 
 
 def test_what_takes_most_of_its_own_place_is_the_gap_though_others_have_more_that_follows_nothing() -> None:
@@ -255,7 +255,7 @@ def test_what_takes_most_of_its_own_place_is_the_gap_though_others_have_more_tha
         "first": ChannelBudget(0.01, 1.0, (), (), 1.0, 0.6),
         "second": ChannelBudget(0.01, 1.0, at, (), 0.49, 0.4),
     }
-    assert explained(Budget(channels, named), named)
+    assert is_gap_explained(Budget(channels, named), named)
 
 
 @pytest.mark.parametrize(("there", "said"), [(0.1, True), (0.6, False)])
@@ -269,7 +269,7 @@ def test_what_leads_its_own_place_is_the_gap_though_another_has_more_that_follow
         "first": ChannelBudget(0.01, 1.0, (), (UnnamedShare("velocity", 0.5),), 0.5, 0.7),
         "second": ChannelBudget(0.01, 1.0, at, (UnnamedShare("load", there),), 0.1, 0.3),
     }
-    assert explained(Budget(channels, named), named) is said
+    assert is_gap_explained(Budget(channels, named), named) is said
 
 
 def test_joints_that_move_on_one_path_are_counted_as_one() -> None:
@@ -284,7 +284,9 @@ def test_of_an_arm_that_moves_in_unison_only_its_torque_scales_are_said(
 ) -> None:
     log = airbot_play_load.chirp_log(data_dir, tmp_path, loaded=False)
     samples = arm_samples(nominal_robot(log), log, log.trials)
-    finding = unison(fit_baseline(samples, ("rigid_body_fixed", *FRICTION[1:]), spectral_floor(samples)))
+    finding = find_joints_in_unison(
+        fit_baseline(samples, ("rigid_body_fixed", *FRICTION[1:]), spectral_floor(samples))
+    )
     assert finding is not None
     assert finding.figures["independent"] == pytest.approx(1.0, abs=0.1)
     assert finding.figures["torque_scale.joint4"] == pytest.approx(1.6, rel=0.1)
@@ -362,11 +364,11 @@ def shares(value: list[float], lost: list[float]) -> Shares:
 
 def test_an_effect_that_shares_what_another_takes_is_not_clear() -> None:
     """Let in alone it takes a part of what the other one takes; without it next to nothing is lost."""
-    assert stands_clear(shares([0.5, 0.0], [0.9, 0.0]), 0)
-    assert not stands_clear(shares([0.5, 0.0], [0.001, 0.0]), 0)
+    assert is_significant(shares([0.5, 0.0], [0.9, 0.0]), 0)
+    assert not is_significant(shares([0.5, 0.0], [0.001, 0.0]), 0)
 
 
 def test_an_effect_is_clear_where_another_joint_has_the_gap_without_it() -> None:
     """A servo too weak at the last joint: without it the link is lighter, and the joints before have the gap."""
-    assert stands_clear(shares([0.0, 0.998], [721.0, 0.014]), 0)
-    assert not stands_clear(shares([0.0, 0.0], [0.09, 0.09]), 0)
+    assert is_significant(shares([0.0, 0.998], [721.0, 0.014]), 0)
+    assert not is_significant(shares([0.0, 0.0], [0.09, 0.09]), 0)

@@ -21,18 +21,18 @@ def test_own_terms_at_every_sign_change_are_those_of_each_alone() -> None:
         assert len(made) == len(SIGNS)
         for sign, rows in zip(SIGNS, made, strict=True):
             signals = own_signals(samples, terms, 1, sign)
-            np.testing.assert_allclose(rows, samples.rows(signals, [1] * signals.shape[1]), atol=1e-12)
+            np.testing.assert_allclose(rows, samples.to_rows(signals, [1] * signals.shape[1]), atol=1e-12)
 
 
 def test_terms_made_together_are_those_made_one_by_one() -> None:
     base = baseline(drives=True)
     library = Library(FULL[:1], tuple(EFFECTS.values()))
-    together = library.candidates(TermMaker(Context(base), base.strict), Context(base))
+    together = library.make_candidate_terms(TermMaker(Context(base), base.strict), Context(base))
     assert len(together) > 100
     base.derived.rows.clear()
     maker = TermMaker(Context(base), base.strict)
     for term in together:
-        alone = maker.make(term.effect, term.location, term.theta)
+        alone = maker.make_term(term.effect, term.location, term.theta)
         assert alone is not None and alone.kept == term.kept and set(alone.columns) == set(term.columns)
         for j, block in term.columns.items():
             np.testing.assert_allclose(alone.columns[j], block, rtol=1e-9, atol=1e-12)

@@ -14,12 +14,12 @@ from excite.diagnosis.diagnose import diagnose
 from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.noise_floor import spectral_floor
 from excite.diagnosis.equations.resampling import arm_samples
-from excite.diagnosis.servo.gains import known_servo, stated_servo, told_gains
+from excite.diagnosis.servo.gains import estimate_gains, known_servo, stated_servo
 from excite.diagnosis.servo.servo import (
     Servo,
     ServoRecord,
     cycle_lag,
-    delayed,
+    delay_torques,
     read_signals,
     servo_floor,
     tracking_sentences,
@@ -73,7 +73,7 @@ def test_torque_is_rebuilt_from_gains_and_the_form_of_the_servo_found(gap_dir: P
     assert (servo.feedforward, servo.follows_velocity) == ("inverse_dynamics", True)
     assert servo.estimated == ("the feedforward",)
     rebuilt, measured = (
-        lowpass(x, 200.0, 10.0)[60:-60] for x in (signals[trial.name].torque(servo), trial.tau)
+        lowpass(x, 200.0, 10.0)[60:-60] for x in (signals[trial.name].servo_torque(servo), trial.tau)
     )
     assert ((rebuilt - measured).std(axis=0) < 0.05 * measured.std(axis=0)).all()
 
@@ -151,7 +151,9 @@ def test_damping_is_found_under_the_encoders_noise(follows: bool):
     said = {"kp": wrong.tolist(), "kd": kd.tolist(), "feedforward": "none", **way}
     beside = replace(log, header=header.model_copy(update={"controller": said}))
     signals = {"t": read_signals(robot, beside, trial)}
-    told = {(g.parameter, g.joint): g for g in told_gains(robot, beside, known_servo(robot, beside, signals))}
+    told = {
+        (g.parameter, g.joint): g for g in estimate_gains(robot, beside, known_servo(robot, beside, signals))
+    }
     gain = told["kp", joints[3]]
     assert gain.given == pytest.approx(wrong[3])
     assert gain.size.value == pytest.approx(kp[3], rel=0.1)
@@ -225,7 +227,7 @@ def test_the_servos_cycle_is_found_where_it_is_one(gap_dir: Path):
     trials = list(log.trials)
 
     def found(early: float) -> float:
-        moved = [replace(t, tau=delayed(t.time, t.tau, -early)) for t in trials]
+        moved = [replace(t, tau=delay_torques(t.time, t.tau, -early)) for t in trials]
         return cycle_lag(arm_samples(robot, log, moved), log.header.modelled)
 
     assert found(0.002) == pytest.approx(0.002, abs=5e-4)
@@ -241,13 +243,13 @@ def test_roll_outs_begin_with_the_servo_whose_torques_were_rebuilt(gap_dir: Path
     signals = read_signals(robot, log, log.trials[0])
     servo = Servo(np.linspace(300.0, 100.0, 7), np.linspace(40.0, 5.0, 7), "gravity", True)
     order = [4, 0, 2]
-    drive = ServoRecord(servo, {"t": signals}, lag, {}, log.header.joints).drive("t", order)
+    drive = ServoRecord(servo, {"t": signals}, lag, {}, log.header.joints).make_drive("t", order)
     acts = signals.acting_torque(servo, lag)[:, order]
     q, v = signals.measured.value[:, order], signals.measured.first[:, order]
     at = range(200, 1800, 50)
     offered = drive.at_times(drive.time)
-    assert drive.answer(offered, q, v)[at] == pytest.approx(acts[at], abs=1e-9)
-    pulled = drive.answer(offered[300], q[300] + 0.01, v[300] + 0.1)
+    assert drive.motor_torque(offered, q, v)[at] == pytest.approx(acts[at], abs=1e-9)
+    pulled = drive.motor_torque(offered[300], q[300] + 0.01, v[300] + 0.1)
     assert pulled - acts[300] == pytest.approx(-0.01 * servo.kp[order] - 0.1 * servo.kd[order])
 
 
@@ -327,9 +329,9 @@ def test_noise_of_a_servos_torque_grows_with_the_frequency(gap_dir: Path):
     for trial in log.trials[:2]:
         still = np.tile(robot.rest, (len(trial.time), 1))
         noisy = replace(trial, q=still + 3e-5 * rng.standard_normal(still.shape), q_cmd=still)
-        made.append(replace(noisy, tau=read_signals(robot, log, noisy).torque(servo)))
+        made.append(replace(noisy, tau=read_signals(robot, log, noisy).servo_torque(servo)))
     samples = arm_samples(robot, log, made)
-    there = samples.rows([t.tau for t in samples.trials]).std(axis=0)
+    there = samples.to_rows([t.tau for t in samples.trials]).std(axis=0)
     assert servo_floor(samples, servo, list(range(7))) == pytest.approx(there, rel=0.15)
     # A floor that takes the noise for white is three times too high.
     assert (spectral_floor(samples) > 2.5 * there).all()

@@ -44,19 +44,21 @@ def test_an_offset_of_the_log_alone_is_told_from_a_constant_torque(clean: Log, f
     made = []
     for trial in clean.trials[:3]:
         signals = read_signals(robot, clean, replace(trial, q_cmd=trial.q))
-        needed = trial.tau - signals.feedforward(feedforward)
+        needed = trial.tau - signals.feedforward_torque(feedforward)
         asked = replace(trial, q=trial.q + off, q_cmd=trial.q + (needed / servo.kp))
         rebuilt = read_signals(robot, clean, asked)
-        made.append(replace(asked, tau=servo.kp * (asked.q_cmd - asked.q) + rebuilt.feedforward(feedforward)))
+        made.append(
+            replace(asked, tau=servo.kp * (asked.q_cmd - asked.q) + rebuilt.feedforward_torque(feedforward))
+        )
     baseline = baseline_of(clean, made)
     library = {e.name: e for e in servo_effects(servo, clean.header.joints)}
     place = clean.header.joints[joint]
     followed, constant = library["encoder_offset"], fitted(baseline, library["torque_bias"], place)
     # The secant of one fit is that of the next.
-    found = fitted(baseline, *followed.forms, place, (1.0,))
-    found = fitted(baseline, *followed.forms, place, (float(np.exp(found.fit.extra[0])),))
+    found = fitted(baseline, *followed.variant_forms, place, (1.0,))
+    found = fitted(baseline, *followed.variant_forms, place, (float(np.exp(found.fit.extra[0])),))
     assert found.fit.extra[0] == pytest.approx(offset, rel=0.01)
-    assert "in_log_only" in found.effect.estimates(Context(baseline), place, found.theta, found.fit)
+    assert "in_log_only" in found.effect.to_estimates(Context(baseline), place, found.theta, found.fit)
     for other in (constant, fitted(baseline, followed, place, (1.0,))):
         assert np.log(found.fit.sigma).sum() < np.log(other.fit.sigma).sum() - 0.5
 
@@ -71,7 +73,7 @@ def test_a_lag_is_told_from_a_delay(clean: Log, lags: bool):
         made.append(replace(trial, tau=trial.tau + late * rate if lags else early))
     baseline = baseline_of(clean, made)
     lag = fitted(baseline, ActuatorLag(), "torque")
-    scored = Scorer(baseline, spectral_floor(baseline.samples), 0.0, np.ones(7)).scored(baseline.fit, lag)
+    scored = Scorer(baseline, spectral_floor(baseline.samples), 0.0, np.ones(7)).score_fit(baseline.fit, lag)
     robot, servo = nominal_robot(clean), Servo(np.full(7, 1e3), np.zeros(7), "none", True)
     signals = {t.name: read_signals(robot, clean, replace(t, q_cmd=t.q + t.tau / servo.kp)) for t in made}
     record = ServoRecord(servo, signals, 0.0, {}, clean.header.joints)

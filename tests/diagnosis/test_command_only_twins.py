@@ -11,8 +11,8 @@ from excite.diagnosis.answer.answer import Diagnosis
 from excite.diagnosis.answer.candidate import Candidate, Estimate
 from excite.diagnosis.answer.gap import ChannelGap, Gap
 from excite.diagnosis.attribution import Attribution
-from excite.diagnosis.servo.diagnose import is_confirmed, with_twin
-from excite.diagnosis.servo.servo import effect_strength, without_faint
+from excite.diagnosis.servo.diagnose import is_confirmed, mark_twins
+from excite.diagnosis.servo.servo import drop_faint_effects, effect_strength
 
 
 def gap(before: float, after: float, floor: float) -> Gap:
@@ -38,13 +38,13 @@ def named(effect: str) -> Diagnosis:
 def test_a_wrong_gain_is_taken_for_inertia_only_where_gains_were_estimated(
     effect: str, estimated: bool, tied: set[str]
 ) -> None:
-    result = with_twin(named(effect), estimated)
+    result = mark_twins(named(effect), estimated)
     assert result.verdict == ("ambiguous" if tied else "effect")
     assert {item.effect for item in result.candidates[: result.n_tied]} == tied
 
 
 def test_a_delay_in_the_place_of_a_lag_has_its_own_size() -> None:
-    result = with_twin(named("actuator_lag"), False, Estimate(0.006, 1e-4, "s"))
+    result = mark_twins(named("actuator_lag"), False, Estimate(0.006, 1e-4, "s"))
     lag, delay = result.ambiguous_with
     assert (lag.effect, lag.parameters) == ("actuator_lag", {})
     assert (delay.effect, delay.parameters) == ("time_delay", {"delay": Estimate(0.006, 1e-4, "s")})
@@ -95,6 +95,6 @@ def test_effects_end_where_rebuilt_torques_do(sizes: tuple[float, ...], left: in
         base = SimpleNamespace(samples=samples, fit=f"fit before {k}")
         accepted.append(SimpleNamespace(hypothesis=SimpleNamespace(baseline=base, columns=columns, fit=fit)))
     last, first = SimpleNamespace(fit="fit of all"), accepted[0].hypothesis.baseline
-    kept = without_faint(Attribution(first, last, np.ones(1), np.ones(1), accepted=tuple(accepted)))
+    kept = drop_faint_effects(Attribution(first, last, np.ones(1), np.ones(1), accepted=tuple(accepted)))
     assert len(kept.accepted) == left
     assert kept.final.fit == ("fit of all" if left == len(sizes) else f"fit before {left}")

@@ -7,7 +7,7 @@ import pytest
 
 from excite.diagnosis.answer.gap import ChannelGap, Gap
 from excite.diagnosis.servo.diagnose import is_confirmed
-from excite.diagnosis.servo.servo import witness
+from excite.diagnosis.servo.servo import measure_rollout_agreement
 
 SHAPE = (8, 400, 3)
 
@@ -26,36 +26,36 @@ def test_a_small_change_that_goes_the_right_way_counts():
     """Three parts in a hundred of the error's power: too little to be seen in what is left."""
     rng = np.random.default_rng(0)
     effect, rest = 0.2 * rough(rng), rough(rng)
-    said = witness(rest - effect, rest)
+    said = measure_rollout_agreement(rest - effect, rest)
     assert said.slope == pytest.approx(1.0, abs=3.0 * said.error)
-    assert not said.speaks_against
+    assert not said.is_contradicting
     assert is_confirmed(unmoved(), said)
 
 
 def test_a_change_that_has_nothing_to_do_with_the_error_speaks_against_it():
     rng = np.random.default_rng(1)
     error = rough(rng)
-    said = witness(error, error + rough(rng))
+    said = measure_rollout_agreement(error, error + rough(rng))
     assert abs(said.slope) < 4.0 * said.error
-    assert said.speaks_against
+    assert said.is_contradicting
     assert not is_confirmed(unmoved(), said)
 
 
 def test_a_change_the_wrong_way_speaks_against_it():
     error = rough(np.random.default_rng(2))
-    assert witness(error, 1.5 * error).slope == pytest.approx(-2.0)
-    assert witness(error, 1.5 * error).speaks_against
+    assert measure_rollout_agreement(error, 1.5 * error).slope == pytest.approx(-2.0)
+    assert measure_rollout_agreement(error, 1.5 * error).is_contradicting
 
 
 def test_what_is_lost_in_the_error_or_gets_nowhere_says_nothing():
     rng = np.random.default_rng(3)
     error = rough(rng)
-    assert not witness(error, error + 0.01 * rough(rng)).speaks_against
-    assert not witness(error, error + 100.0 * rough(rng)).speaks_against
+    assert not measure_rollout_agreement(error, error + 0.01 * rough(rng)).is_contradicting
+    assert not measure_rollout_agreement(error, error + 100.0 * rough(rng)).is_contradicting
     wild = error.copy()
     wild[0, -1] = np.nan
-    assert not witness(error, wild).speaks_against
-    assert not witness(error, error).speaks_against
+    assert not measure_rollout_agreement(error, wild).is_contradicting
+    assert not measure_rollout_agreement(error, error).is_contradicting
 
 
 def test_joints_are_weighed_by_their_own_errors():
@@ -65,9 +65,9 @@ def test_joints_are_weighed_by_their_own_errors():
     before[..., 2] *= 1000.0
     after = before.copy()
     after[..., 0] *= 0.1
-    said = witness(before, after)
+    said = measure_rollout_agreement(before, after)
     assert said.slope == pytest.approx(1.0 / 0.9, rel=1e-6)
-    assert not said.speaks_against
+    assert not said.is_contradicting
 
 
 def test_slow_errors_do_not_drown_a_quick_change_that_is_right():
@@ -78,11 +78,11 @@ def test_slow_errors_do_not_drown_a_quick_change_that_is_right():
     slow, refit = (np.sin(2.0 * np.pi * 0.4 * time[:, None] + rng.uniform(0.0, 6.0, (8, 1, 3))) for _ in "ab")
     noise = 0.02 * rng.standard_normal(SHAPE)
     before = slow - 0.1 * rings + noise
-    said = witness(before, before + 0.1 * rings + 0.2 * refit)
+    said = measure_rollout_agreement(before, before + 0.1 * rings + 0.2 * refit)
     assert said.slope > 0.5
-    assert not said.speaks_against
+    assert not said.is_contradicting
     # What rings without being in the record is against it.
-    assert witness(slow + noise, slow + noise + 0.1 * rings + 0.2 * refit).speaks_against
+    assert measure_rollout_agreement(slow + noise, slow + noise + 0.1 * rings + 0.2 * refit).is_contradicting
 
 
 def test_what_is_beyond_the_band_that_effects_were_fitted_in_does_not_count():
@@ -94,5 +94,5 @@ def test_what_is_beyond_the_band_that_effects_were_fitted_in_does_not_count():
     )
     shakes = 0.05 * np.sin(2.0 * np.pi * 80.0 * np.arange(SHAPE[1]) / 200.0)[:, None]
     before, after = rest - effect, rest + shakes
-    assert witness(before, after, 0.1).slope == pytest.approx(1.0, abs=0.1)
-    assert witness(before, after, 1.0).slope < 0.5
+    assert measure_rollout_agreement(before, after, 0.1).slope == pytest.approx(1.0, abs=0.1)
+    assert measure_rollout_agreement(before, after, 1.0).slope < 0.5

@@ -7,13 +7,13 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from excite.diagnosis.effects.gears.gear import Behind, Gear
-from excite.diagnosis.effects.gears.gear_effect import deflect
+from excite.diagnosis.effects.gears.gear import DrivenLink, Gear
+from excite.diagnosis.effects.gears.gear_effect import integrate_deflection
 
 
 def deflected(*values) -> np.ndarray:
     """What lies behind a gear (load, slopes, inertia, curves), starts, beginning, step, then the gear itself."""
-    return deflect(Behind(*values[:6]), Gear(*values[9:]), *values[6:9])
+    return integrate_deflection(DrivenLink(*values[:6]), Gear(*values[9:]), *values[6:9])
 
 
 def quiet(n: int) -> tuple[np.ndarray, np.ndarray]:

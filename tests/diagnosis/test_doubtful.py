@@ -45,7 +45,7 @@ def test_bodies_stay_as_given_where_nothing_of_theirs_is_in_doubt() -> None:
 def test_what_is_in_doubt_takes_some_effects_out_and_leaves_others(doubt: Doubt) -> None:
     words = in_doubt(("rigid_body",), {doubt})
     for library in (EFFECTS, FLOATING_EFFECTS):
-        out = {effect.name for effect in library.values() if effect.told_by & {doubt}}
+        out = {effect.name for effect in library.values() if effect.observed_by & {doubt}}
         assert out and out <= set(words) and set(library) - out
         assert not (set(library) - out) & set(words)
 

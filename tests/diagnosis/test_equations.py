@@ -28,34 +28,34 @@ def _equations(rng: np.random.Generator) -> tuple[Equations, np.ndarray, np.ndar
 
 def test_fit_recovers_all_kinds_of_columns():
     equations, extra, x = _equations(np.random.default_rng(0))
-    fit = Solver(equations).fit(extra)
+    fit = Solver(equations).fit_columns(extra)
     assert fit.extra[0] == pytest.approx(0.7, abs=5 * fit.extra_std[0])
     np.testing.assert_allclose(fit.shared, x, atol=5e-3)
-    np.testing.assert_allclose(fit.own[0], [1.0, -2.0], atol=5e-3)
+    np.testing.assert_allclose(fit.own_coefs[0], [1.0, -2.0], atol=5e-3)
     np.testing.assert_allclose(fit.sigma, [0.01, 1.0], rtol=0.15)
     np.testing.assert_allclose(fit.residual[:, 400:].std(axis=1), [0.01, 1.0], rtol=0.15)
 
 
 def test_offset_is_the_same_as_taking_it_off_the_measurement():
     equations, extra, _ = _equations(np.random.default_rng(1))
-    fit = Solver(equations).fit(offset=0.7 * extra[:, :, 0])
-    np.testing.assert_allclose(fit.sigma, Solver(equations).fit(extra).sigma, rtol=0.02)
+    fit = Solver(equations).fit_columns(offset=0.7 * extra[:, :, 0])
+    np.testing.assert_allclose(fit.sigma, Solver(equations).fit_columns(extra).sigma, rtol=0.02)
 
 
 def test_other_own_columns_leave_the_first_solver_alone():
     equations, extra, _ = _equations(np.random.default_rng(2))
     solver = Solver(equations)
-    before = solver.fit(extra).sigma
-    poorer = solver.with_own(0, equations.own[0][:, :1]).fit(extra).sigma
+    before = solver.fit_columns(extra).sigma
+    poorer = solver.with_own(0, equations.own[0][:, :1]).fit_columns(extra).sigma
     assert poorer[0] > 10 * before[0]
-    np.testing.assert_array_equal(solver.fit(extra).sigma, before)
+    np.testing.assert_array_equal(solver.fit_columns(extra).sigma, before)
 
 
 def test_a_direction_that_nothing_shows_takes_no_coefficient():
     """Rounding errors of a column that is none would be fitted with a huge coefficient."""
     equations, extra, _ = _equations(np.random.default_rng(4))
     nothing = 1e-12 * np.random.default_rng(5).normal(size=extra.shape)
-    fit = Solver(equations).fit(np.concatenate([nothing, extra], axis=2))
+    fit = Solver(equations).fit_columns(np.concatenate([nothing, extra], axis=2))
     assert fit.extra[0] == 0.0
     assert fit.extra[1] == pytest.approx(0.7, abs=5 * fit.extra_std[1])
 
@@ -65,7 +65,7 @@ def test_a_direction_that_is_hardly_shown_takes_no_more_than_it_can_have():
     equations, extra, _ = _equations(np.random.default_rng(6))
     hardly = 1e-5 * np.random.default_rng(7).normal(size=extra.shape)
     columns, widths = np.concatenate([hardly, extra], axis=2), np.array([1.0, 1.0])
-    free, held = (Solver(equations).fit(columns, widths=w) for w in (None, widths))
+    free, held = (Solver(equations).fit_columns(columns, widths=w) for w in (None, widths))
     assert free.extra_std[0] > 10.0
     assert held.extra_std[0] < 1.01
     assert abs(held.extra[0]) < 0.1 * abs(free.extra[0])
@@ -129,7 +129,7 @@ def test_deviations_are_those_by_which_trials_disagree():
             np.array([1e-6]),
         )
         solver = Solver(equations)
-        fit = solver.fit(column[None, :, None])
+        fit = solver.fit_columns(column[None, :, None])
         found.append(fit.extra[0])
         told.append(solver.std_between_trials(fit)[0])
         white.append(fit.extra_std[0])
@@ -142,7 +142,7 @@ def test_a_column_that_the_record_does_not_show_has_a_deviation_all_the_same():
     equations = replace(equations, trial=np.repeat(np.arange(6), 100))
     solver = Solver(equations)
     widths = np.array([2.0, 3.0, 2.0])
-    fit = solver.fit(np.concatenate([extra, np.zeros_like(extra), extra], axis=2), widths=widths)
+    fit = solver.fit_columns(np.concatenate([extra, np.zeros_like(extra), extra], axis=2), widths=widths)
     told = solver.std_between_trials(fit, widths)
     assert np.isfinite(told[[0, 2]]).all()
     assert (told[[0, 2]] < 1.1 * widths[[0, 2]]).all()

@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 from excite.diagnosis.answer.answer import Diagnosis
-from excite.diagnosis.effects.bodies import reach
+from excite.diagnosis.effects.bodies import largest_reach
 from excite.logs.log import Trial
 from excite.robot.loading import load_robot
 from tests.diagnosis.swung import ROLES, diagnosed_trials, swinging
@@ -84,5 +84,5 @@ def test_a_body_far_out_on_a_boom_is_told_beside_constants_that_look_like_weight
 def test_reach_grows_with_a_machine_and_not_with_where_it_stands() -> None:
     model = pin.buildModelFromXML(URDF)
     long = np.hypot(0.15, 0.3) + 1.9 + 2.0 * np.hypot(0.5, 0.03)
-    assert reach(model) == pytest.approx(0.5 * long)
-    assert reach(load_robot("panda").model) == 0.6
+    assert largest_reach(model) == pytest.approx(0.5 * long)
+    assert largest_reach(load_robot("panda").model) == 0.6

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from excite.diagnosis.attribution import along, extended
+from excite.diagnosis.attribution import extend_baseline, fit_along_direction
 from excite.diagnosis.diagnose import diagnose
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.baseline import Baseline
@@ -31,33 +31,33 @@ def left(baseline: Baseline) -> np.ndarray:
     """Measured torque less the baseline's prediction at the rows, ``(n_joints, n_rows)`` [N·m]."""
     samples = baseline.samples
     rest = np.concatenate([t.tau for t in samples.trials]) - baseline.total
-    return samples.rows(samples.split(rest), range(rest.shape[1])).T
+    return samples.to_rows(samples.by_trial(rest), range(rest.shape[1])).T
 
 
 def test_a_fit_is_the_one_that_its_predictions_belong_to(baseline: Baseline):
-    np.testing.assert_allclose(left(baseline), baseline.plain(baseline.fit.residual), atol=1e-6)
+    np.testing.assert_allclose(left(baseline), baseline.plain_residual(baseline.fit.residual), atol=1e-6)
 
 
 @pytest.mark.parametrize("name", ["torque_bias", "torque_gain"])
 def test_predictions_with_an_effect_are_those_of_the_fit_with_it(baseline: Baseline, name: str):
-    after = extended(fitted(baseline, EFFECTS[name], "panda_joint4"))
+    after = extend_baseline(fitted(baseline, EFFECTS[name], "panda_joint4"))
     scale = baseline.samples.trials[0].tau.std(axis=0)[:, None]
-    off = np.abs(left(after) - after.plain(after.fit.residual)) / scale
+    off = np.abs(left(after) - after.plain_residual(after.fit.residual)) / scale
     assert off.max() < 0.02
 
 
 def test_a_body_of_which_only_the_size_is_fitted_keeps_its_proportions(baseline: Baseline):
     item = fitted(baseline, EFFECTS["payload"], "panda_link6")
     half_a_decimetre_out = np.array([1.0, 0.05, 0.0, 0.0, 1e-4, 0.0, 2.6e-3, 0.0, 0.0, 2.6e-3])
-    made = along(item, half_a_decimetre_out)
+    made = fit_along_direction(item, half_a_decimetre_out)
     np.testing.assert_allclose(made.fit.extra, made.fit.extra[0] * half_a_decimetre_out)
-    free = baseline.solver.fit(item.columns.extra)
+    free = baseline.solver.fit_columns(item.columns.extra)
     assert np.log(made.fit.sigma).sum() > np.log(free.sigma).sum()
     # Parameters in fixed proportions are no surer than free ones.
     assert (made.fit.extra_std >= item.fit.extra_std).all()
-    after = extended(made)
+    after = extend_baseline(made)
     scale = baseline.samples.trials[0].tau.std(axis=0)[:, None]
-    off = np.abs(left(after) - after.plain(after.fit.residual)) / scale
+    off = np.abs(left(after) - after.plain_residual(after.fit.residual)) / scale
     assert off.max() < 0.02
 
 

@@ -16,7 +16,7 @@ from excite.logs.files import load_log
 
 
 def test_the_model_with_a_gain_is_off_by_what_the_gain_does(gap_dir: Path) -> None:
-    record = prepare_record(load_log(gap_dir / "floating" / "case_013")).thinned()
+    record = prepare_record(load_log(gap_dir / "floating" / "case_013")).halve_rate()
     clean = build_problem(record)
     louder = record.readings["left_plate"] * np.array([1.0, 1.0, 1.1, 1.0, 1.0, 1.0])
     problem = build_problem(replace(record, readings=record.readings | {"left_plate": louder}))
@@ -27,8 +27,8 @@ def test_the_model_with_a_gain_is_off_by_what_the_gain_does(gap_dir: Path) -> No
     chosen = record.trials.index(curves.trial)
     assert curves.validation and record.validation[chosen]
     span = record.spans[chosen]
-    expected = problem.nominal.measured[span] - clean.nominal.measured[span]
+    expected = problem.nominal.measured_forces[span] - clean.nominal.measured_forces[span]
     assert np.abs(expected[:, 2]).max() > 10.0
     np.testing.assert_allclose(curves.after - curves.before, expected, rtol=1e-6, atol=1e-6)
-    np.testing.assert_allclose(curves.measured, problem.nominal.measured[span])
+    np.testing.assert_allclose(curves.measured, problem.nominal.measured_forces[span])
     assert len(curves.time) == len(expected) and curves.channels[2] == "fz"

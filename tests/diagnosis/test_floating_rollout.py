@@ -15,7 +15,7 @@ from excite.diagnosis.diagnose import diagnose
 from excite.diagnosis.floating import simulator as rollout_compare
 from excite.diagnosis.floating.bodies import SwingingJoint
 from excite.diagnosis.floating.forces import PressedContact, Surface, UnloggedContact
-from excite.diagnosis.floating.hypotheses import Fitted, Placed, explained_state, nominal_fit, refine
+from excite.diagnosis.floating.hypotheses import Fitted, Placed, explained_state, nominal_fit, refine_fit
 from excite.diagnosis.floating.problem import Problem, build_problem
 from excite.diagnosis.floating.record import FloatingRecord, prepare_record
 from excite.diagnosis.floating.registry import FLOATING_EFFECTS
@@ -23,7 +23,7 @@ from excite.diagnosis.floating.simulator import (
     Reloaded,
     Simulator,
     read_notes,
-    simulated,
+    simulate_effects,
     standing_model,
 )
 from excite.diagnosis.floating.state import State
@@ -54,16 +54,16 @@ def with_effect(problem: Problem, effect, location: str, theta) -> Fitted:
 @pytest.mark.parametrize("case", [_PLATES, _FEET])
 def test_the_base_moves_as_its_equation_of_motion_says(gap_dir: Path, case: str) -> None:
     record = prepare_record(load_log(gap_dir / "floating" / case))
-    problem, state, k = build_problem(record), State.logged(record), 300
+    problem, state, k = build_problem(record), State.from_log(record), 300
     simulator = Simulator(standing_model(problem, nominal_fit(problem)).xml, record)
-    moved = simulator.run(slice(k, k + 2))
+    moved = simulator.run_window(slice(k, k + 2))
     # What the residual accelerates, over a step: half of it, squared, beside what the record does.
     inertia = np.zeros((6, 6))
     for i in range(6):
         a = state.a[k : k + 1].copy()
         a[0, i] += 1.0
-        one = State.logged(record).replace(q=state.q[k : k + 1], v=state.v[k : k + 1], a=state.a[k : k + 1])
-        inertia[:, i] = one.replace(a=a).predicted[0] - one.predicted[0]
+        one = State.from_log(record).replace(q=state.q[k : k + 1], v=state.v[k : k + 1], a=state.a[k : k + 1])
+        inertia[:, i] = one.replace(a=a).predicted_forces[0] - one.predicted_forces[0]
     more = np.linalg.solve(inertia, state.residual[k])
     step = 1.0 / record.rate_hz
     rotation = pin.Quaternion(*state.q[k, [6, 3, 4, 5]]).matrix()
@@ -79,7 +79,7 @@ def test_the_base_moves_as_its_equation_of_motion_says(gap_dir: Path, case: str)
 
 def test_without_effects_it_goes_where_the_record_goes_but_for_noise(problem: Problem) -> None:
     nominal = nominal_fit(problem)
-    found = simulated(problem, nominal, nominal, np.random.default_rng(0), None)
+    found = simulate_effects(problem, nominal, nominal, np.random.default_rng(0), None)
     assert found.before == found.after and found.model is None and not found.warnings
     assert set(found.floor) == {f"base.{axis}" for axis in ("px", "py", "pz", "rx", "ry", "rz")}
     for channel, error in found.before.items():
@@ -114,13 +114,13 @@ def test_notes_are_read_as_they_were_written(problem: Problem, effect) -> None:
             share[span.start + 20 : span.start + 60] = share[span.stop - 30 : span.stop] = 1.0
         effect = UnloggedContact(share)
     location = effect.locations(problem.nominal)[-1]
-    theta = 0.7 * effect.scales(problem.nominal, location)
+    theta = 0.7 * effect.parameter_scales(problem.nominal, location)
     fitted = with_effect(problem, effect, location, theta)
     model = mujoco.MjModel.from_xml_string(standing_model(problem, fitted).xml)
     (placed,), (values,) = read_notes(model, problem.record)
-    assert (placed.effect.word, placed.location) == (effect.word, location)
+    assert (placed.effect.form_name, placed.location) == (effect.form_name, location)
     np.testing.assert_allclose(values, theta, rtol=1e-10)
-    once, again = (e.apply(problem.nominal, location, theta).residual for e in (effect, placed.effect))
+    once, again = (e.apply_to(problem.nominal, location, theta).residual for e in (effect, placed.effect))
     np.testing.assert_allclose(again, once, atol=1e-9)
 
 
@@ -131,8 +131,8 @@ def test_notes_hold_any_name_and_any_share(problem: Problem) -> None:
         problem.record, trials=tuple(f"stand up, {k}=a.b" for k in range(len(problem.record.trials)))
     )
     contact = UnloggedContact(share)
-    said = json.loads(json.dumps(contact.holds(named)))
-    np.testing.assert_array_equal(contact.holding(said, named).share, share)
+    said = json.loads(json.dumps(contact.stored_data(named)))
+    np.testing.assert_array_equal(contact.with_stored_data(said, named).share, share)
 
 
 def test_bodies_lengths_and_sensors_are_the_models_own(problem: Problem) -> None:
@@ -165,14 +165,14 @@ def test_a_wrong_gain_is_worth_less_once_it_is_known(record: FloatingRecord) -> 
     problem = build_problem(replace(record, readings=readings))
     before = nominal_fit(problem.identification_only)
     gain = Placed(FLOATING_EFFECTS["sensor_gain"], "left_plate.fz")
-    after = refine(problem.identification_only, (gain,), (np.array([0.05]),), before)
-    found = simulated(problem, before, after, np.random.default_rng(0), None)
+    after = refine_fit(problem.identification_only, (gain,), (np.array([0.05]),), before)
+    found = simulate_effects(problem, before, after, np.random.default_rng(0), None)
     assert found.after["base.pz"] < 0.1 * found.before["base.pz"]
     assert all(found.after[c] < 2.5 * found.floor[c] for c in found.after)
     assert not found.warnings
     # The other way round it is no nearer, and is left out.
     wrong = replace(after, theta=(-after.theta[0],))
-    without = simulated(problem, before, wrong, np.random.default_rng(0), None)
+    without = simulate_effects(problem, before, wrong, np.random.default_rng(0), None)
     assert without.after == without.before
     assert "the model is without sensor_gain at left_plate.fz" in without.warnings[0]
 
@@ -183,9 +183,9 @@ def test_of_two_effects_the_harmful_one_is_left_out(record: FloatingRecord) -> N
     problem = build_problem(replace(record, readings=readings))
     before = nominal_fit(problem.identification_only)
     gains = tuple(Placed(FLOATING_EFFECTS["sensor_gain"], f"{side}_plate.fz") for side in ("right", "left"))
-    after = refine(problem.identification_only, gains, (np.array([0.05]), np.zeros(1)), before)
+    after = refine_fit(problem.identification_only, gains, (np.array([0.05]), np.zeros(1)), before)
     after = replace(after, theta=(after.theta[0], np.array([0.02])))
-    found = simulated(problem, before, after, np.random.default_rng(0), None)
+    found = simulate_effects(problem, before, after, np.random.default_rng(0), None)
     assert found.after["base.pz"] < 0.1 * found.before["base.pz"]
     assert "the model is without sensor_gain at left_plate.fz" in found.warnings[0]
 
@@ -198,7 +198,7 @@ def test_a_short_contact_is_heard(record: FloatingRecord) -> None:
     (one,), (more,) = (
         Reloaded(
             problem, with_effect(problem, UnloggedContact(share), "arm_left_7_link", size * theta)
-        ).errors([there])
+        ).rollout_errors([there])
         for size in (1.0, 1.5)
     )
     assert np.abs(more - one).max() > 1e-4
@@ -216,7 +216,7 @@ def test_the_drive_is_that_of_the_models_robot(gap_dir: Path) -> None:
     placed = (Placed(heavy, torso), Placed(soft, "waist_roll_joint"))
     theta = (error, np.array([2e-3, 0.0]))
     fitted = replace(fitted, placed=placed, theta=theta, delta=np.zeros_like(fitted.delta))
-    drive = Simulator(standing_model(problem, fitted).xml, record).drive
+    drive = Simulator(standing_model(problem, fitted).xml, record).driving_state
     expected, logged = explained_state(problem, fitted).q, record.q
     bend = np.linalg.norm(expected - logged)
     assert np.linalg.norm(drive.q - expected) < 1e-3 * bend
@@ -226,7 +226,7 @@ def test_where_no_trial_is_long_enough_it_says_so(problem: Problem) -> None:
     record = replace(problem.record, spans=tuple(slice(s.start, s.start + 10) for s in problem.record.spans))
     short = replace(problem, record=record)
     nominal = nominal_fit(problem)
-    found = simulated(short, nominal, nominal, np.random.default_rng(0), None)
+    found = simulate_effects(short, nominal, nominal, np.random.default_rng(0), None)
     assert found.before == {} and "no trial is as long as a roll-out" in found.warnings[0]
 
 
@@ -235,7 +235,7 @@ def test_a_log_of_validation_trials_alone_has_roll_outs(problem: Problem) -> Non
     force = with_effect(
         problem, FLOATING_EFFECTS["external_force"], "torso_2_link", [5.0, 0, 0, 0, 0, 0, 0, 0]
     )
-    found = simulated(alone, nominal_fit(problem), force, np.random.default_rng(0), None)
+    found = simulate_effects(alone, nominal_fit(problem), force, np.random.default_rng(0), None)
     assert found.after == found.before and "the model is without" in found.warnings[0]
 
 
@@ -245,7 +245,7 @@ def test_what_mujoco_refuses_is_no_reason_to_say_nothing(problem: Problem, tmp_p
     robot = replace(problem.record.robot, segments=(replace(first, link=rest[0].link), *rest))
     refused = replace(problem, record=replace(problem.record, robot=robot))
     nominal = nominal_fit(problem)
-    found = simulated(refused, nominal, nominal, np.random.default_rng(0), tmp_path)
+    found = simulate_effects(refused, nominal, nominal, np.random.default_rng(0), tmp_path)
     assert "MuJoCo refuses the model" in found.warnings[0]
     assert not list(tmp_path.iterdir())
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from excite.diagnosis.equations.known_drives import known_terms, less_known
+from excite.diagnosis.equations.known_drives import known_terms, subtract_known_torques
 from excite.diagnosis.equations.noise_floor import spectral_floor
 from excite.diagnosis.equations.own_columns import COULOMB, VISCOUS
 from excite.diagnosis.equations.resampling import arm_samples
@@ -52,21 +52,23 @@ def test_terms_are_known_where_they_were_found_and_are_not_fitted(samples: ArmSa
 
 def test_what_is_known_is_taken_off_and_the_reading_stays(samples: ArmSamples) -> None:
     modelled = ("rigid_body_fixed", "viscous_friction")
-    less = less_known(samples, modelled, spectral_floor(samples))
+    less = subtract_known_torques(samples, modelled, spectral_floor(samples))
     for before, after in zip(samples.trials, less.trials, strict=True):
-        assert after.measured == pytest.approx(before.tau, abs=1e-9)
+        assert after.measured_torque == pytest.approx(before.tau, abs=1e-9)
         gone = before.tau - after.tau
         assert np.abs(gone[:, [0, 1, 3, 4, 5]]).max() == 0.0
         fast = np.abs(before.v[:, ELBOW]) > 0.1
         assert gone[fast, ELBOW] == pytest.approx(4.0 * np.sign(before.v[fast, ELBOW]), rel=0.01)
-    assert less_known(samples, (*modelled, "coulomb_friction"), spectral_floor(samples)) is samples
+    assert (
+        subtract_known_torques(samples, (*modelled, "coulomb_friction"), spectral_floor(samples)) is samples
+    )
 
 
 def test_a_motor_that_turns_with_two_joints_rubs_by_its_own_speed(samples: ArmSamples) -> None:
     """Equations are the motors': what one of them does stands in its own."""
     coupling = np.eye(6)
     coupling[ELBOW, ELBOW + 1] = 0.5
-    less = less_known(
+    less = subtract_known_torques(
         replace(samples, coupling=coupling), ("rigid_body_fixed", "coulomb_friction"), spectral_floor(samples)
     )
     for before, after in zip(samples.trials, less.trials, strict=True):

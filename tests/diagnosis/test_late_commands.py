@@ -40,7 +40,7 @@ def test_a_delay_in_the_place_of_a_lag_has_its_own_size(tmp_path: Path, of_comma
         q_cmd = trial.q + (needed + servo.kd * v) / servo.kp
         asked = replace(trial, q_cmd=early(q_cmd) if of_commands else q_cmd)
         signals[trial.name] = read_signals(robot, log, asked)
-        made.append(replace(asked, tau=signals[trial.name].torque(servo)))
+        made.append(replace(asked, tau=signals[trial.name].servo_torque(servo)))
     samples = arm_samples(robot, log, made)
     modelled = ("rigid_body_fixed", "viscous_friction", "coulomb_friction", "armature")
     baseline = fit_baseline(samples, modelled, spectral_floor(samples))

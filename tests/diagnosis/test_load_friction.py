@@ -13,7 +13,7 @@ from excite.diagnosis.effects.form import JointStep
 from excite.diagnosis.effects.friction import (
     CurvedLoadFriction,
     LoadDependentFriction,
-    Loaded,
+    LoadNote,
     MotorLoadFriction,
     motor_torque,
 )
@@ -67,18 +67,20 @@ def at(load: np.ndarray, sign: np.ndarray) -> SimpleNamespace:
 
 def test_its_size_is_the_slope_of_the_straight_line_that_comes_nearest() -> None:
     load, ones = np.random.default_rng(2).uniform(-4.0, 4.0, 500), np.ones(500)
-    plain = LoadDependentFriction().signals(at(load, ones), "joint", ())[:, 0]
+    plain = LoadDependentFriction().unit_torques(at(load, ones), "joint", ())[:, 0]
     for exponent in (0.6, 1.0, 1.4):
-        bent = CurvedLoadFriction().signals(at(load, ones), "joint", (exponent,))[:, 0]
+        bent = CurvedLoadFriction().unit_torques(at(load, ones), "joint", (exponent,))[:, 0]
         assert np.polyfit(np.abs(load), bent, 1)[0] == pytest.approx(1.0)
-    np.testing.assert_allclose(CurvedLoadFriction().signals(at(load, ones), "joint", (1.0,))[:, 0], plain)
+    np.testing.assert_allclose(
+        CurvedLoadFriction().unit_torques(at(load, ones), "joint", (1.0,))[:, 0], plain
+    )
 
 
 def test_what_does_not_grow_with_the_load_has_no_size() -> None:
     """A joint that hardly carries anything, its motor busy with dry friction."""
     level = np.full(300, 1e-9)
     for form in (CurvedLoadFriction(), MotorLoadFriction()):
-        columns = form.signals(at(level, np.ones(300)), "joint", (1.3, 0.2)[: len(form.searched)])
+        columns = form.unit_torques(at(level, np.ones(300)), "joint", (1.3, 0.2)[: len(form.searched)])
         assert not columns.any()
 
 
@@ -88,8 +90,8 @@ def test_a_roll_out_rubs_as_the_equations_say(form: CurvedLoadFriction) -> None:
     load, sign = rng.uniform(-4.0, 4.0, 200), np.where(rng.random(200) > 0.5, 1.0, -1.0)
     theta, size = (1.3, 0.2)[: len(form.searched)], 0.3
     context = at(load, sign)
-    column = size * form.signals(context, "joint", theta)[:, 0]
+    column = size * form.unit_torques(context, "joint", theta)[:, 0]
     fit = SimpleNamespace(extra=np.array([size]), extra_std=np.array([0.01]))
-    note = Loaded.of(form.sizes(context, "joint", theta, fit))
+    note = LoadNote.from_values(form.to_sizes(context, "joint", theta, fit))
     step = JointStep(carried=lambda: load, v=sign)
-    assert note.friction(np.full(200, LEVEL), step)[0] == pytest.approx(LEVEL + sign * column)
+    assert note.joint_friction(np.full(200, LEVEL), step)[0] == pytest.approx(LEVEL + sign * column)

@@ -37,9 +37,9 @@ def test_what_was_interpolated_over_a_long_gap_is_left_out(tmp_path: Path, rows:
     log = recorded(tmp_path, rows)
     samples = arm_samples(nominal_robot(log), log, log.trials)
     if not left_out:
-        assert samples.told is None
+        assert samples.known_torque_rows is None
         return
-    told = samples.told
+    told = samples.known_torque_rows
     assert told is not None
     for trial, flags in zip(
         samples.trials, np.split(told.T, np.cumsum([len(t.rows) for t in samples.trials])), strict=False

@@ -31,7 +31,7 @@ def test_a_stop_beside_an_effect_that_says_more(
         budget=SimpleNamespace(named=()),
         scorer=SimpleNamespace(spectral=none, baseline=none),
     )
-    made, judgement = read.Reading._open(record)
+    made, judgement = read.BudgetVerdict._judge_unnamed_gap(record)
     assert (made.stranger is not None) == found
     assert judgement.verdict == "unknown"
     assert judgement.structured == (("elbow", "shoulder") if found else ("shoulder", "elbow"))

@@ -15,8 +15,13 @@ from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.noise_floor import spectral_floor
 from excite.diagnosis.equations.resampling import arm_samples
-from excite.diagnosis.next_experiment.candidates import retraced, within_record
-from excite.diagnosis.simulator.augmented_plant import Found, augmented_model, physical_plant, plant_with
+from excite.diagnosis.next_experiment.candidates import limit_to_record, retrace_record
+from excite.diagnosis.simulator.augmented_plant import (
+    FoundEffect,
+    augmented_model,
+    physical_plant,
+    plant_with,
+)
 from excite.identification.inertia import pseudo_inertia_matrices
 from excite.logs.files import load_log
 from excite.logs.robot import nominal_robot
@@ -45,15 +50,15 @@ def test_physical_plant_keeps_the_torques_that_the_record_shows(baseline: Baseli
 def test_written_model_has_the_dynamics_of_the_plant_with_its_effects(baseline: Baseline):
     """MuJoCo's inverse dynamics of the XML, loaded again, against pinocchio's."""
     effects = [
-        Found(EFFECTS["joint_spring"], "panda_joint2", {"stiffness": 3.0, "torque_at_zero": -1.5}),
-        Found(EFFECTS["encoder_offset"], "panda_joint4", {"offset": 0.05}),
+        FoundEffect(EFFECTS["joint_spring"], "panda_joint2", {"stiffness": 3.0, "torque_at_zero": -1.5}),
+        FoundEffect(EFFECTS["encoder_offset"], "panda_joint4", {"offset": 0.05}),
     ]
     model = mujoco.MjModel.from_xml_string(augmented_model(baseline, effects).xml)
     plant = physical_plant(baseline, plant_with(baseline, ()))
     samples, data = baseline.samples, mujoco.MjData(model)
     model.dof_frictionloss[:] = 0.0
     for k in range(0, 2000, 400):
-        q, v, a = (samples.stacked(name)[k] for name in ("q", "v", "a"))
+        q, v, a = (samples.stack_trials(name)[k] for name in ("q", "v", "a"))
         data.qpos[:], data.qvel[:], data.qacc[:] = q, v, a
         mujoco.mj_inverse(model, data)
         true = q - 0.05 * np.eye(7)[3]
@@ -68,7 +73,7 @@ def test_a_soft_play_hangs_in_the_written_model_where_the_record_loads_it(baseli
     width, softness, stiffness = 0.01, 0.002, 3000.0
     sizes = {"width": width, "softness": softness, "stiffness": stiffness, "damping": 20.0, "contact_hz": 8.0}
     model = mujoco.MjModel.from_xml_string(
-        augmented_model(baseline, [Found(SoftBacklash(), "panda_joint4", sizes)]).xml
+        augmented_model(baseline, [FoundEffect(SoftBacklash(), "panda_joint4", sizes)]).xml
     )
     data = mujoco.MjData(model)
     motors = [model.joint(name) for name in baseline.samples.joints]
@@ -89,8 +94,8 @@ def test_a_soft_play_hangs_in_the_written_model_where_the_record_loads_it(baseli
 def test_retraced_motions_stay_on_the_record_within_its_speeds(baseline: Baseline):
     samples = baseline.samples
     path = samples.trials[0].q
-    most = np.minimum(1.25 * np.abs(samples.stacked("v")).max(axis=0), samples.robot.limits.velocity)
-    motions = retraced(samples)
+    most = np.minimum(1.25 * np.abs(samples.stack_trials("v")).max(axis=0), samples.robot.limits.velocity)
+    motions = retrace_record(samples)
     assert len({m.name for m in motions}) == len(motions) >= 4
     for motion in motions:
         assert (np.abs(motion.v) <= 1.001 * most).all()
@@ -100,12 +105,12 @@ def test_retraced_motions_stay_on_the_record_within_its_speeds(baseline: Baselin
 
 def test_accelerations_stay_within_the_models_limits_or_the_records(baseline: Baseline):
     samples = baseline.samples
-    shown = np.abs(samples.stacked("a")).max(axis=0)
+    shown = np.abs(samples.stack_trials("a")).max(axis=0)
     stated = replace(samples.robot.limits, acceleration=np.full(7, 2.0))
     silent = replace(samples.robot.limits, acceleration=np.full(7, 1000.0))
     known, unknown = (replace(samples, robot=replace(samples.robot, limits=x)) for x in (stated, silent))
-    for motion in retraced(known):
+    for motion in retrace_record(known):
         assert (np.abs(motion.a) <= 2.0).all()
-    for motion in retraced(unknown):
+    for motion in retrace_record(unknown):
         assert (np.abs(motion.a) <= shown).all()
-    assert (within_record(known).limits.acceleration < 2.0).all()
+    assert (limit_to_record(known).limits.acceleration < 2.0).all()

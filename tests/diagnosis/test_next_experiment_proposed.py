@@ -116,7 +116,7 @@ def doubt(robot: Robot) -> Doubt:
     baseline = fit_baseline(samples, MODELLED, floor)
     scorer, first = Scorer(baseline, floor, 0.0, np.ones(7)), samples.joints[0]
     alike = [fitted(baseline, EFFECTS[name], first) for name in ("joint_spring", "eccentric")]
-    rivals = [scorer.scored(baseline.fit, item) for item in alike]
+    rivals = [scorer.score_fit(baseline.fit, item) for item in alike]
     return Doubt(baseline, rivals, floor)
 
 
@@ -145,7 +145,7 @@ def test_joints_with_damped_bristles_among_others_change_little(doubt: Doubt):
     base, samples = doubt.baseline, doubt.baseline.samples
     bristles = SignChange(6e-3, 1e-4, np.inf)
     moved = base.with_signs((*base.signs[:-1], bristles))
-    moved = moved.updated(moved.solver.fit())
+    moved = moved.with_fit(moved.solver.fit_columns())
     sketch = draw_motions(samples, samples.joints[:1], 0, wide=True)[0].sketch
     few, more = (Expectation(b, doubt.rivals, doubt.floor) for b in (base, moved))
     few, more = (e.with_motion(sketch)[0, 1] for e in (few, more))
@@ -169,7 +169,7 @@ def test_joints_of_a_model_without_shapes_stay_where_they_have_been(doubt: Doubt
     assert inside
     assert all(offer.candidate is None and not offer.caution for offer in inside)
     for offer in draw_motions(replace(samples, robot=bare), samples.joints[:1], 0, wide=True):
-        shown = samples.stacked("q")
+        shown = samples.stack_trials("q")
         assert (offer.sketch.q <= shown.max(axis=0) + 1e-6).all()
         assert (offer.sketch.q >= shown.min(axis=0) - 1e-6).all()
         assert "no shapes" in offer.caution

@@ -16,7 +16,7 @@ from excite.diagnosis.equations.noise_floor import (
     kinematic_noise,
     position_noise,
     spectral_floor,
-    unrepeated,
+    unrepeated_noise_power,
     white_floor,
 )
 from excite.diagnosis.equations.resampling import arm_samples
@@ -83,12 +83,12 @@ def test_noise_of_positions_is_seen_and_carried_to_the_torques_of_each_posture(c
     np.testing.assert_array_less(position_noise(_baseline(clean).samples, joints, clean.trials), 0.02 * NOISE)
     predicted = kinematic_noise(baseline, sigma, np.random.default_rng(1))
     # What is left of torques without noise is what the positions' noise made of them.
-    left = baseline.plain(baseline.fit.residual)
+    left = baseline.plain_residual(baseline.fit.residual)
     for k in range(len(REACHES)):
         rows = samples.trial_of_row == k
         np.testing.assert_allclose(predicted[:, rows].std(axis=1), left[:, rows].std(axis=1), rtol=0.35)
     # The repeated trials are upright: they do not show what the first joint feels of an arm stretched out.
-    more = unrepeated(samples, predicted)
+    more = unrepeated_noise_power(samples, predicted)
     shown = np.isin(samples.trial_of_row, (0, 1))
     assert more[0] > 0.3 * (predicted[0, shown] ** 2).mean()
     assert more[0] == pytest.approx((left[0] ** 2).mean() - (left[0, shown] ** 2).mean(), rel=0.5)
@@ -97,7 +97,7 @@ def test_noise_of_positions_is_seen_and_carried_to_the_torques_of_each_posture(c
 def _noise(samples: ArmSamples, rng: np.random.Generator, n: int) -> np.ndarray:
     """White noise that went through the filter of the rows, one channel a row, of unit variance."""
     signals = [rng.standard_normal((len(t.time), n)) for t in samples.trials]
-    rows = samples.rows(signals).T
+    rows = samples.to_rows(signals).T
     return rows / rows.std()
 
 
@@ -161,7 +161,7 @@ def test_jumps_of_friction_do_not_pass_for_noise(clean: Log) -> None:
 
 def test_without_repeats_nothing_is_known_of_what_they_do_not_show() -> None:
     samples = SimpleNamespace(repeats=(), trial_of_row=np.zeros(10, dtype=np.int64))
-    np.testing.assert_array_equal(unrepeated(samples, np.ones((3, 10))), np.zeros(3))
+    np.testing.assert_array_equal(unrepeated_noise_power(samples, np.ones((3, 10))), np.zeros(3))
 
 
 def test_what_holds_a_standing_joint_is_a_floor():

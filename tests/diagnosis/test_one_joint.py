@@ -15,7 +15,7 @@ from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.noise_floor import spectral_floor
 from excite.diagnosis.equations.resampling import arm_samples
-from excite.diagnosis.next_experiment.advice import propose
+from excite.diagnosis.next_experiment.advice import propose_motion
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log, LogHeader, Trial
 from excite.logs.robot import nominal_robot
@@ -173,6 +173,6 @@ def test_a_motion_is_sought_for_a_robot_of_one_joint(tmp_path: Path) -> None:
     baseline = fit_baseline(samples, log.header.modelled, floor)
     tried = [fitted(baseline, EFFECTS[name], "slide") for name in ("torque_bias", "joint_spring")]
     scorer = Scorer(baseline, floor, 0.0, np.ones(1))
-    rivals = [scorer.scored(baseline.fit, item) for item in tried]
-    found = propose(baseline, rivals, floor, seed=0)
+    rivals = [scorer.score_fit(baseline.fit, item) for item in tried]
+    found = propose_motion(baseline, rivals, floor, seed=0)
     assert found is None or found.motion.q.shape[1] == 1

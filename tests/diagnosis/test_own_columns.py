@@ -7,7 +7,7 @@ import pytest
 
 from excite.arrays import Array
 from excite.diagnosis.equations.dry_friction.friction_sign import WIDTH_BOUNDS
-from excite.diagnosis.equations.own_columns import BREAKAWAY_BOUNDS, refined
+from excite.diagnosis.equations.own_columns import BREAKAWAY_BOUNDS, refine_number
 
 
 def _dahl(deflection: Array, breakaway: float) -> Array:
@@ -22,7 +22,7 @@ def test_a_breakaway_between_those_of_the_grid_is_found(breakaway: float):
     target = 1.7 * _dahl(deflection, breakaway)[:, 0] + 0.05 * rng.standard_normal(3000)
     start = min((5e-4, 1.5e-3, 4e-3), key=lambda b: abs(np.log(b / breakaway)))
     use = np.ones(3000, dtype=np.bool_)
-    found = refined(
+    found = refine_number(
         target, lambda b: _dahl(deflection, b), start, _dahl(deflection, start), use, BREAKAWAY_BOUNDS
     )
     assert found == pytest.approx(breakaway, rel=0.08)
@@ -36,7 +36,7 @@ def test_a_width_stays_where_a_velocity_can_tell_it():
     def rows_at(width: float) -> Array:
         return np.tanh(v / width)[:, None]
 
-    found = refined(np.sign(v), rows_at, 3e-3, rows_at(3e-3), use, WIDTH_BOUNDS)
+    found = refine_number(np.sign(v), rows_at, 3e-3, rows_at(3e-3), use, WIDTH_BOUNDS)
     assert WIDTH_BOUNDS[0] <= found <= 1.1 * WIDTH_BOUNDS[0]
 
 
@@ -45,7 +45,7 @@ def test_rows_that_are_not_fitted_do_not_count():
     deflection = rng.uniform(0.0, 0.01, 2000)
     use = np.arange(2000) < 1000
     target = np.where(use, _dahl(deflection, 1.2e-3)[:, 0], _dahl(deflection, 5e-3)[:, 0])
-    found = refined(
+    found = refine_number(
         target, lambda b: _dahl(deflection, b), 1.5e-3, _dahl(deflection, 1.5e-3), use, BREAKAWAY_BOUNDS
     )
     assert found == pytest.approx(1.2e-3, rel=0.08)

@@ -23,10 +23,10 @@ def test_a_body_that_leaves_its_link_less_than_no_mass_cannot_be(share: float, s
     mass = robot.model.inertias[5].mass
     extra = share * mass * np.eye(10)[0]
     fit = SimpleNamespace(extra=extra, extra_std=np.full(10, std * mass))
-    assert Payload().physical(context, link, fit) is may
+    assert Payload().is_physical(context, link, fit) is may
     # Where the record hardly tells the mass, it may be anything.
     unsure = SimpleNamespace(extra=extra, extra_std=np.full(10, mass))
-    assert Payload().physical(context, link, unsure)
+    assert Payload().is_physical(context, link, unsure)
 
 
 @pytest.mark.parametrize(("modelled", "may"), [((), False), (("armature",), True)])
@@ -40,8 +40,8 @@ def test_a_body_without_weight_is_a_rotor_that_the_model_lacks(modelled: tuple[s
     context = SimpleNamespace(baseline=SimpleNamespace(modelled=modelled, samples=samples))
     link = Payload().locations(context)[1]
     flywheel = 0.5 * np.eye(10)[9]
-    assert Payload().admissible(context, link, (), flywheel) is may
-    assert Payload().admissible(context, link, (), flywheel + 0.5 * np.eye(10)[1])
+    assert Payload().is_admissible(context, link, (), flywheel) is may
+    assert Payload().is_admissible(context, link, (), flywheel + 0.5 * np.eye(10)[1])
 
 
 def context_of(motion: dict[str, np.ndarray]) -> SimpleNamespace:
@@ -81,16 +81,16 @@ def ball(mass: float, x: float) -> np.ndarray:
 )
 def test_a_payload_is_a_body_that_can_exist(body: np.ndarray, may: bool) -> None:
     payload, context = Payload(), context_of(moving())
-    assert payload.possible(context, payload.locations(context)[5], body) is may
+    assert payload.is_possible(context, payload.locations(context)[5], body) is may
 
 
 def test_of_what_an_axis_does_not_tell_of_a_body_anything_will_do() -> None:
     """The first joint, which is upright, tells one moment of inertia of what it carries."""
     payload, context = Payload(), context_of(moving())
     first = payload.locations(context)[0]
-    assert payload.possible(context, first, 0.5 * np.eye(10)[9])
+    assert payload.is_possible(context, first, 0.5 * np.eye(10)[9])
     # More than the whole link has within reach cannot be taken from it.
-    assert not payload.possible(context, first, -3.0 * np.eye(10)[9])
+    assert not payload.is_possible(context, first, -3.0 * np.eye(10)[9])
 
 
 def test_a_mass_that_no_joint_tells_is_not_said() -> None:
@@ -99,9 +99,9 @@ def test_a_mass_that_no_joint_tells_is_not_said() -> None:
     sixth = payload.locations(context)[5]
     std = np.array([20.0, 0.01, 0.01, 0.01, *[0.1] * 6])
     fit = SimpleNamespace(extra=np.array([0.0, 0.3, 0.0, 0.4, *[0.0] * 6]), extra_std=std)
-    shown = payload.estimates(context, sixth, (), fit)
+    shown = payload.to_estimates(context, sixth, (), fit)
     assert next(iter(shown)) == "first_moment"
     assert shown["first_moment"].value == pytest.approx(0.5)
     assert "mass" not in shown
     known = SimpleNamespace(extra=fit.extra, extra_std=std * (np.arange(10) > 0) + 0.1 * np.eye(10)[0])
-    assert next(iter(payload.estimates(context, sixth, (), known))) == "mass"
+    assert next(iter(payload.to_estimates(context, sixth, (), known))) == "mass"

@@ -11,7 +11,7 @@ import pytest
 from excite.diagnosis.answer.gap import ChannelGap, Gap
 from excite.diagnosis.diagnose import diagnose
 from excite.diagnosis.equations.resampling import arm_samples
-from excite.diagnosis.servo.diagnose import above_noise
+from excite.diagnosis.servo.diagnose import joints_above_noise
 from excite.diagnosis.servo.servo import position_floor
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Trial
@@ -91,7 +91,7 @@ def test_repeats_that_read_the_same_numbers_do_not_undo_the_encoders_steps(tmp_p
 def test_only_what_stands_above_the_noise_of_positions_is_unexplained() -> None:
     channels = {"hip": ChannelGap(3.0, 3.0, 2.5, "rad"), "knee": ChannelGap(3.0, 3.0, 1.0, "rad")}
     gap = Gap(3.0, 3.0, 2.0, 0.0, channels)
-    assert above_noise(("hip", "knee", "ankle"), gap) == ("knee",)
+    assert joints_above_noise(("hip", "knee", "ankle"), gap) == ("knee",)
 
 
 def test_a_leg_that_its_model_explains_has_no_gap(tmp_path: Path) -> None:

@@ -79,8 +79,8 @@ def test_the_floor_of_repeats_does_not_know_what_repeats(later: float) -> None:
     samples = arm_samples(load_robot("iiwa14"), log, log.trials)
     spectral = spectral_floor(samples)
     baseline = fit_baseline(samples, ("rigid_body_fixed",), spectral)
-    residual = baseline.plain(baseline.fit.residual)
-    assert samples.repeats[0].lag_s == pytest.approx(later, abs=2e-4)
+    residual = baseline.plain_residual(baseline.fit.residual)
+    assert samples.repeat_pairs[0].lag_s == pytest.approx(later, abs=2e-4)
     assert np.sqrt((residual[3] ** 2).mean()) > 0.3 * STRANGE
     floor = repeat_floor(samples, residual)
     assert floor is not None

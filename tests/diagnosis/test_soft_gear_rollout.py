@@ -38,7 +38,7 @@ def test_a_link_that_swings_on_its_gear_takes_the_motor_along():
     none = np.zeros(1)
     window = Window(none, none, none, clock, 0.0, deflected={"j": (angle, speed)})
     free = Drive(np.array([0.0, 2.0]), np.zeros((2, 1)))
-    found = Simulator(spec.to_xml(), ("j",)).run(window, free, 10)[:, 0]
+    found = Simulator(spec.to_xml(), ("j",)).run_window(window, free, 10)[:, 0]
     # Both together keep their momentum while they swing against each other.
     t = 0.01 * np.arange(len(found))
     w = np.sqrt(STIFFNESS * (1.0 / ROTOR + 1.0 / LINK))
@@ -52,6 +52,6 @@ def test_a_gear_of_which_nothing_is_told_rests_under_its_load():
     load = np.array([4.0])
     window = Window(np.zeros(1), np.zeros(1), load, np.array([0.0, 1e-3]), 0.0)
     simulator = Simulator(spec.to_xml(), ("j",))
-    simulator.run(window, Drive(np.array([0.0, 1.0]), np.tile(load, (2, 1))), 1)
+    simulator.run_window(window, Drive(np.array([0.0, 1.0]), np.tile(load, (2, 1))), 1)
     deflected = float(simulator.runs[0].qpos[1])
     assert deflected == pytest.approx(-4.0 / STIFFNESS, rel=0.01)

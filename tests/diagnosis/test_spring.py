@@ -26,4 +26,4 @@ def test_a_spring_pulls_back_over_its_motion(beta: tuple[float, ...], held: bool
     q = np.linspace(-1.25, -0.73, 200) if abs(beta[0]) > 10.0 else np.linspace(-1.0, 1.0, 200)
     context = SimpleNamespace(at=lambda location, name: q)
     spring = JointSpring() if len(beta) == 2 else HardeningSpring()
-    assert spring.admissible(context, "joint", (), np.array(beta)) is held
+    assert spring.is_admissible(context, "joint", (), np.array(beta)) is held

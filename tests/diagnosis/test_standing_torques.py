@@ -88,7 +88,7 @@ def test_rows_hold_no_contact_force(go2: Robot) -> None:
     state = build_problem(record).nominal.replace(
         q=record.q[few], v=record.v[few], a=record.a[few], readings={TORQUE: np.array(torques)}
     )
-    assert np.abs(state.predicted).max() > 20.0
+    assert np.abs(state.predicted_forces).max() > 20.0
     assert np.abs(state.residual).max() < 1e-8
 
 
@@ -100,10 +100,10 @@ def test_columns_are_finite_differences_and_nothing_else_is_tried(go2: Robot) ->
     assert not {"sensor_gain", "sensor_bias", "soft_tissue"} & set(seen)
     for effect in seen.values():
         for location in effect.locations(state)[:1]:
-            theta = 0.01 * effect.scales(state, location)
+            theta = 0.01 * effect.parameter_scales(state, location)
             zero = np.zeros_like(theta)
-            moved = effect.apply(state, location, theta).residual - state.residual
-            linear = -effect.columns(state, location, zero) @ theta
+            moved = effect.apply_to(state, location, theta).residual - state.residual
+            linear = -effect.residual_columns(state, location, zero) @ theta
             assert np.abs(moved - linear).max() < 0.05 * np.abs(moved).max() + 1e-9
 
 

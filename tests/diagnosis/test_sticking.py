@@ -77,15 +77,15 @@ def fitted(folder: Path, trials: tuple[Trial, ...]) -> Baseline:
 
 def left(baseline: Baseline) -> float:
     """What is left of the force in the validation trial [N]."""
-    rest = baseline.plain(baseline.fit.residual)[0, ~baseline.samples.identification]
+    rest = baseline.plain_residual(baseline.fit.residual)[0, ~baseline.samples.identification_rows]
     return float(np.sqrt((rest**2).mean()))
 
 
 @pytest.mark.parametrize(("law", "most"), [("sticks", 2.5e-3), ("smooth", 3.5e-3)])
 def test_friction_is_found(tmp_path: Path, law: str, most: float):
     baseline = fitted(tmp_path, on_servo(law))
-    assert float(baseline.fit.own[0][1]) == pytest.approx(COULOMB, rel=0.01)
-    assert not baseline.signs[0].bent
+    assert float(baseline.fit.own_coefs[0][1]) == pytest.approx(COULOMB, rel=0.01)
+    assert not baseline.signs[0].has_bristles
     # The noise in the rows is .17 N; the filter of the kinematics bends what is smooth in the velocity.
     assert left(baseline) < most * COULOMB
 
@@ -99,7 +99,7 @@ def test_a_joint_sticks_of_which_the_motion_explains_nothing_where_it_is_slow(tm
 def test_friction_that_follows_from_the_motion_sticks_nowhere(tmp_path: Path, law: str):
     samples = fitted(tmp_path, on_servo(law)).samples
     assert not samples.sticking
-    assert (samples.slipping == 1.0).all()
+    assert (samples.slip_weights == 1.0).all()
 
 
 def test_torques_of_a_joint_that_sticks_say_next_to_nothing(tmp_path: Path):
@@ -109,23 +109,23 @@ def test_torques_of_a_joint_that_sticks_say_next_to_nothing(tmp_path: Path):
     # Whatever holds it, with what it was or twice that: nothing else becomes another.
     held = replace(first, tau=np.where(still[:, None], 2.0 * first.tau, first.tau))
     known, other = (fitted(tmp_path / name, (t, judging)) for name, t in (("a", first), ("b", held)))
-    np.testing.assert_allclose(other.fit.own[0], known.fit.own[0], rtol=0.01, atol=0.5)
+    np.testing.assert_allclose(other.fit.own_coefs[0], known.fit.own_coefs[0], rtol=0.01, atol=0.5)
     np.testing.assert_allclose(other.phi[0], known.phi[0], rtol=0.01)
 
 
 def test_both_sides_of_an_equation_are_left_out_where_its_joint_may_stick(tmp_path: Path):
     samples = fitted(tmp_path, on_servo("sticks")).samples
-    counts, v = samples.slipping[:, 0], samples.stacked("v")[:, 0]
+    counts, v = samples.slip_weights[:, 0], samples.stack_trials("v")[:, 0]
     assert float((counts**2).mean()) == pytest.approx(1.0)
     stands, turns = np.abs(v) < 0.5 * samples.standstill[0], np.diff(np.sign(v), prepend=np.sign(v[0])) != 0.0
     assert stands.any() and (counts[stands | turns] < 0.02).all()
     fast = np.convolve(np.abs(v) > 5.0 * samples.standstill[0], np.ones(11), "same") > 10.5
     assert fast.any() and (counts[fast] >= 1.0).all()
     signals = np.random.default_rng(0).standard_normal((len(v), 2))
-    np.testing.assert_allclose(samples.rows(signals, [0, 0]), samples.rows(signals * counts[:, None]))
+    np.testing.assert_allclose(samples.to_rows(signals, [0, 0]), samples.to_rows(signals * counts[:, None]))
 
 
 def test_a_joint_that_hardly_trembles_keeps_its_equation(tmp_path: Path):
     first, judging = (replace(t, q=1e-3 * t.q) for t in on_servo("smooth"))
     samples = fitted(tmp_path, (first, judging)).samples
-    assert (samples.slipping == 1.0).all()
+    assert (samples.slip_weights == 1.0).all()

@@ -64,7 +64,7 @@ def test_what_leaves_no_dry_friction_at_higher_speed_is_none_either() -> None:
 
     def settled(coulomb: float) -> bool:
         fit = SimpleNamespace(own=np.array([[coulomb]]), extra=np.array([7.0]))
-        return Stribeck().settled(context, "slide", (0.3,), fit)
+        return Stribeck().is_within_scope(context, "slide", (0.3,), fit)
 
     assert settled(5.0)
     # Below none by no more than the forms of the law differ.
@@ -78,7 +78,7 @@ def test_a_velocity_as_slow_as_may_be_is_how_a_joint_sticks(sign: SignChange, sl
     base = SimpleNamespace(modelled=("coulomb_friction",), signs=(sign,))
     context = SimpleNamespace(baseline=base, row=lambda location: 0, v=np.ones((9, 1)))
     fit = SimpleNamespace(own=np.array([[5.0]]), extra=np.array([7.0]))
-    assert [Stribeck().settled(context, "slide", (s * slowest,), fit) for s in (1.0, 1.012, 1.1)] == [
+    assert [Stribeck().is_within_scope(context, "slide", (s * slowest,), fit) for s in (1.0, 1.012, 1.1)] == [
         False,
         False,
         True,
@@ -108,5 +108,5 @@ def test_of_a_slow_joint_no_stribeck_velocity_is_searched_beyond_its_speed() -> 
             row=lambda location: 0,
             v=np.full((9, 1), speed),
         )
-        assert Stribeck().settled(context, "slide", (0.6,), fit) == told
-        assert (max(Stribeck().grid(context, "slide")) > (0.45,)) == told
+        assert Stribeck().is_within_scope(context, "slide", (0.6,), fit) == told
+        assert (max(Stribeck().search_grid(context, "slide")) > (0.45,)) == told

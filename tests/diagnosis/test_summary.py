@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from excite.diagnosis.answer.answer import NO_NAME, Diagnosis
-from excite.diagnosis.answer.candidate import Candidate, Estimate, sized
+from excite.diagnosis.answer.candidate import Candidate, Estimate, describe_with_size
 from excite.diagnosis.answer.gap import Budget, ChannelBudget, ChannelGap, EffectShare, Gap, Named
 from excite.finding import Finding
 
@@ -144,7 +144,7 @@ def test_a_ripple_is_as_high_as_both_its_parts():
     """One of 4.9 N·m, whose phase left 0.03 to the cosine, was said to be one of -0.026 ± 0.02 N·m."""
     parts = {"cosine": Estimate(-0.03, 0.02, "N·m"), "sine": Estimate(4.86, 0.04, "N·m")}
     ripple = Candidate("torque_ripple", "a", parts, 640.0, 0.1, 0.9, ("a",))
-    assert sized(ripple) == "torque ripple at a (4.86 ± 0.04 N·m)"
+    assert describe_with_size(ripple) == "torque ripple at a (4.86 ± 0.04 N·m)"
 
 
 def test_of_several_axes_the_one_that_is_not_zero_is_told():
@@ -155,9 +155,12 @@ def test_of_several_axes_the_one_that_is_not_zero_is_told():
         "ty": Estimate(3.8, 0.1, "N·m"),
     }
     bias = Candidate("sensor_bias", "foot", parts, 1.0, 0.0, 1.0)
-    assert sized(bias) == "sensor bias at foot (ty 3.8 ± 0.1 N·m)"
+    assert describe_with_size(bias) == "sensor bias at foot (ty 3.8 ± 0.1 N·m)"
     body = {"mass": Estimate(1.2, 0.1, "kg"), "mx": Estimate(0.3, 0.001, "kg·m")}
-    assert sized(Candidate("payload", "hand", body, 1.0, 0.0, 1.0)) == "payload at hand (1.2 ± 0.1 kg)"
+    assert (
+        describe_with_size(Candidate("payload", "hand", body, 1.0, 0.0, 1.0))
+        == "payload at hand (1.2 ± 0.1 kg)"
+    )
 
 
 @pytest.mark.parametrize(
@@ -183,7 +186,7 @@ def test_a_ripple_that_grows_with_the_load_is_as_high_as_that_part():
         "periods_per_rev": Estimate(200.0, None, "1"),
     }
     ripple = Candidate("torque_ripple", "a", parts, 640.0, 0.1, 0.9, ("a",))
-    assert sized(ripple) == "torque ripple at a (0.05 ± 0.01 N·m/(N·m))"
+    assert describe_with_size(ripple) == "torque ripple at a (0.05 ± 0.01 N·m/(N·m))"
 
 
 def test_an_interval_of_shares_has_no_sign_before_zero_and_two_ends_only_where_they_differ(

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from excite.diagnosis.answer.gap import TrivialErrors, beaten
+from excite.diagnosis.answer.gap import TrivialErrors, find_beaten_channels
 from excite.diagnosis.equations.resampling import arm_samples
 from excite.diagnosis.trivial import (
     EvenTrial,
-    alike,
     even_trials,
+    find_repeated_commands,
     fit_delayed_command,
     fit_fir,
     of_positions,
@@ -100,7 +100,7 @@ def test_a_command_that_stands_is_no_trouble():
     still = np.full((1000, 1), 0.4)
     trial = EvenTrial("a", True, None, time, still - 0.05, still, np.ones(1000, dtype=bool))
     for predictor in (fit_delayed_command([trial]), fit_fir([trial])):
-        assert predictor.predicted(trial) == pytest.approx(trial.position, abs=1e-6)
+        assert predictor.predict_positions(trial) == pytest.approx(trial.position, abs=1e-6)
 
 
 def test_only_the_pieces_that_judge_count(robot: Robot):
@@ -126,7 +126,7 @@ def test_one_command_is_known_again_when_the_logger_started_later():
         q_cmd=None if later.q_cmd is None else later.q_cmd[shift:],
     )
     trials = even_trials(command_log(first, later, run("c", "validation", 3, 3)), ("first", "second"))
-    (pair,) = alike(trials)
+    (pair,) = find_repeated_commands(trials)
     assert (pair.first, pair.again) == (0, 1)
     assert pair.lag_s == pytest.approx(-shift / RATE_HZ, abs=1e-3)
 
@@ -151,14 +151,14 @@ def test_torques_have_repeats_alone(robot: Robot):
 def test_a_simulator_that_a_filter_beats_is_told_so():
     good = TrivialErrors(0.1, 0.01, 0.005, None, model=0.004)
     worse = TrivialErrors(0.1, 0.01, 0.005, None, model=0.006)
-    assert beaten({"first": good}) == ()
-    (finding,) = beaten({"first": good, "second": worse})
+    assert find_beaten_channels({"first": good}) == ()
+    (finding,) = find_beaten_channels({"first": good, "second": worse})
     assert (finding.kind, finding.places) == ("no_better_than_trivial", ("second",))
     assert "0.006 rad against 0.005 of the filter" in finding.text
     # At the floor nothing is left to be better at.
-    assert beaten({"second": replace(worse, floor=0.005)}) == ()
+    assert find_beaten_channels({"second": replace(worse, floor=0.005)}) == ()
     # Torques have no such neighbours.
-    assert beaten({"second": TrivialErrors(repeat=0.1, model=3.0, unit="N·m")}) == ()
+    assert find_beaten_channels({"second": TrivialErrors(repeat=0.1, model=3.0, unit="N·m")}) == ()
 
 
 def test_a_walking_robots_chirps(data_dir: Path):

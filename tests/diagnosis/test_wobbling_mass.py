@@ -12,7 +12,7 @@ from scipy.interpolate import make_interp_spline
 from scipy.optimize import root
 
 from excite.diagnosis.floating.bodies import WobblingMass
-from excite.diagnosis.floating.diagnose import attribute
+from excite.diagnosis.floating.diagnose import attribute_gap
 from excite.diagnosis.floating.problem import build_problem
 from excite.diagnosis.floating.record import FloatingRecord, prepare_record
 from excite.diagnosis.floating.spectrum import in_band
@@ -43,7 +43,7 @@ def wobble(record: FloatingRecord, directions: np.ndarray) -> Wobble:
         record: of the motion.
         directions: ``(3,)`` one where it may move along a world axis, zero where it is held.
     """
-    state = State.logged(record)
+    state = State.from_log(record)
     joint = [s.link for s in record.robot.segments].index(_LINK) + 1
     places, turns = state.poses.point(joint, _PLACE), state.poses.rotation[:, joint]
     omega, damping = 2.0 * np.pi * _HERTZ, 4.0 * np.pi * _RATIO * _HERTZ
@@ -100,40 +100,40 @@ def wobbling(still: FloatingRecord) -> FloatingRecord:
 
 
 def test_the_wrench_is_that_of_the_mass(still: FloatingRecord, wobbling: FloatingRecord) -> None:
-    logged, effect = State.logged(wobbling), WobblingMass()
+    logged, effect = State.from_log(wobbling), WobblingMass()
     # Parameters are read back through the report, whatever they are inside.
     theta = np.concatenate([[_MASS], _PLACE, np.zeros(2)])
 
     def said(theta: np.ndarray) -> np.ndarray:
-        report = effect.report(logged, _LINK, theta, np.zeros(6))
+        report = effect.report_parameters(logged, _LINK, theta, np.zeros(6))
         return np.array([report["frequency"].value / _HERTZ, report["damping_ratio"].value / _RATIO]) - 1.0
 
     theta[4:] = root(lambda x: said(np.concatenate([theta[:4], x])), np.zeros(2)).x
-    clean = State.logged(still).residual
+    clean = State.from_log(still).residual
     added = in_band(still, logged.residual - clean)
-    left = in_band(still, effect.apply(logged, _LINK, theta).residual - clean)
+    left = in_band(still, effect.apply_to(logged, _LINK, theta).residual - clean)
     # Accelerations of the record are filtered, and the moment about the base is mostly the mass' weight.
     most = np.repeat([0.16, 0.06], 3) * np.linalg.norm(added, axis=0)
     assert (np.linalg.norm(left, axis=0) < most).all()
 
 
 def test_no_step_of_a_fit_leaves_what_can_be(wobbling: FloatingRecord) -> None:
-    logged, effect = State.logged(wobbling), WobblingMass()
+    logged, effect = State.from_log(wobbling), WobblingMass()
     for wild in (-1e3, 1e3):
         theta = np.array([wild, *_PLACE, wild, wild])
-        assert np.isfinite(effect.apply(logged, _LINK, theta).residual).all()
-        said = effect.report(logged, _LINK, theta, np.zeros(6))
+        assert np.isfinite(effect.apply_to(logged, _LINK, theta).residual).all()
+        said = effect.report_parameters(logged, _LINK, theta, np.zeros(6))
         assert 0.0 <= said["mass"].value <= logged.phi[::10].max()
         assert 1.0 < said["frequency"].value < 500.0
 
 
 def test_a_mass_that_wobbles_is_soft_tissue(wobbling: FloatingRecord) -> None:
-    found = attribute(build_problem(wobbling))
+    found = attribute_gap(build_problem(wobbling))
     assert found.verdict == "effect"
-    (placed,), (theta,), (std,) = found.accepted.placed, found.accepted.theta, found.accepted.std
+    (placed,), (theta,), (std,) = found.accepted_fit.placed, found.accepted_fit.theta, found.accepted_fit.std
     assert placed.effect.name == "soft_tissue"
     assert _LINK in found.tied[0]
-    said = placed.effect.report(State.logged(wobbling), placed.location, theta, std)
+    said = placed.effect.report_parameters(State.from_log(wobbling), placed.location, theta, std)
     assert said["mass"].value == pytest.approx(_MASS, rel=0.15)
     assert said["frequency"].value == pytest.approx(_HERTZ, rel=0.06)
     assert said["damping_ratio"].value == pytest.approx(_RATIO, rel=0.3)
@@ -141,5 +141,5 @@ def test_a_mass_that_wobbles_is_soft_tissue(wobbling: FloatingRecord) -> None:
 
 
 def test_a_mass_that_swings_in_the_horizontal_alone_is_no_tissue(still: FloatingRecord) -> None:
-    found = attribute(build_problem(carrying(still, wobble(still, np.array([1.0, 1.0, 0.0])))))
+    found = attribute_gap(build_problem(carrying(still, wobble(still, np.array([1.0, 1.0, 0.0])))))
     assert found.verdict == "unknown"

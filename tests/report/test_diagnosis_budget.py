@@ -9,7 +9,13 @@ from pathlib import Path
 import pytest
 
 from excite.diagnosis.answer.answer import Diagnosis
-from excite.diagnosis.answer.gap import ChannelGap, EffectShare, TrivialErrors, UnnamedShare, beaten
+from excite.diagnosis.answer.gap import (
+    ChannelGap,
+    EffectShare,
+    TrivialErrors,
+    UnnamedShare,
+    find_beaten_channels,
+)
 from excite.report.page import report
 from excite.results import write_json
 from tests.report.diagnosed import budgeted, two_joints_diagnosed, unknown
@@ -109,7 +115,7 @@ def test_positions_stand_beside_simple_predictors(tmp_path: Path) -> None:
     gap = replace(
         two_joints_diagnosed().gap, per_channel={n: ChannelGap(0.02, 0.0056, 0.001, "rad") for n in errors}
     )
-    diagnosis = replace(two_joints_diagnosed(), gap=gap, trivial=errors, faults=beaten(errors))
+    diagnosis = replace(two_joints_diagnosed(), gap=gap, trivial=errors, faults=find_beaten_channels(errors))
     page = page_of(diagnosis, tmp_path)
     section = re.sub(r' data-v="[^"]*"', "", page[page.index('<section id="trivial">') :])
     cells = "".join(f'<td class="number">{x}</td>' for x in ("5.60", "79.4", "10.0", "5.00", "7.60"))

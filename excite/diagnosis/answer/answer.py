@@ -16,10 +16,10 @@ from excite.diagnosis.answer.candidate import (
     Candidate,
     Estimate,
     RobotChanges,
+    describe_with_size,
+    format_estimate,
+    format_percent,
     in_words,
-    measured,
-    percent,
-    sized,
 )
 from excite.diagnosis.answer.gap import (
     Budget,
@@ -30,7 +30,7 @@ from excite.diagnosis.answer.gap import (
     RolloutPath,
     TrivialErrors,
     Where,
-    closed_in_words,
+    describe_closed,
 )
 from excite.diagnosis.equations.units import unit_at
 from excite.display import Row, Tabled, span
@@ -118,7 +118,6 @@ def estimated_gains(
     """Gains, those of some joints, as the record tells them.
 
     Args:
-        robot: the robot.
         joints: of the values.
         name: of the gain.
         unit: of it at a joint that turns.
@@ -379,7 +378,7 @@ class Diagnosis(Tabled, Stated):
     @stated_with(added="")
     def sentence(self) -> str:
         """What was found, in the one sentence that a person would repeat to a colleague."""
-        gap = f"{percent(self.gap.before)} of the signal"
+        gap = f"{format_percent(self.gap.before)} of the signal"
         of = "gap of the positions" if self.gap.of_positions else "gap"
         closes = f"closes {100 * self.gap.share_closed:.0f} % of the {of} above the noise"
         # A body that is heavier than in the file has been taken up then, and is no gap.
@@ -387,27 +386,24 @@ class Diagnosis(Tabled, Stated):
         if self.verdict == "none" and self.gap.before <= _AT_FLOOR * self.gap.noise_floor:
             return f"{self.robot}: the model{fitted} explains the record to its noise floor ({gap})."
         if self.verdict == "none":
-            floor = percent(self.gap.noise_floor)
+            floor = format_percent(self.gap.noise_floor)
             return f"{self.robot}: the model{fitted} leaves {gap}, the noise {floor}; no effect stands out in between."
         if self.verdict == "unknown":
             place = self.location or (self.where[0].channel if self.where else "the robot")
-            left = without_a_name(place, self.where, self.warnings)
+            left = describe_unnamed_gap(place, self.where, self.warnings)
             if self.effects:
                 one = len(self.effects) == 1
-                clear = (
-                    f"{in_a_row([sized(item) for item in self.effects])} {'is' if one else 'are'} clear at "
-                )
-                clear += (
-                    f"{'its' if one else 'their'} own place, and adding {'it' if one else 'them'} {closes}"
-                )
+                clear = join_words([describe_with_size(item) for item in self.effects])
+                clear += f" {'is clear at its' if one else 'are clear at their'} own place, and adding "
+                clear += f"{'it' if one else 'them'} {closes}"
                 return f"{self.robot}: {clear}; {left} ({gap} before)."
             return f"{self.robot}: {left} ({gap})."
         if self.verdict == "ambiguous":
-            either, of_all = either_of(self.effects, self.ambiguous_with)
+            either, of_all = describe_rivals(self.effects, self.ambiguous_with)
             tells = "which of these; adding all" if of_all else "which; adding one"
             return f"{self.robot}: the gap is {either}; this record cannot say {tells} {closes}."
-        each = [sized(item) for item in self.effects] or [in_words(self.effect, self.location)]
-        named = in_a_row(each)
+        each = [describe_with_size(item) for item in self.effects] or [in_words(self.effect, self.location)]
+        named = join_words(each)
         them = "it" if len(self.effects) < 2 else "both" if len(self.effects) == 2 else "them"
         return f"{self.robot}: the gap is {named}; adding {them} {closes}."
 
@@ -418,7 +414,7 @@ class Diagnosis(Tabled, Stated):
             lines += [f"places that cannot be told apart: {', '.join(self.tied_locations)}", ""]
         lines += [*gap_table(self.gap, self.where), *baseline_lines(self.modelled)]
         listed = effect_table(self.effects, self.candidates, self.ambiguous_with)
-        lines += ["", *listed, *([f"({closed_in_words(self.gap.of_positions)})"] if listed else [])]
+        lines += ["", *listed, *([f"({describe_closed(self.gap.of_positions)})"] if listed else [])]
         if self.budget is not None:
             lines += ["", *budget_lines(self.budget, self.gap, self.modelled, accepted=bool(self.effects))]
         lines += absorbed_lines(self.absorbed)
@@ -472,8 +468,8 @@ def budget_lines(budget: Budget, gap: Gap, modelled: Sequence[str], *, accepted:
     """The budget in one sentence and as a table, and why it has other figures than stand before it, where it has."""
     gaps = {name: (item.before, item.noise_floor) for name, item in gap.per_channel.items()}
     named = sum(item.share for item in budget.named)
-    beside = named_beside_closed(named, gap.share_closed, accepted=accepted)
-    said = [text for text in (beside, left_elsewhere(gaps, budget.weights, modelled)) if text]
+    beside = explain_named_share(named, gap.share_closed, accepted=accepted)
+    said = [text for text in (beside, explain_other_joint(gaps, budget.channel_weights, modelled)) if text]
     return [budget.sentence(), *_budget_table(budget), *(f"({text})" for text in said)]
 
 
@@ -488,20 +484,24 @@ def _budget_table(budget: Budget) -> list[str]:
             continue
         for item in channel.effects:
             low, high = item.interval90
-            between = f"{span(_whole(low), _whole(high), '…')}%" if math.isfinite(low + high) else ""
+            between = (
+                f"{span(_format_percentage(low), _format_percentage(high), '…')}%"
+                if math.isfinite(low + high)
+                else ""
+            )
             what = in_words(item.effect, item.location)
-            doubt = doubt_of_share(item.share, *item.interval90)
+            doubt = explain_share(item.share, *item.interval90)
             mark = f" {notes.setdefault(doubt, f'[{len(notes) + 1}]')}" if doubt else ""
-            lines.append(f"{name:{width}}  {_whole(item.share):>4}%  {between:>10}  {what}{mark}")
+            lines.append(f"{name:{width}}  {_format_percentage(item.share):>4}%  {between:>10}  {what}{mark}")
         for other in channel.unnamed:
             what = other.follows if not other.knots else f"follows {other.follows}, without a name"
-            lines.append(f"{name:{width}}  {_whole(other.share):>4}%  {'':10}  {what}")
-        lines.append(f"{name:{width}}  {_whole(channel.rest):>4}%  {'':10}  the rest")
+            lines.append(f"{name:{width}}  {_format_percentage(other.share):>4}%  {'':10}  {what}")
+        lines.append(f"{name:{width}}  {_format_percentage(channel.rest):>4}%  {'':10}  the rest")
     held = [f"({HELD})"] if any(channel.effects for channel in budget.channels.values()) else []
     return [*lines, *(f"{mark} {doubt}" for doubt, mark in notes.items()), *held]
 
 
-def _whole(share: float) -> str:
+def _format_percentage(share: float) -> str:
     """A share in per cent, without a sign before zero."""
     return f"{round(100.0 * share):d}" if math.isfinite(share) else f"{share:.0f}"
 
@@ -551,12 +551,12 @@ def trivial_table(errors: Mapping[str, TrivialErrors]) -> list[str]:
     return lines
 
 
-def in_a_row(each: Sequence[str]) -> str:
+def join_words(each: Sequence[str]) -> str:
     """Words with commas between them and ``and`` before the last."""
     return " and ".join([", ".join(each[:-1]), each[-1]] if len(each) > 1 else each)
 
 
-def without_a_name(place: str, where: Sequence[Where], warnings: Sequence[str]) -> str:
+def describe_unnamed_gap(place: str, where: Sequence[Where], warnings: Sequence[str]) -> str:
     """An unknown gap in words: what it is like, where that is known, or what it follows."""
     like = next((text for text in warnings if text.endswith(NO_NAME)), None)
     follows = "".join(
@@ -567,12 +567,12 @@ def without_a_name(place: str, where: Sequence[Where], warnings: Sequence[str]) 
     return like or f"there is a gap at {place} that{follows} no effect in the library explains"
 
 
-def either_of(effects: Sequence[Candidate], ambiguous_with: Sequence[Candidate]) -> tuple[str, bool]:
+def describe_rivals(effects: Sequence[Candidate], ambiguous_with: Sequence[Candidate]) -> tuple[str, bool]:
     """Effects that cannot be told apart, in words, behind accepted ones that are sure; and whether there are such."""
     open_ = {(item.effect, item.location) for item in ambiguous_with}
-    sure = [sized(item) for item in effects if (item.effect, item.location) not in open_]
-    either = " or ".join(sized(item) for item in ambiguous_with)
-    return (f"{in_a_row(sure)}, and {either}", True) if sure else (either, False)
+    sure = [describe_with_size(item) for item in effects if (item.effect, item.location) not in open_]
+    either = " or ".join(describe_with_size(item) for item in ambiguous_with)
+    return (f"{join_words(sure)}, and {either}", True) if sure else (either, False)
 
 
 def effect_table(
@@ -595,12 +595,12 @@ def effect_table(
     for item in listed:
         key = (item.effect, item.location)
         standing = "as likely" if key in open_ else "accepted" if key in named else "tried"
-        lines.append(_line(item, standing))
+        lines.append(_format_candidate_line(item, standing))
     return lines
 
 
-def _line(item: Candidate, standing: str) -> str:
-    values = ", ".join(f"{name} {measured(e)}" for name, e in item.parameters.items())
+def _format_candidate_line(item: Candidate, standing: str) -> str:
+    values = ", ".join(f"{name} {format_estimate(e)}" for name, e in item.parameters.items())
     return (
         f"{item.effect:24} {item.location or '':24} {standing:9} {item.evidence:9.1f} "
         f"{100 * item.share_closed:6.0f}%  {values}"
@@ -627,7 +627,7 @@ _WIDE = 0.5
 _DIFFERS = 0.1
 
 
-def doubt_of_share(share: float | None, low: float | None, high: float | None) -> str:
+def explain_share(share: float | None, low: float | None, high: float | None) -> str:
     """Why a share and its interval do not seem to fit each other, or say little; empty where they do not.
 
     Args:
@@ -650,7 +650,7 @@ def doubt_of_share(share: float | None, low: float | None, high: float | None) -
     return ""
 
 
-def left_elsewhere(
+def explain_other_joint(
     gaps: Mapping[str, tuple[float, float]], weights: Mapping[str, float], modelled: Sequence[str]
 ) -> str:
     """Why the budget finds the gap at another joint than the gaps by channel do; empty where both find it at one.
@@ -675,7 +675,7 @@ def left_elsewhere(
     )
 
 
-def named_beside_closed(named: float, closed: float | None, *, accepted: bool) -> str:
+def explain_named_share(named: float, closed: float | None, *, accepted: bool) -> str:
     """Why the parts with a name are not what the accepted effects close; empty where both say nearly the same.
 
     Args:

@@ -58,34 +58,38 @@ class Candidate(Stated):
     interval: Interval | None = field(default=None, metadata=named("share_closed_90"))
 
 
-def measured(item: Estimate) -> str:
+def format_estimate(item: Estimate) -> str:
     """Value and deviation as they are written in a sentence."""
     spread = "" if item.std is None else f" ± {item.std:.1g}"
     unit = "" if item.unit == "1" else item.unit
     return f"{item.value:.4g}{spread} {unit}".strip()
 
 
-def sized(item: Candidate) -> str:
+def describe_with_size(item: Candidate) -> str:
     """Effect, place and its size, as they are written in a sentence: the first parameter, a wave's height, or the axis
     that surely differs from zero most."""
-    return in_words(item.effect, item.location) + (f" ({size})" if (size := _size(item.parameters)) else "")
+    return in_words(item.effect, item.location) + (
+        f" ({size})" if (size := _format_size(item.parameters)) else ""
+    )
 
 
-def _size(parameters: Mapping[str, Estimate]) -> str:
+def _format_size(parameters: Mapping[str, Estimate]) -> str:
     if {"cosine", "sine"} <= set(parameters):
         # Of a gear's waves those that grow with its load may be all that is told.
-        waves = [_height(parameters, end) for end in ("", "_load", "_2") if f"cosine{end}" in parameters]
-        return measured(max(waves, key=lambda wave: wave.value / (wave.std or math.inf)))
+        waves = [
+            _wave_amplitude(parameters, end) for end in ("", "_load", "_2") if f"cosine{end}" in parameters
+        ]
+        return format_estimate(max(waves, key=lambda wave: wave.value / (wave.std or math.inf)))
     first = next(iter(parameters), "")
     axes = {n: e for n, e in parameters.items() if n[-1] in "xyz" and e.std} if first.endswith("x") else {}
     if len(axes) < 2:
-        return measured(parameters[first]) if first else ""
+        return format_estimate(parameters[first]) if first else ""
     # Of a sensor's bias of 4 N·m about y the first one is that of the force along x, -0.3 ± 0.2 N.
     axis = max(axes, key=lambda name: abs(axes[name].value) / (axes[name].std or math.inf))
-    return f"{axis.replace('_', ' ')} {measured(axes[axis])}"
+    return f"{axis.replace('_', ' ')} {format_estimate(axes[axis])}"
 
 
-def _height(parameters: Mapping[str, Estimate], end: str) -> Estimate:
+def _wave_amplitude(parameters: Mapping[str, Estimate], end: str) -> Estimate:
     """Height of a wave by its two parts: where the phase lies, either may be near zero."""
     parts = [parameters[f"{name}{end}"] for name in ("cosine", "sine")]
     height = math.hypot(*(part.value for part in parts))
@@ -101,7 +105,7 @@ def in_words(effect: str | None, location: str | None) -> str:
     return name if location is None else f"{name} at {location}"
 
 
-def percent(share: float) -> str:
+def format_percent(share: float) -> str:
     """A share for reading, with a digit that is not zero.
 
     >>> percent(0.123), percent(0.0000637), percent(0.0)

@@ -47,7 +47,7 @@ def effect_summaries() -> tuple[EffectSummary, ...]:
             name=effect.name,
             form=effect.name,
             base="fixed",
-            law=_law(effect),
+            law=_first_paragraph(effect),
             looks_like=", ".join(effect.confusable_with),
             told_apart_by=effect.separating_motion,
             mujoco=effect.mujoco,
@@ -57,17 +57,17 @@ def effect_summaries() -> tuple[EffectSummary, ...]:
     standing = (
         EffectSummary(
             name=effect.name,
-            form=effect.word,
+            form=effect.form_name,
             base="floating",
-            law=_law(effect),
+            law=_first_paragraph(effect),
             looks_like=effect.reads_as,
-            mujoco=effect.mujoco or _NOTED,
+            mujoco=effect.mujoco_part or _NOTED,
         )
         for effect in EVERY_FORM.values()
     )
     return (*arms, *standing)
 
 
-def _law(effect: Effect | FloatingEffect) -> str:
+def _first_paragraph(effect: Effect | FloatingEffect) -> str:
     """The first paragraph of its class' documentation."""
     return " ".join((inspect.getdoc(type(effect)) or "").split("\n\n")[0].replace("``", "").split())

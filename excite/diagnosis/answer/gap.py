@@ -89,7 +89,7 @@ def of_positions(units: Iterable[str]) -> bool:
     return bool(found) and found <= {"rad", "m"}
 
 
-def closed_in_words(positions: bool) -> str:
+def describe_closed(positions: bool) -> str:
     """What is meant by what each effect of a list closes.
 
     Args:
@@ -173,7 +173,6 @@ def gap_of(
     """Gap on the validation trials before and after, with a 90 % interval of the share closed.
 
     Args:
-        samples: the samples.
         before: ``(n_joints, n_rows)`` residual of the baseline [N·m].
         after: the same with the effects.
         floor: ``(n_joints,)`` noise floor [N·m].
@@ -184,15 +183,17 @@ def gap_of(
     Returns:
         The gap; where there are no validation trials, on the identification trials.
     """
-    old, new = (samples.squares(x)[:, samples.judging].mean(axis=1) for x in (before, after))
+    old, new = (samples.squared_residuals(x)[:, samples.judging_rows].mean(axis=1) for x in (before, after))
     level = floor**2 / scale**2
     first, last = (float(np.sqrt(np.mean(x / scale**2))) for x in (old, new))
     total_floor = min(float(np.sqrt(level.mean())), first, last)
     share = share_closed(first, last, total_floor)
     interval = None
     if before is not after:
-        was, now = ((samples.squares(x) / scale[:, None] ** 2).mean(axis=0) for x in (before, after))
-        interval = _interval(samples, was, now, level, share, rng)
+        was, now = (
+            (samples.squared_residuals(x) / scale[:, None] ** 2).mean(axis=0) for x in (before, after)
+        )
+        interval = _bootstrap_interval(samples, was, now, level, share, rng)
     lowest = np.minimum(floor, np.sqrt(np.minimum(new, old)))
     channels = {
         name: ChannelGap(
@@ -206,7 +207,7 @@ def gap_of(
     return Gap(first, last, total_floor, share, channels, interval)
 
 
-def _interval(
+def _bootstrap_interval(
     samples: ArmSamples, was: Array, now: Array, level: Array, share: float, rng: np.random.Generator
 ) -> tuple[float, float] | None:
     """90 % interval of the share closed on motions like the record's, by block bootstrap (Künsch 1989).
@@ -219,7 +220,6 @@ def _interval(
     be, the shortest interval counts.
 
     Args:
-        samples: the samples.
         was: ``(n_rows,)`` normalised power of the residual before.
         now: ``(n_rows,)`` the same with the effects.
         level: ``(n_joints,)`` normalised power of the floor.
@@ -229,16 +229,16 @@ def _interval(
     Returns:
         Bounds with ``share`` between them, at most 1; None where nothing stands above the floor, or one block is all.
     """
-    use, lowest = samples.identification, float(level.mean())
+    use, lowest = samples.identification_rows, float(level.mean())
     sides = [~use, use] if not use.all() else [use]
     room = float(was[sides[0]].mean()) - lowest
     if room <= 0.0:
         return None
-    whole = [_trials(samples, rows) for rows in sides]
-    parts = [_parts(samples, sides[0])]
+    whole = [_rows_by_trial(samples, rows) for rows in sides]
+    parts = [_rows_by_block(samples, sides[0])]
     drawn, freedom = [], []
     for blocks in (whole, parts):
-        pool = [_deviations(was, now, rows, own, lowest) for rows, own in zip(sides, blocks, strict=False)]
+        pool = [_block_spread(was, now, rows, own, lowest) for rows, own in zip(sides, blocks, strict=False)]
         size = np.sqrt([len(b) for b in blocks[0]])
         count = sum(len(own) - 1 for own in blocks if own)
         if count >= _FREEDOM:
@@ -248,15 +248,15 @@ def _interval(
     if not drawn:
         return None
     widest = max(drawn, key=lambda x: float(x.std()))
-    independent = _independent(samples)
+    independent = _count_independent_samples(samples)
     floors = rng.chisquare(independent, (_DRAWS, len(level))) / independent @ level / len(level)
     left = 1.0 - share + (widest - share * (floors - lowest)) / room
     tail = float(ndtr(stdtrit(freedom[0], 0.05)))
-    low, high = _shortest(np.maximum(left, 0.0), 1.0 - 2.0 * tail)
+    low, high = _shortest_interval(np.maximum(left, 0.0), 1.0 - 2.0 * tail)
     return min(1.0 - high, share), max(1.0 - low, share)
 
 
-def _shortest(values: Array, held: float) -> tuple[float, float]:
+def _shortest_interval(values: Array, held: float) -> tuple[float, float]:
     """Bounds of the shortest interval that holds a share of the values."""
     values = np.sort(values)
     count = int(np.ceil(held * len(values)))
@@ -264,7 +264,7 @@ def _shortest(values: Array, held: float) -> tuple[float, float]:
     return float(values[first]), float(values[first + count - 1])
 
 
-def _deviations(
+def _block_spread(
     was: Array, now: Array, rows: NDArray[np.bool_], blocks: list[NDArray[np.intp]], lowest: float
 ) -> Array:
     """What blocks leave beyond the share that all rows leave, times the root of their length, unbiased in power.
@@ -286,7 +286,7 @@ def _deviations(
     return beyond * np.sqrt(size * len(blocks) / (len(blocks) - 1))
 
 
-def _trials(samples: ArmSamples, rows: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
+def _rows_by_trial(samples: ArmSamples, rows: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
     """Rows of each trial among these; a motion that was run again is no other motion."""
     chosen = np.unique(samples.trial_of_row[rows])
     names = {samples.trials[k].name for k in chosen}
@@ -295,7 +295,7 @@ def _trials(samples: ArmSamples, rows: NDArray[np.bool_]) -> list[NDArray[np.int
     ]
 
 
-def _parts(samples: ArmSamples, rows: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
+def _rows_by_block(samples: ArmSamples, rows: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
     """Rows of blocks of each trial among these."""
     length = max(1, round(_BLOCK_S * samples.bands.rate_hz))
     made: list[NDArray[np.intp]] = []
@@ -305,7 +305,7 @@ def _parts(samples: ArmSamples, rows: NDArray[np.bool_]) -> list[NDArray[np.intp
     return made
 
 
-def _independent(samples: ArmSamples) -> float:
+def _count_independent_samples(samples: ArmSamples) -> float:
     """Independent samples that filtered noise has in the shortest trial, by which a repeat is limited."""
     bands = samples.bands
     seconds = min(len(trial.rows) for trial in samples.trials) / bands.rate_hz
@@ -438,17 +438,17 @@ class Budget:
     detectable: tuple[Detectable, ...] = ()
 
     @property
-    def weights(self) -> dict[str, float]:
+    def channel_weights(self) -> dict[str, float]:
         """By channel, its share of the whole gap above the noise; all 0 where there is none."""
         return {name: channel.weight for name, channel in self.channels.items()}
 
     @property
-    def rest(self) -> float:
+    def unexplained_share(self) -> float:
         """Share of the whole gap above the noise that follows nothing."""
         return sum(channel.weight * channel.rest for channel in self.channels.values())
 
     @property
-    def follows(self) -> dict[str, float]:
+    def unnamed_shares(self) -> dict[str, float]:
         """Shares of the whole gap above the noise without a name, by what they follow."""
         made: dict[str, float] = {}
         for channel in self.channels.values():
@@ -463,16 +463,16 @@ class Budget:
             for item in self.named
             if item.share >= _WORTH
         ]
-        for name, share in sorted(self.follows.items(), key=lambda x: -x[1]):
+        for name, share in sorted(self.unnamed_shares.items(), key=lambda x: -x[1]):
             if share >= _WORTH:
                 what = "what does not repeat" if name == NOT_REPEATED else f"unnamed, following {name},"
                 parts.append(f"{what} {100 * share:.0f} %")
         if not parts:
-            return self._noise()
-        parts.append(f"the rest {100 * self.rest:.0f} %")
+            return self._describe_noise()
+        parts.append(f"the rest {100 * self.unexplained_share:.0f} %")
         return "Of the gap above the noise: " + "; ".join(parts) + "."
 
-    def _noise(self) -> str:
+    def _describe_noise(self) -> str:
         """The same where nothing in the gap follows anything: how near to the noise it is."""
         if not self.channels:
             return "Nothing was compared."
@@ -524,15 +524,15 @@ class TrivialErrors(Stated):
     fir_s: UnboundedPositive | None = None
 
     @property
-    def best(self) -> float | None:
+    def least_learnt_error(self) -> float | None:
         """The least error of the predictors that have learnt from commands."""
         known = [value for value in (self.delayed_command, self.fir) if value is not None]
         return min(known) if known else None
 
 
-def beaten(errors: Mapping[str, TrivialErrors]) -> tuple[Finding, ...]:
+def find_beaten_channels(errors: Mapping[str, TrivialErrors]) -> tuple[Finding, ...]:
     """A finding where a simulator is no better on trials left out than what has no physics."""
-    known = {name: (e, e.best, e.model) for name, e in errors.items()}
+    known = {name: (e, e.least_learnt_error, e.model) for name, e in errors.items()}
     worse = {
         name: (item, best, model)
         for name, (item, best, model) in known.items()
@@ -541,7 +541,7 @@ def beaten(errors: Mapping[str, TrivialErrors]) -> tuple[Finding, ...]:
     if not worse:
         return ()
     said = [
-        f"{name} {model:.2g} {item.unit} against {best:.2g} of {_by(item)}"
+        f"{name} {model:.2g} {item.unit} against {best:.2g} of {_name_best_predictor(item)}"
         for name, (item, best, model) in worse.items()
     ]
     text = (
@@ -564,6 +564,6 @@ def beaten(errors: Mapping[str, TrivialErrors]) -> tuple[Finding, ...]:
     )
 
 
-def _by(item: TrivialErrors) -> str:
+def _name_best_predictor(item: TrivialErrors) -> str:
     fir, late = item.fir, item.delayed_command
     return "the filter" if late is None or (fir is not None and fir <= late) else "the delay"

@@ -11,23 +11,23 @@ from scipy.special import ndtri, stdtrit
 
 from excite.arrays import Array
 from excite.diagnosis.answer.answer import NO_NAME, Absorbed, Diagnosis, Rollout
-from excite.diagnosis.answer.candidate import Candidate, Estimate, measured
+from excite.diagnosis.answer.candidate import Candidate, Estimate, format_estimate
 from excite.diagnosis.answer.gap import Budget, Curves, Gap, Where, gap_of, share_closed
-from excite.diagnosis.arm.read import Reading
+from excite.diagnosis.arm.read import BudgetVerdict
 from excite.diagnosis.arm.record import TorqueRecord
 from excite.diagnosis.attribution import Attribution, Judgement, Scored, Scorer
 from excite.diagnosis.budget.fit.joint_fit import Model
 from excite.diagnosis.budget.library import NAMELESS
 from excite.diagnosis.budget.made import budget_of, sizes_by_trial
-from excite.diagnosis.budget.record import begun_baseline, rows_of
-from excite.diagnosis.budget.shares import deviation, part_time_payload, trials_that_carry
+from excite.diagnosis.budget.record import fit_initial_baseline, rows_of
+from excite.diagnosis.budget.shares import jackknife_std, part_time_payload, trials_that_carry
 from excite.diagnosis.budget.thresholds import THRESHOLDS
 from excite.diagnosis.effects.effect import Effect
 from excite.diagnosis.effects.form import Context
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.joint_torque import TRIALS
-from excite.diagnosis.equations.known_drives import known_terms, less_known
+from excite.diagnosis.equations.known_drives import known_terms, subtract_known_torques
 from excite.diagnosis.equations.noise_floor import (
     bands_by_noise,
     kinematic_noise,
@@ -35,7 +35,7 @@ from excite.diagnosis.equations.noise_floor import (
     position_noise,
     repeat_floor,
     spectral_floor,
-    unrepeated,
+    unrepeated_noise_power,
     white_floor,
     without_drift,
 )
@@ -44,10 +44,10 @@ from excite.diagnosis.equations.resampling import arm_samples
 from excite.diagnosis.equations.samples import ArmSamples
 from excite.diagnosis.equations.standing_joints import held_power, stands_throughout, with_held
 from excite.diagnosis.equations.units import at_joint, force_unit
-from excite.diagnosis.next_experiment.advice import advice
-from excite.diagnosis.selection.found import model_of_gap
-from excite.diagnosis.simulator.augmented_plant import Found, found_effects, robot_changes
-from excite.diagnosis.simulator.rollout_compare import simulated
+from excite.diagnosis.next_experiment.advice import give_advice
+from excite.diagnosis.selection.found import build_gap_model
+from excite.diagnosis.simulator.augmented_plant import FoundEffect, found_effects, robot_changes
+from excite.diagnosis.simulator.rollout_compare import simulate_effects
 from excite.diagnosis.trivial import of_torques
 from excite.finding import Finding
 from excite.logs.log import Log
@@ -61,14 +61,14 @@ _LISTED = 8
 def candidate_of(item: Scored, context: Context, gap: Gap, attribution: Attribution) -> Candidate:
     """A scored hypothesis as it stands in the document; gaps on the validation trials."""
     h = item.hypothesis
-    after = h.baseline.gap(h.fit.residual, attribution.scale)
+    after = h.baseline.relative_gap(h.fit.residual, attribution.scale)
     return Candidate(
         effect=item.name,
         location=item.location,
         parameters=at_joint(
             context.baseline.samples.robot,
             item.location,
-            h.effect.estimates(context, item.location, h.theta, h.told),
+            h.effect.to_estimates(context, item.location, h.theta, h.fit_with_trial_deviations),
         ),
         evidence=item.evidence,
         gap_after=after,
@@ -76,7 +76,7 @@ def candidate_of(item: Scored, context: Context, gap: Gap, attribution: Attribut
     )
 
 
-def with_others_in_it(item: Candidate, scored: Scored) -> tuple[Candidate, ...]:
+def including_absorbed(item: Candidate, scored: Scored) -> tuple[Candidate, ...]:
     """An accepted effect, and those that its form has in it: each with the parameters that are its own."""
     along = scored.hypothesis.effect.along
     if not along:
@@ -89,7 +89,7 @@ def with_others_in_it(item: Candidate, scored: Scored) -> tuple[Candidate, ...]:
     return tuple(made)
 
 
-def listed_candidates(
+def rank_candidates(
     attribution: Attribution, judgement: Judgement, gap: Gap, effects: tuple[Candidate, ...]
 ) -> tuple[tuple[Candidate, ...], int]:
     """Candidates for the first effect, likeliest first, and how many of them are tied."""
@@ -137,10 +137,10 @@ def diagnose_arm(robot: Robot, log: Log, rng: np.random.Generator, out: Path | N
         LogError: no torques, trials too short.
     """
 
-    def simulate(attribution: Attribution) -> Rollout:
-        return simulated(attribution, out)
+    def roll_out_effects(attribution: Attribution) -> Rollout:
+        return simulate_effects(attribution, out)
 
-    return diagnose_torques(TorqueRecord(robot, log, log.header.modelled, out), rng, simulate)
+    return diagnose_torques(TorqueRecord(robot, log, log.header.modelled, out), rng, roll_out_effects)
 
 
 def diagnose_torques(
@@ -158,24 +158,24 @@ def diagnose_torques(
     Returns:
         The diagnosis.
     """
-    found = judged_record(record)
+    found = judge_record(record)
     samples, baseline, attribution, judgement = (
         found.samples,
         found.baseline,
         found.attribution,
         found.judgement,
     )
-    before, after = (baseline.plain(fit.residual) for fit in (baseline.fit, attribution.final.fit))
+    before, after = (baseline.plain_residual(fit.residual) for fit in (baseline.fit, attribution.final.fit))
     closed = after if attribution.accepted else before
-    gap = gap_of(samples, before, closed, _floor(found, before), attribution.scale, rng)
+    gap = gap_of(samples, before, closed, _torque_noise_floor(found, before), attribution.scale, rng)
     effects = tuple(
         one
         for item, tied, values in zip(
             attribution.accepted, judgement.tied, found_effects(attribution), strict=True
         )
-        for one in with_others_in_it(_accepted(item, tied, values, found, gap), item)
+        for one in including_absorbed(_as_candidate(item, tied, values, found, gap), item)
     )
-    listed, n_tied = listed_candidates(attribution, judgement, gap, effects)
+    listed, n_tied = rank_candidates(attribution, judgement, gap, effects)
     unknown = judgement.verdict == "unknown"
     named = effects[0] if effects and not unknown else None
     location = judgement.structured[0] if unknown else None if named is None else named.location
@@ -188,13 +188,13 @@ def diagnose_torques(
         candidates=listed,
         effects=effects,
         gap=gap,
-        where=locate(Context(baseline), found.budget.weights),
+        where=locate_gap(Context(baseline), found.budget.channel_weights),
         simulation=simulate(attribution),
         n_tied=n_tied,
-        next_experiment=advice(attribution, judgement, record.out),
-        warnings=_warnings(record, found, effects),
+        next_experiment=give_advice(attribution, judgement, record.out),
+        warnings=_collect_warnings(record, found, effects),
         budget=found.budget,
-        absorbed=absorbed(baseline),
+        absorbed=estimate_absorbed_sizes(baseline),
         faults=found.findings,
         trivial={} if record.reconstructed_noise else of_torques(samples, closed),
         changes=robot_changes(attribution),
@@ -202,7 +202,9 @@ def diagnose_torques(
     )
 
 
-def _accepted(item: Scored, tied: tuple[str, ...], values: Found, found: Judged, gap: Gap) -> Candidate:
+def _as_candidate(
+    item: Scored, tied: tuple[str, ...], values: FoundEffect, found: GapFit, gap: Gap
+) -> Candidate:
     """An accepted effect with its sizes as a simulator takes them up, and its probability in the model of all.
 
     A size that is a gear's shape has the deviation that this model tells.
@@ -221,24 +223,24 @@ def _accepted(item: Scored, tied: tuple[str, ...], values: Found, found: Judged,
     return replace(alone, parameters=parameters, tied_locations=tied, probability=named.probability)
 
 
-def _floor(found: Judged, before: Array) -> Array:
+def _torque_noise_floor(found: GapFit, before: Array) -> Array:
     """Noise of the torques, by joint [N·m]: what repeats of a command differ by, and what friction holds.
 
     By the record before any effect, so that no floor depends on what was found.
     """
     samples, baseline, floor = found.samples, found.baseline, found.spectral
-    outside = samples.judging
-    if samples.repeats:
+    outside = samples.judging_rows
+    if samples.repeat_pairs:
         terms = own_terms(("viscous_friction", "coulomb_friction", "torque_bias"))
         own = [own_rows(samples, terms, j, [sign])[0] for j, sign in enumerate(baseline.signs)]
         repeat = repeat_floor(samples, without_drift(samples, before, own))
         if repeat is not None:
-            more = unrepeated(samples, found.noise, outside)
+            more = unrepeated_noise_power(samples, found.noise, outside)
             floor = other_postures(np.maximum(repeat, 0.5 * floor), more)
     return np.sqrt(floor**2 + held_power(samples, before, floor, outside))
 
 
-def _warnings(record: TorqueRecord, found: Judged, effects: tuple[Candidate, ...]) -> tuple[str, ...]:
+def _collect_warnings(record: TorqueRecord, found: GapFit, effects: tuple[Candidate, ...]) -> tuple[str, ...]:
     """Limits of what is said, one sentence each."""
     warnings = []
     if not record.log.role("validation"):
@@ -259,14 +261,13 @@ def trial_curves(samples: ArmSamples, before: Array, after: Array) -> Curves:
     """Curves of the first validation trial, of the first trial where there is none.
 
     Args:
-        samples: the samples.
         before: ``(n_joints, n_rows)`` measured minus predicted without effects [N·m].
         after: the same with the effects.
     """
     chosen = next((k for k, t in enumerate(samples.trials) if not t.identification), 0)
     trial, here = samples.trials[chosen], samples.trial_of_row == chosen
-    measured = np.asarray(samples.rows(samples.stacked("measured"))[here])
-    before, after = (samples.unweighed(values)[:, here].T for values in (before, after))
+    measured = np.asarray(samples.to_rows(samples.stack_trials("measured_torque"))[here])
+    before, after = (samples.without_slip_weights(values)[:, here].T for values in (before, after))
     return Curves(
         trial=trial.name,
         validation=not trial.identification,
@@ -284,7 +285,7 @@ def trial_curves(samples: ArmSamples, before: Array, after: Array) -> Curves:
 _LEAST = 0.02
 
 
-def locate(context: Context, shares: Mapping[str, float]) -> tuple[Where, ...]:
+def locate_gap(context: Context, shares: Mapping[str, float]) -> tuple[Where, ...]:
     """Map of the baseline's residual, largest share first.
 
     The dependence is the share of a joint's residual power on the identification trials that functions of
@@ -298,12 +299,12 @@ def locate(context: Context, shares: Mapping[str, float]) -> tuple[Where, ...]:
         One line a joint.
     """
     samples = context.baseline.samples
-    use, rest = samples.identification, context.baseline.plain(context.baseline.fit.residual)
+    use, rest = (samples.identification_rows, context.baseline.plain_residual(context.baseline.fit.residual))
     lines = []
     for j, name in enumerate(context.joints):
         dependence = {
-            what: _explained(samples.rows(columns)[use], rest[j][use])
-            for what, columns in _features(context, j).items()
+            what: _explained_share(samples.to_rows(columns)[use], rest[j][use])
+            for what, columns in _dependence_features(context, j).items()
         }
         best = max(dependence, key=lambda what: dependence[what])
         lines.append(
@@ -311,18 +312,18 @@ def locate(context: Context, shares: Mapping[str, float]) -> tuple[Where, ...]:
                 channel=name,
                 share=shares[name],
                 depends_on=best if dependence[best] > _LEAST else "nothing known",
-                band_hz=_band(context, rest[j]),
+                band_hz=_power_band(context, rest[j]),
                 dependence=dependence,
             )
         )
     return tuple(sorted(lines, key=lambda line: -line.share))
 
 
-def _features(context: Context, j: int) -> dict[str, Array]:
+def _dependence_features(context: Context, j: int) -> dict[str, Array]:
     """Functions of one thing each, ``(n_samples, k)``."""
     q, v, a = context.q[:, j], context.v[:, j], context.a[:, j]
-    sign, load = context.sign(j), context.baseline.rigid[:, j]
-    clock = context.session / max(float(context.session.max()), 1e-9)
+    sign, load = context.friction_sign(j), context.baseline.rigid[:, j]
+    clock = context.session_time / max(float(context.session_time.max()), 1e-9)
     return {
         "velocity": np.column_stack(
             [sign, v, sign * v**2, *(sign * np.exp(-((v / w) ** 2)) for w in (0.03, 0.1))]
@@ -336,14 +337,14 @@ def _features(context: Context, j: int) -> dict[str, Array]:
     }
 
 
-def _explained(columns: Array, residual: Array) -> float:
+def _explained_share(columns: Array, residual: Array) -> float:
     size = np.linalg.norm(columns, axis=0)
     columns = columns[:, size > 1e-9 * max(float(size.max()), 1e-300)]
     rest = residual - columns @ np.linalg.lstsq(columns, residual, rcond=1e-8)[0]
     return max(0.0, 1.0 - float(rest @ rest) / max(float(residual @ residual), 1e-300) - 0.005)
 
 
-def _band(context: Context, residual: Array) -> tuple[float, float]:
+def _power_band(context: Context, residual: Array) -> tuple[float, float]:
     """Frequencies between a tenth and nine tenths of the residual's power [Hz]."""
     samples = context.baseline.samples
     parts = [residual[samples.trial_of_row == k] for k in range(len(samples.trials))]
@@ -364,7 +365,7 @@ def _band(context: Context, residual: Array) -> tuple[float, float]:
 _UNITS = {word: term.unit for term in DRIVE_TERMS.values() for word in term.effects}
 
 
-def absorbed(baseline: Baseline) -> tuple[Absorbed, ...]:
+def estimate_absorbed_sizes(baseline: Baseline) -> tuple[Absorbed, ...]:
     """Coefficients of the joints' own columns, as many a joint as ``modelled`` asks for.
 
     Deviations are those by which the fitted trials disagree, and Student's intervals of so few of them; of one or two
@@ -378,14 +379,14 @@ def absorbed(baseline: Baseline) -> tuple[Absorbed, ...]:
     within = float(stdtrit(trials - 1, 0.95) if trials >= TRIALS else ndtri(0.95))
     found = []
     for j, joint in enumerate(joints):
-        names = list(_names(baseline, j))
+        names = list(_own_column_names(baseline, j))
         if not names:
             continue
         # As columns of a hypothesis, whose deviations are known, and not as the joint's own.
         columns = np.zeros((len(joints), *equations.own[j].shape))
         columns[j] = equations.own[j]
         solver = baseline.solver.with_own(j, equations.own[j][:, :0])
-        fit = solver.fit(columns)
+        fit = solver.fit_columns(columns)
         spread = solver.std_between_trials(fit)
         for name, value, std in zip(names, fit.extra, spread, strict=True):
             word = name.partition(" ")[0]
@@ -400,11 +401,11 @@ def absorbed(baseline: Baseline) -> tuple[Absorbed, ...]:
     return tuple(found)
 
 
-def _names(baseline: Baseline, joint: int) -> Iterator[str]:
+def _own_column_names(baseline: Baseline, joint: int) -> Iterator[str]:
     """Of a joint's own columns, in their order: of its motor, of its bristles."""
     terms = own_terms(baseline.modelled)
     yield from (term.words[0] for term in terms)
-    if baseline.signs[joint].damped and COULOMB in terms:
+    if baseline.signs[joint].has_damping and COULOMB in terms:
         yield "viscous_friction of the bristles at standstill"
 
 
@@ -413,7 +414,7 @@ def _names(baseline: Baseline, joint: int) -> Iterator[str]:
 
 
 @dataclass(frozen=True, eq=False)
-class Judged:
+class GapFit:
     """What was found in the rows, and the noise by which it was judged.
 
     Attributes:
@@ -437,46 +438,46 @@ class Judged:
     findings: tuple[Finding, ...] = ()
 
 
-def judged_record(record: TorqueRecord) -> Judged:
+def judge_record(record: TorqueRecord) -> GapFit:
     """Find what a record's gap is made of."""
     # Torques that were made of positions are as late and as noisy as these.
     measured = record.reconstructed_noise is None
     bands = bands_by_noise(record.log, record.log.trials) if measured else None
     samples = arm_samples(record.robot, record.log, record.log.trials, bands)
     if known_terms(samples, record.modelled):
-        samples = less_known(samples, record.modelled, spectral_floor(samples))
+        samples = subtract_known_torques(samples, record.modelled, spectral_floor(samples))
     spectral = (record.reconstructed_noise or spectral_floor)(samples)
     # Torques that were not measured are no better further up in the spectrum.
     least = np.minimum(white_floor(samples), spectral) if measured else spectral
-    full = begun_baseline(samples, record.modelled, least)
+    full = fit_initial_baseline(samples, record.modelled, least)
     samples = full.samples
     baseline = fit_baseline(samples, record.modelled, least, like=full)
     columns = [record.log.header.joints.index(name) for name in samples.joints]
     sigma = position_noise(samples, columns, record.log.trials)
     noise = kinematic_noise(baseline, sigma, np.random.default_rng(0))
     spectral = np.hypot(spectral, np.sqrt(((noise * baseline.strict) ** 2).mean(axis=1)))
-    tau = samples.rows([t.measured for t in samples.trials])[samples.identification]
+    tau = samples.to_rows([t.measured_torque for t in samples.trials])[samples.identification_rows]
     # A joint that stands throughout leaves what holds it, in units of next to no torque: no part of the whole gap.
     scale = np.where(stands_throughout(samples), np.inf, np.maximum(tau.std(axis=0), 1e-9))
-    together = unison(full)
+    together = find_joints_in_unison(full)
     # On one path any list of effects could stand for any other, and what has no name for any that has.
     effects = (*record.effects, *NAMELESS) if together is None else _own_terms(record.effects)
-    if together is None and (loaded := _loaded(full, least)) is not None:
+    if together is None and (loaded := _find_part_time_payload(full, least)) is not None:
         effects = (*effects, loaded)
-    found = model_of_gap(full, record.modelled, effects, least, sigma, np.random.default_rng(0))
+    found = build_gap_model(full, record.modelled, effects, least, sigma, np.random.default_rng(0))
     model, context = found.model, found.prediction.context
     spectral = with_held(samples, model.residual, spectral)
     budget = budget_of(found, spectral, scale)
-    said = (*(() if together is None else (together,)), *other_machine(model))
+    said = (*(() if together is None else (together,)), *find_changed_sizes(model))
     said = (*said, *sizes_by_trial(model, context, found.baseline.strict, spectral))
-    scorer = Scorer(baseline, spectral, unrepeated(samples, noise * baseline.strict), scale)
-    attribution, judgement = Reading(found, budget, scorer).verdict()
+    scorer = Scorer(baseline, spectral, unrepeated_noise_power(samples, noise * baseline.strict), scale)
+    attribution, judgement = BudgetVerdict(found, budget, scorer).decide_verdict()
     named = ((item.hypothesis.effect, item.location) for item in attribution.accepted)
     said = (*said, *trials_that_carry(named))
-    return Judged(samples, baseline, spectral, noise, attribution, judgement, budget, said)
+    return GapFit(samples, baseline, spectral, noise, attribution, judgement, budget, said)
 
 
-def _loaded(full: Baseline, floor: Array) -> Effect | None:
+def _find_part_time_payload(full: Baseline, floor: Array) -> Effect | None:
     """The body that some trials have and others do not, told beside all that the model begins with."""
     return part_time_payload(Context(full), rows_of(full, full.modelled, floor), full.strict)
 
@@ -495,7 +496,7 @@ _BLOCKS = 3
 _LARGE = 0.3
 
 
-def other_machine(model: Model) -> tuple[Finding, ...]:
+def find_changed_sizes(model: Model) -> tuple[Finding, ...]:
     """Terms whose sizes in the trials that judge are others than in those that were learnt from.
 
     All else in the model is kept as it was learnt. A difference counts where blocks on both sides agree that it is
@@ -506,27 +507,27 @@ def other_machine(model: Model) -> tuple[Finding, ...]:
         model: the model of the gap.
     """
     design = model.design
-    if design.judged is design.fitted or len(design.judged.count) < _BLOCKS or not model.chosen:
+    if design.judging_grams is design.fitted or len(design.judging_grams.count) < _BLOCKS or not model.chosen:
         return ()
-    refits = _refits(model)
+    refits = _refit_on_judging_trials(model)
     if refits is None:
         return ()
     there, spread = refits
     first = model.layout.begin[0]
     here = model.x[first:]
-    both = np.hypot(deviation(model.left_out[:, first:]), spread)
+    both = np.hypot(jackknife_std(model.left_out[:, first:]), spread)
     made = []
     for k, begin in zip(model.chosen, model.layout.begin, strict=True):
         term = design.terms[k]
         if term.known:
             continue
-        where = slice(begin - first, begin - first + term.size)
+        where = slice(begin - first, begin - first + term.n_free)
         change = there[where] - here[where]
         clear = np.abs(change) > THRESHOLDS.differs * both[where]
         large = np.linalg.norm(change) > _LARGE * np.linalg.norm(here[where])
-        if not (clear.any() and large) or _missed(model, k, change) < THRESHOLDS.trifle:
+        if not (clear.any() and large) or _power_of_size_change(model, k, change) < THRESHOLDS.trifle:
             continue
-        old, new = term.beta(here[where]), term.beta(there[where])
+        old, new = term.to_beta(here[where]), term.to_beta(there[where])
         names = [p.name for p in term.effect.linear]
         shown = [i for i in term.kept if abs(float(new[i] - old[i])) > 0.0][:4]
         said = ", ".join(f"{names[i]} {old[i]:.3g} against {new[i]:.3g}" for i in shown)
@@ -550,19 +551,19 @@ def other_machine(model: Model) -> tuple[Finding, ...]:
     return tuple(made)
 
 
-def _missed(model: Model, k: int, change: Array) -> float:
+def _power_of_size_change(model: Model, k: int, change: Array) -> float:
     """Power that a change of a term's size makes in the trials that judge, as a share of what is left there."""
-    grams, at = model.design.judged, model.design.place[k]
-    left = (model.power(grams) * grams.count[:, None]).sum(axis=0)
+    grams, at = model.design.judging_grams, model.design.place[k]
+    left = (model.residual_power(grams) * grams.count[:, None]).sum(axis=0)
     made = sum(
         float(model.weight[j] * (change @ grams.total[j][np.ix_(c, c)] @ change)) for j, c in at.items()
     )
     return made / max(sum(float(model.weight[j] * left[j]) for j in at), 1e-300)
 
 
-def _refits(model: Model) -> tuple[Array, Array] | None:
+def _refit_on_judging_trials(model: Model) -> tuple[Array, Array] | None:
     """Sizes of all terms on the trials that judge, and their deviations by blocks; None where these tell too little."""
-    first, grams = model.layout.begin[0], model.design.judged
+    first, grams = model.layout.begin[0], model.design.judging_grams
     size = model.layout.size - first
     n = len(grams.count)
     normal, right = np.zeros((n, size, size)), np.zeros((n, size))
@@ -579,7 +580,7 @@ def _refits(model: Model) -> tuple[Array, Array] | None:
     learnt = keep * model.x[first:]
     there = np.linalg.solve(total + prior, sums + learnt)
     without = np.linalg.solve(total - normal + prior, (sums - right + learnt)[..., None])[..., 0]
-    return there, deviation(without)
+    return there, jackknife_std(without)
 
 
 # Whether a motion moves the joints one by one, or all on one line: which place a gap has is then not told.
@@ -601,14 +602,14 @@ def independent_joints(q: Array) -> float:
     return float(np.exp(-(share * np.log(share)).sum()))
 
 
-def unison(baseline: Baseline) -> Finding | None:
+def find_joints_in_unison(baseline: Baseline) -> Finding | None:
     """The finding that joints move in unison, with what is determined all the same; None where they do not.
 
     Args:
         baseline: what is modelled, fitted.
     """
     samples = baseline.samples
-    q = samples.motion("q")
+    q = samples.motor_signal("q")
     count = independent_joints(q)
     if len(samples.joints) < 3 or count >= THRESHOLDS.unison:
         return None
@@ -631,11 +632,11 @@ def unison(baseline: Baseline) -> Finding | None:
 def torque_scales(baseline: Baseline) -> dict[str, float]:
     """Measured torque per torque of the nominal rigid bodies, by joint, beside friction and a constant."""
     samples, scales = baseline.samples, {}
-    use = samples.identification
-    tau = samples.rows([t.tau for t in samples.trials])[use]
+    use = samples.identification_rows
+    tau = samples.to_rows([t.tau for t in samples.trials])[use]
     nominal = tau - (baseline.solver.equations.y / baseline.root_weight).T[use]
-    sign = samples.rows(np.column_stack([np.tanh(t) for t in _speeds(baseline)]))[use]
-    speed = samples.rows(np.column_stack(_speeds(baseline)))[use]
+    sign = samples.to_rows(np.column_stack([np.tanh(t) for t in _normalised_speeds(baseline)]))[use]
+    speed = samples.to_rows(np.column_stack(_normalised_speeds(baseline)))[use]
     for j, name in enumerate(samples.joints):
         columns = np.column_stack([nominal[:, j], np.ones(len(tau)), sign[:, j], speed[:, j]])
         if nominal[:, j].std() > THRESHOLDS.load * tau[:, j].std():
@@ -643,9 +644,9 @@ def torque_scales(baseline: Baseline) -> dict[str, float]:
     return scales
 
 
-def _speeds(baseline: Baseline) -> list[Array]:
+def _normalised_speeds(baseline: Baseline) -> list[Array]:
     """Velocity of each joint over the width of its friction's change of sign."""
-    v = baseline.samples.motion("v")
+    v = baseline.samples.motor_signal("v")
     return [speed / sign.width for speed, sign in zip(v.T, baseline.signs, strict=True)]
 
 
@@ -656,7 +657,7 @@ def in_words(item: Scored) -> str:
     """What it says of the robot, for people."""
     h = item.hypothesis
     context = Context(h.baseline)
-    values = h.effect.estimates(context, item.location, h.theta, h.told)
+    values = h.effect.to_estimates(context, item.location, h.theta, h.fit_with_trial_deviations)
     values = at_joint(h.baseline.samples.robot, item.location, values)
-    told = ", ".join(f"{name} {measured(value)}" for name, value in values.items())
+    told = ", ".join(f"{name} {format_estimate(value)}" for name, value in values.items())
     return f"the gap at {item.location} is that of a stop, or of a body that the joint runs into ({told}); {NO_NAME}"

@@ -18,21 +18,21 @@ from excite.diagnosis.attribution import (
     Judgement,
     Scored,
     Scorer,
-    along,
     at_rows,
-    extended,
+    extend_baseline,
+    fit_along_direction,
     structured_joints,
 )
-from excite.diagnosis.budget.bodies import likeliest_beside
+from excite.diagnosis.budget.bodies import fit_likeliest_bodies
 from excite.diagnosis.budget.fit.design import Design
-from excite.diagnosis.budget.fit.joint_fit import Model, fit
+from excite.diagnosis.budget.fit.joint_fit import Model, fit_model
 from excite.diagnosis.budget.fit.terms import Term, TermMaker
-from excite.diagnosis.budget.record import Found
+from excite.diagnosis.budget.record import GapModel
 from excite.diagnosis.budget.shares import judged_power, linear_deviations, power_of
 from excite.diagnosis.budget.thresholds import THRESHOLDS
 from excite.diagnosis.effects.form import Context
 from excite.diagnosis.equations.baseline import Baseline
-from excite.diagnosis.equations.dry_friction.fitted_signs import signs_again
+from excite.diagnosis.equations.dry_friction.fitted_signs import refit_signs
 
 # Candidates that are listed.
 _LISTED = 8
@@ -43,7 +43,7 @@ _NOTHING = 0.02
 
 
 @dataclass(frozen=True, eq=False)
-class Reading:
+class BudgetVerdict:
     """What a budget says of a record.
 
     Attributes:
@@ -52,31 +52,31 @@ class Reading:
         scorer: of hypotheses beside what is modelled.
     """
 
-    found: Found
+    found: GapModel
     budget: Budget
     scorer: Scorer
 
-    def verdict(self) -> tuple[Attribution, Judgement]:
-        """The effects that are named, in the equations, and the verdict."""
-        sure = [item for item in self.budget.named if item.clear and is_there(item)]
-        whole = explained(self.budget, sure)
+    def decide_verdict(self) -> tuple[Attribution, Judgement]:
+        """Fit the named effects in the equations and decide the verdict."""
+        sure = [item for item in self.budget.named if item.clear and is_accepted(item)]
+        whole = is_gap_explained(self.budget, sure)
         # What is clear at its own place is there, whatever hides the rest of the machine or explains it.
-        sure = [item for item in sure if self._takes_its_place(item) and (whole or alone(item))]
+        sure = [item for item in sure if self._has_share_at_place(item) and (whole or has_no_rival(item))]
         if not sure:
-            return self._open()
+            return self._judge_unnamed_gap()
         # First what surely takes most: of a gap that hardly stands above the noise, shares say little.
         first, *others = sorted(sure, key=lambda item: -item.surely)
         # Of what has a rival elsewhere than in the first place nobody knows the name.
-        chosen = [first, *(item for item in others if alone(item))]
-        kept, accepted = self._that_explain(chosen)
-        return self._named(kept, accepted, whole=whole) if kept else self._open()
+        chosen = [first, *(item for item in others if has_no_rival(item))]
+        kept, accepted = self._keep_explaining(chosen)
+        return self._judge_named_effects(kept, accepted, whole=whole) if kept else self._judge_unnamed_gap()
 
-    def _takes_its_place(self, item: Named) -> bool:
+    def _has_share_at_place(self, item: Named) -> bool:
         """Whether an effect surely takes some of the gap of its own joint, and no less there than what has no name.
 
         Of what acts on several joints: of any of them.
         """
-        own = self._terms[item.effect, item.location].own
+        own = self._terms_by_key[item.effect, item.location].own
         channels = list(self.budget.channels.values())
         return any(
             s.interval90[0] > 0.0 and s.share >= max((u.share for u in channel.unnamed), default=0.0)
@@ -85,79 +85,79 @@ class Reading:
             if (s.effect, s.location) == (item.effect, item.location)
         )
 
-    def _that_explain(self, chosen: Sequence[Named]) -> tuple[list[Named], list[Scored]]:
+    def _keep_explaining(self, chosen: Sequence[Named]) -> tuple[list[Named], list[Scored]]:
         """Those that have a size and leave less of what judges, each and all together, put into the equations.
 
         What has not goes one at a time, the weakest first: beside it others may have none.
         """
         kept = list(chosen)
         while kept:
-            model = self._fitted_together(kept)
-            gone = self._to_go(model)
+            model = self._fit_together(kept)
+            gone = self._term_to_drop(model)
             if gone is not None:
                 del kept[gone]
                 continue
-            accepted = self._put_in(kept, model)
+            accepted = self._add_effects(kept, model)
             # A search that ended where its name stands for something else has found that.
             made = [scored.hypothesis for scored in accepted]
-            there = [item for item, h in zip(kept, made, strict=True) if h.physical and h.settled]
+            there = [item for item, h in zip(kept, made, strict=True) if h.is_physical and h.is_within_scope]
             if there == kept:
                 return kept, accepted
             kept = there
         return [], []
 
-    def _to_go(self, model: Model) -> int | None:
-        """The term of a model that goes next; None where all may stay."""
+    def _term_to_drop(self, model: Model) -> int | None:
+        """Index of the term that is dropped next; None where all stay."""
         left, terms = power_of(model).mean, model.terms
-        if self._weighed(left) >= self._weighed(power_of(fit(model.design, ())).mean):
+        if self._scaled_power(left) >= self._scaled_power(power_of(fit_model(model.design, ())).mean):
             others = [[i for i in model.chosen if i != k] for k in model.chosen]
-            return int(np.argmin([self._weighed(judged_power(model.design, o).mean) for o in others]))
+            return int(np.argmin([self._scaled_power(judged_power(model.design, o).mean) for o in others]))
         gone = [
             k
             for k, term in enumerate(terms)
-            if not term.can_be(term.context, model.parameters(k))
+            if not term.is_possible(term.context, model.term_parameters(k))
             or not self._has_size(model, k)
-            or not _closes(model, k, left)
+            or not _is_gap_reduced(model, k, left)
         ]
         return min(gone, key=model.taken_by, default=None)
 
-    def _weighed(self, power: Array) -> float:
-        """Mean squares of all joints in units of their torques."""
+    def _scaled_power(self, power: Array) -> float:
+        """Sum over joints of the mean square residual, each divided by the square of its torque's scale."""
         return float((power / self.scorer.scale**2).sum())
 
-    def _open(self) -> tuple[Attribution, Judgement]:
-        """Nothing that is named is the gap."""
-        structured = structured_joints(self._nothing, self.scorer.spectral)
-        named = (self._terms[item.effect, item.location] for item in self.budget.named)
-        ranking = self._scored((*named, *self._likely))[:_LISTED]
-        strange = [term for term in self._terms.values() if term.effect.nameless]
+    def _judge_unnamed_gap(self) -> tuple[Attribution, Judgement]:
+        """The verdict where no named effect explains the gap."""
+        structured = structured_joints(self._empty_attribution, self.scorer.spectral)
+        named = (self._terms_by_key[item.effect, item.location] for item in self.budget.named)
+        ranking = self._score_terms((*named, *self._unnamed_likely_terms))[:_LISTED]
+        strange = [term for term in self._terms_by_key.values() if term.effect.nameless]
         # What has no name is the gap only where it says more than all that has one, each alone.
         most = max((scored.evidence for scored in ranking), default=0.0)
-        stranger = next((s for s in self._scored(strange) if structured and s.evidence > most), None)
+        stranger = next((s for s in self._score_terms(strange) if structured and s.evidence > most), None)
         if stranger is not None:
             place = stranger.location
             structured = (place, *(name for name in structured if name != place))
-        made = replace(self._nothing, ranking=ranking, stranger=stranger)
+        made = replace(self._empty_attribution, ranking=ranking, stranger=stranger)
         return made, Judgement("unknown" if structured else "none", (), (), (), structured)
 
-    def _named(
+    def _judge_named_effects(
         self, kept: Sequence[Named], accepted: Sequence[Scored], *, whole: bool
     ) -> tuple[Attribution, Judgement]:
         """Effects, the largest share first; ``whole`` where they are the gap and not the part of it at their places."""
-        last, first = signs_again(extended(accepted[-1].hypothesis)), accepted[0]
-        rivals = self._rivals(kept[0])
+        last, first = refit_signs(extend_baseline(accepted[-1].hypothesis)), accepted[0]
+        rivals = self._rivals_of(kept[0])
         beside = tuple(scored for scored, _ in rivals)
-        others = (self._terms[item.effect, item.location] for item in kept[1:])
+        others = (self._terms_by_key[item.effect, item.location] for item in kept[1:])
         # Rivals stand beside the friction that was found, what is likely alone beside that which the gap has bent.
         known = {(scored.name, scored.location) for scored in beside}
-        likely = (term for term in self._likely if term.key not in known)
-        listed = (first, *beside, *self._scored((*others, *likely)))[:_LISTED]
+        likely = (term for term in self._unnamed_likely_terms if term.key not in known)
+        listed = (first, *beside, *self._score_terms((*others, *likely)))[:_LISTED]
         after = replace(
-            self._nothing,
+            self._empty_attribution,
             ranking=listed,
             accepted=tuple(accepted),
             final=last,
-            floor=self.scorer.floor(last.fit),
+            floor=self.scorer.noise_floor(last.fit),
         )
         named = [(scored, chance) for scored, chance in rivals if scored.name != first.name]
         renamed = tuple(_second_name(item, last) for item in after.accepted)
@@ -176,107 +176,111 @@ class Reading:
         )
         return after, judgement
 
-    def _put_in(self, kept: Sequence[Named], model: Model) -> list[Scored]:
-        """The effects one after the other, each of the size that the model has it."""
+    def _add_effects(self, kept: Sequence[Named], model: Model) -> list[Scored]:
+        """Add effects to the equations one after the other, each at its fitted size."""
         accepted = list[Scored]()
         for k, item in enumerate(kept):
-            current = extended(accepted[-1].hypothesis) if accepted else self._begun
+            current = extend_baseline(accepted[-1].hypothesis) if accepted else self._initial_baseline
             term = model.design.terms[k]
-            beta, std = term.beta(model.parameters(k)), self._spread(model, k)
+            beta, std = term.to_beta(model.term_parameters(k)), self._block_spread(model, k)
             accepted.append(
-                self.scorer.scored(current.fit, known_hypothesis(term, current, beta, std), item.nats)
+                self.scorer.score_fit(current.fit, known_hypothesis(term, current, beta, std), item.nats)
             )
         return accepted
 
-    def _spread(self, model: Model, k: int) -> Array:
+    def _block_spread(self, model: Model, k: int) -> Array:
         """Deviations between blocks left out of a term's linear parameters; of a body as where all of them are free."""
         term = model.design.terms[k]
         if term.direction is not None:
-            free = TermMaker(term.context, self.found.baseline.strict).make(term.effect, term.location, ())
+            free = TermMaker(term.context, self.found.baseline.strict).make_term(
+                term.effect, term.location, ()
+            )
             if free is not None:
                 terms = [free if i == k else other for i, other in enumerate(model.design.terms)]
-                model = fit(Design(model.design.rows, tuple(terms)), model.chosen, model.weight)
+                model = fit_model(Design(model.design.rows, tuple(terms)), model.chosen, model.weight)
         return linear_deviations(model, k)
 
     def _has_size(self, model: Model, k: int) -> bool:
         """Whether a size of a model's k-th term is told from none: what is said of the robot leaves that out."""
         term = model.design.terms[k]
         told = float(stdtrit(max(len(model.left_out) - 1, 1), 1.0 - 0.5 * _NOTHING))
-        there = np.abs(term.beta(model.parameters(k))) > told * self._spread(model, k)
+        there = np.abs(term.to_beta(model.term_parameters(k))) > told * self._block_spread(model, k)
         return term.known or any(
             sure for sure, p in zip(there, term.effect.linear, strict=True) if not p.beside
         )
 
-    def _rivals(self, item: Named) -> list[tuple[Scored, float]]:
-        """What might stand in the place of an effect, with its probability."""
+    def _rivals_of(self, item: Named) -> list[tuple[Scored, float]]:
+        """Rivals of an effect, each with its probability."""
         model = self.found.model
         terms = model.design.terms
         k = next(k for k in model.chosen if terms[k].key == (item.effect, item.location))
         made = []
         for rival, chance in zip(self.found.rivals.get(k, ()), item.chances, strict=True):
-            scored = self._try(terms[rival.index], self._begun)
+            scored = self._score_term(terms[rival.index], self._initial_baseline)
             if scored is not None:
                 made.append((scored, chance))
         return made
 
     @cached_property
-    def _nothing(self) -> Attribution:
+    def _empty_attribution(self) -> Attribution:
         base = self.scorer.baseline
-        return Attribution(base, base, self.scorer.floor(base.fit), self.scorer.scale)
+        return Attribution(base, base, self.scorer.noise_floor(base.fit), self.scorer.scale)
 
     @cached_property
-    def _begun(self) -> Baseline:
+    def _initial_baseline(self) -> Baseline:
         """What is modelled, its friction changing sign as it does in the model of the gap."""
         base, now = self.scorer.baseline, self.found.baseline
         if base.signs == now.signs:
             return base
         moved = base.with_signs(now.signs)
-        return moved.updated(moved.solver.fit())
+        return moved.with_fit(moved.solver.fit_columns())
 
     @cached_property
-    def _number(self) -> dict[tuple[str, str], int]:
+    def _term_numbers(self) -> dict[tuple[str, str], int]:
         """By name and place, the design's term."""
         return {self.found.design.terms[k].key: k for k in self.found.model.chosen}
 
     @cached_property
-    def _terms(self) -> dict[tuple[str, str], Term]:
+    def _terms_by_key(self) -> dict[tuple[str, str], Term]:
         return {term.key: term for term in self.found.model.terms}
 
-    def _fitted_together(self, named: Sequence[Named]) -> Model:
+    def _fit_together(self, named: Sequence[Named]) -> Model:
         """Effects, fitted: bodies with all their parameters free where those are of ones that can exist.
 
         Else each is the likeliest that can beside the others. What else the model of the gap has may cancel a part of a
         body: a surgical arm's load stood beside half a newton metre at the yaw axis that its weight all but cancelled.
         """
         found, rows = self.found.model, self.found.design.rows
-        numbers = [self._number[item.effect, item.location] for item in named]
+        numbers = [self._term_numbers[item.effect, item.location] for item in named]
         maker = TermMaker(self.found.prediction.context, self.found.baseline.strict)
         free = [found.design.terms[k] for k in numbers]
-        free = [t if t.direction is None else maker.make(t.effect, t.location, ()) or t for t in free]
-        model = fit(Design(rows, tuple(free)), range(len(free)))
-        if all(t.can_be(t.context, model.parameters(k)) for k, t in enumerate(free) if t.effect.is_body):
+        free = [t if t.direction is None else maker.make_term(t.effect, t.location, ()) or t for t in free]
+        model = fit_model(Design(rows, tuple(free)), range(len(free)))
+        if all(
+            t.is_possible(t.context, model.term_parameters(k)) for k, t in enumerate(free) if t.effect.is_body
+        ):
             return model
-        terms = likeliest_beside(found, numbers, maker)
-        return fit(Design(rows, tuple(terms)), range(len(terms)))
+        terms = fit_likeliest_bodies(found, numbers, maker)
+        return fit_model(Design(rows, tuple(terms)), range(len(terms)))
 
     @property
-    def _likely(self) -> tuple[Term, ...]:
-        return tuple(term for term in self.found.likely if term.key not in self._terms)
+    def _unnamed_likely_terms(self) -> tuple[Term, ...]:
+        return tuple(term for term in self.found.likely if term.key not in self._terms_by_key)
 
-    def _scored(self, terms: Iterable[Term]) -> tuple[Scored, ...]:
-        made = (self._try(term, self.scorer.baseline) for term in terms)
+    def _score_terms(self, terms: Iterable[Term]) -> tuple[Scored, ...]:
+        made = (self._score_term(term, self.scorer.baseline) for term in terms)
         return tuple(scored for scored in made if scored is not None)
 
-    def _try(self, term: Term, baseline: Baseline) -> Scored | None:
+    def _score_term(self, term: Term, baseline: Baseline) -> Scored | None:
         """A term in the equations of what is modelled; None where it cannot be there."""
-        named = self._terms.get(term.key) is term or baseline is self._begun
+        named = self._terms_by_key.get(term.key) is term or baseline is self._initial_baseline
         # Friction on other bristles, or on none, has other columns.
         other = term.effect.friction and baseline.signs != term.context.baseline.signs
         made = hypothesis_of(term, baseline, term.context if named and not other else None)
-        return None if made is None or not made.physical else self.scorer.scored(baseline.fit, made)
+        return None if made is None or not made.is_physical else self.scorer.score_fit(baseline.fit, made)
 
 
-def _closes(model: Model, k: int, left: Array) -> bool:
+def _is_gap_reduced(model: Model, k: int, left: Array) -> bool:
     """Whether a model's k-th term leaves less of the trials that judge at its own place.
 
     What acts on several joints: as a mean over them of how many times less.
@@ -291,18 +295,17 @@ def known_hypothesis(term: Term, baseline: Baseline, beta: Array, std: Array) ->
     """A term of known size in the equations of a baseline: its torque is taken off, the rest fitted again.
 
     Args:
-        term: the term.
         baseline: the equations.
         beta: ``(n_linear,)`` its linear parameters.
         std: ``(n_linear,)`` their standard deviations.
     """
     shape = term.effect.shape(term.context, term.location, term.theta)
     columns, solver = at_rows(Context(baseline), shape), baseline.solver
-    made = solver.fit(offset=columns.torque(beta, solver.equations.y.shape))
+    made = solver.fit_columns(offset=columns.predict_torque(beta, solver.equations.y.shape))
     if columns.extra is not None:
         # Sizes that trials disagree on beside bodies and friction are no surer than that.
-        free = solver.fit(columns.extra, columns.offset, widths=term.effect.widths)
-        std = np.maximum(std, solver.std_between_trials(free, term.effect.widths))
+        free = solver.fit_columns(columns.extra, columns.offset, widths=term.effect.prior_widths)
+        std = np.maximum(std, solver.std_between_trials(free, term.effect.prior_widths))
     return Hypothesis(
         term.effect,
         term.location,
@@ -318,20 +321,19 @@ def hypothesis_of(term: Term, baseline: Baseline, made_at: Context | None = None
     """A term of the model in the equations of a baseline; None where it is no body that can exist there.
 
     Args:
-        term: the term.
         baseline: the equations.
         made_at: predictions that its columns are made of, where not the baseline's own: a gear's load is what its link
             needs beside all that the model has.
     """
     shape = term.effect.shape(made_at or Context(baseline), term.location, term.theta)
     columns = at_rows(Context(baseline), shape)
-    fit = baseline.solver.fit(columns.extra, columns.offset, 6, term.effect.widths)
+    fit = baseline.solver.fit_columns(columns.extra, columns.offset, 6, term.effect.prior_widths)
     made = Hypothesis(term.effect, term.location, term.theta, columns, fit, baseline, made_at)
     # Free parameters of a body may be those of none that can exist.
-    if term.direction is None or term.effect.possible(term.context, term.location, fit.extra):
+    if term.direction is None or term.effect.is_possible(term.context, term.location, fit.extra):
         return made
-    made = along(made, term.direction)
-    return made if term.effect.possible(term.context, term.location, made.fit.extra) else None
+    made = fit_along_direction(made, term.direction)
+    return made if term.effect.is_possible(term.context, term.location, made.fit.extra) else None
 
 
 def _second_name(item: Scored, final: Baseline) -> str | None:
@@ -342,7 +344,7 @@ def _second_name(item: Scored, final: Baseline) -> str | None:
 # What a budget says of a gap: which of its effects stand clear, and whether they are what the gap is.
 
 
-def explained(budget: Budget, effects: Sequence[Named]) -> bool:
+def is_gap_explained(budget: Budget, effects: Sequence[Named]) -> bool:
     """Whether effects are what the gap is.
 
     They are if they take most of it together; or most of what has structure, where that is no trifle, the largest share
@@ -355,18 +357,20 @@ def explained(budget: Budget, effects: Sequence[Named]) -> bool:
     if taken >= THRESHOLDS.most:
         return True
     first = max(effects, key=lambda item: item.share, default=None)
-    structured = taken >= max(THRESHOLDS.most * (1.0 - budget.rest), THRESHOLDS.trifle)
-    structured = structured and first is not None and first.share >= max([*budget.follows.values(), 0.0])
-    if structured and first is not None and _leads(budget, first):
+    structured = taken >= max(THRESHOLDS.most * (1.0 - budget.unexplained_share), THRESHOLDS.trifle)
+    structured = (
+        structured and first is not None and first.share >= max([*budget.unnamed_shares.values(), 0.0])
+    )
+    if structured and first is not None and _is_leading_effect(budget, first):
         # Of much that stays open a name that is not sure says nothing.
-        if first.probability >= THRESHOLDS.probable or taken >= _open(budget):
+        if first.probability >= THRESHOLDS.probable or taken >= _structureless_share(budget):
             return True
-    there = (item.share for item in effects if _leads(budget, item, most=True))
+    there = (item.share for item in effects if _is_leading_effect(budget, item, most=True))
     return sum(there) >= THRESHOLDS.trifle
 
 
-def _open(budget: Budget) -> float:
-    """What follows nothing and yet stands above the noise, over all channels."""
+def _structureless_share(budget: Budget) -> float:
+    """Share of the gap above the noise that follows no signal, over all channels."""
     return sum(
         channel.weight * channel.rest
         for channel in budget.channels.values()
@@ -374,7 +378,7 @@ def _open(budget: Budget) -> float:
     )
 
 
-def _leads(budget: Budget, item: Named, *, most: bool = False) -> bool:
+def _is_leading_effect(budget: Budget, item: Named, *, most: bool = False) -> bool:
     """Whether an effect takes no less of a channel than what follows nothing, or has no name, there.
 
     And ``most`` of what has structure there.
@@ -388,11 +392,11 @@ def _leads(budget: Budget, item: Named, *, most: bool = False) -> bool:
     )
 
 
-def is_there(item: Named) -> bool:
+def is_accepted(item: Named) -> bool:
     """Whether an effect has the probability of one that is accepted, or shares it with rivals."""
     return bool(item.rivals) or item.probability >= THRESHOLDS.probable
 
 
-def alone(item: Named) -> bool:
-    """Whether an effect has no rival of another name."""
+def has_no_rival(item: Named) -> bool:
+    """Whether no effect of another name is a rival."""
     return item.probability >= THRESHOLDS.probable and all(name == item.effect for name, _ in item.rivals)

@@ -14,7 +14,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.budget.fit.design import Design
-from excite.diagnosis.budget.fit.joint_fit import Model, fit
+from excite.diagnosis.budget.fit.joint_fit import Model, fit_model
 from excite.diagnosis.budget.fit.terms import Term, TermMaker
 from excite.diagnosis.effects.effect import Effect
 
@@ -23,38 +23,37 @@ from excite.diagnosis.effects.effect import Effect
 _ROUNDING = 1e-7
 
 
-def body(beside: Model, maker: TermMaker, effect: Effect, location: str) -> Term | None:
+def make_body_term(beside: Model, maker: TermMaker, effect: Effect, location: str) -> Term | None:
     """One column for the body at a link that says most beside a model; None where no body says anything.
 
     Args:
         beside: the model without it.
         maker: of columns.
         effect: whose linear parameters are a body's.
-        location: the link.
     """
-    whole = maker.make(effect, location, ())
+    whole = maker.make_term(effect, location, ())
     if whole is None:
         return None
-    told, estimate = _told(beside, whole)
+    told, estimate = _estimate_body(beside, whole)
     kept, size = list(whole.kept), len(effect.linear)
-    information, value = np.diag(1.0 / effect.widths**2), np.zeros(size)
+    information, value = np.diag(1.0 / effect.prior_widths**2), np.zeros(size)
     information[np.ix_(kept, kept)] += told / np.outer(whole.scale, whole.scale)
     value[kept] = estimate * whole.scale
     target = information @ value
     found = effect.nearest_body(maker.context, location, information, target)
-    return None if found is None else _along(whole, found)
+    return None if found is None else _fix_direction(whole, found)
 
 
-def _told(model: Model, whole: Term) -> tuple[Array, Array]:
+def _estimate_body(model: Model, whole: Term) -> tuple[Array, Array]:
     """What rows tell of a body's free parameters beside a model's, ``(size, size)``, and the parameters ``(size,)``.
 
     As what is left with the body weighs the rows: beside all that it takes, what a body is like a priori would count.
     """
     terms = (*model.terms, whole)
-    free = fit(Design(model.design.rows, terms), range(len(terms)), model.weight, left_out=False)
+    free = fit_model(Design(model.design.rows, terms), range(len(terms)), model.weight, left_out=False)
     first = free.layout.begin[-1]
-    here, others = slice(first, first + whole.size), np.r_[0:first]
-    inner, cross = free.normal[here, here] - np.diag(whole.precision), free.normal[others, here]
+    here, others = slice(first, first + whole.n_free), np.r_[0:first]
+    inner, cross = free.normal[here, here] - np.diag(whole.prior_precision), free.normal[others, here]
     left = inner - cross.T @ np.linalg.solve(free.normal[np.ix_(others, others)], cross)
     values, vectors = np.linalg.eigh(0.5 * (left + left.T))
     # A difference of rounding errors may be less than nothing.
@@ -62,7 +61,7 @@ def _told(model: Model, whole: Term) -> tuple[Array, Array]:
     return kept @ (kept.T @ left @ kept) @ kept.T, free.x[here]
 
 
-def _along(whole: Term, direction: Array) -> Term | None:
+def _fix_direction(whole: Term, direction: Array) -> Term | None:
     """The term of which only the size is left to be fitted, its parameters in fixed proportions."""
     x = direction[list(whole.kept)] / whole.scale
     columns = {j: block @ x[:, None] for j, block in whole.columns.items()}
@@ -73,7 +72,7 @@ def _along(whole: Term, direction: Array) -> Term | None:
     return replace(whole, columns=columns, scale=np.array([1.0 / size]), direction=direction)
 
 
-def likeliest_beside(model: Model, numbers: Sequence[int], maker: TermMaker) -> list[Term]:
+def fit_likeliest_bodies(model: Model, numbers: Sequence[int], maker: TermMaker) -> list[Term]:
     """Some terms of a model, each body of them the likeliest beside the others and nothing else.
 
     What else the model has may cancel a part of a body: without it the body would be another.
@@ -88,7 +87,7 @@ def likeliest_beside(model: Model, numbers: Sequence[int], maker: TermMaker) -> 
         term = model.design.terms[k]
         if term.effect.is_body:
             others = [i for i in numbers if i != k]
-            beside = fit(model.design, others, model.weight, left_out=False)
-            term = body(beside, maker, term.effect, term.location) or term
+            beside = fit_model(model.design, others, model.weight, left_out=False)
+            term = make_body_term(beside, maker, term.effect, term.location) or term
         found.append(term)
     return found

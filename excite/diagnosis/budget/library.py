@@ -25,9 +25,9 @@ NAMELESS: tuple[Effect, ...] = (EndStop(),)
 _BEGUN = (VISCOUS, COULOMB, CONSTANT)
 
 
-def with_begun(modelled: Sequence[str]) -> tuple[str, ...]:
+def with_initial_terms(modelled: Sequence[str]) -> tuple[str, ...]:
     """Words of ``modelled`` with those that every model begins with."""
-    return (*modelled, *(term.words[0] for term in _BEGUN if not term.asked(modelled)))
+    return (*modelled, *(term.words[0] for term in _BEGUN if not term.is_modelled(modelled)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,10 +42,10 @@ class Library:
     modelled: tuple[str, ...]
     effects: tuple[Effect, ...]
 
-    def begun(self, maker: TermMaker) -> list[Term]:
+    def make_initial_terms(self, maker: TermMaker) -> list[Term]:
         """Friction and constants that the log does not call modelled."""
         base = maker.context.baseline
-        missing = [term for term in _BEGUN if not term.asked(self.modelled)]
+        missing = [term for term in _BEGUN if not term.is_modelled(self.modelled)]
         named = {id(effect.term): effect for effect in self.effects if effect.term is not None}
         made = []
         stands = stands_throughout(base.samples)
@@ -55,8 +55,8 @@ class Library:
                 theta: Theta = ()
                 if term is COULOMB:
                     sign = base.signs[j]
-                    effect = effect.forms[0] if sign.bent else effect
-                    theta = (sign.breakaway if sign.bent else sign.width,)
+                    effect = effect.variant_forms[0] if sign.has_bristles else effect
+                    theta = (sign.breakaway if sign.has_bristles else sign.width,)
                 column = _own_rows(base.samples, term, j, base.signs[j], maker.weight)
                 size = float(np.sqrt((column**2).mean()))
                 if size > 0.0:
@@ -75,7 +75,7 @@ class Library:
                     )
         return made
 
-    def candidates(self, maker: TermMaker, begun: Context) -> list[Term]:
+    def make_candidate_terms(self, maker: TermMaker, begun: Context) -> list[Term]:
         """Every effect at every place where it can be told, at every point of its grid.
 
         Args:
@@ -83,40 +83,44 @@ class Library:
             begun: what the model begins with. A load that is itself found is no load that a gain is told by: scaled, it
                 would be the same torque under another name.
         """
-        return maker.make_all(self._places(maker.context, begun))
+        return maker.make_all(self._candidate_places(maker.context, begun))
 
-    def bodies(self, context: Context) -> Iterable[tuple[Effect, str]]:
+    def body_places(self, context: Context) -> Iterable[tuple[Effect, str]]:
         """Every effect that is a body, at every link."""
-        full = with_begun(self.modelled)
+        full = with_initial_terms(self.modelled)
         for effect in self.effects:
-            if effect.is_body and effect.offered(full):
+            if effect.is_body and effect.is_candidate(full):
                 yield from ((effect, place) for place in effect.locations(context))
 
-    def _places(self, context: Context, begun: Context) -> Iterable[tuple[Effect, str, Theta]]:
-        full = with_begun(self.modelled)
+    def _candidate_places(self, context: Context, begun: Context) -> Iterable[tuple[Effect, str, Theta]]:
+        full = with_initial_terms(self.modelled)
         # What a drive does in motion cannot be told of one that stands, and friction holds it with any constant.
         stands = {context.joints[j] for j in np.flatnonzero(stands_throughout(context.baseline.samples))}
         for effect in self.effects:
-            offered = effect.offered(full)
+            offered = effect.is_candidate(full)
             if effect.is_body or not (offered or effect.term):
                 continue
             # What a model begins with it begins with at motors alone.
-            behind = context.followers if effect.behind else ()
+            behind = context.follower_indices if effect.behind else ()
             for place in (*(effect.locations(context) if offered else ()), *behind):
                 if effect.own_joint and place in stands:
                     continue
-                if effect.by_load and not loaded(begun, place):
+                if effect.by_load and not has_rigid_load(begun, place):
                     continue
-                for form in (effect, *effect.forms, *(f for f in effect.richer if f.seen_alone)):
-                    for theta in form.grid(context, place):
+                for form in (
+                    effect,
+                    *effect.variant_forms,
+                    *(f for f in effect.extended_forms if f.seen_alone),
+                ):
+                    for theta in form.search_grid(context, place):
                         yield form, place, theta
 
 
-def loaded(context: Context, joint: str) -> bool:
+def has_rigid_load(context: Context, joint: str) -> bool:
     """Whether a joint's rigid bodies ask for enough of its torque."""
     j, samples = context.row(joint), context.baseline.samples
     load = float(np.sqrt(np.mean(context.baseline.rigid[:, j] ** 2)))
-    torque = float(np.sqrt(np.mean(samples.stacked("tau")[:, j] ** 2)))
+    torque = float(np.sqrt(np.mean(samples.stack_trials("tau")[:, j] ** 2)))
     return load >= THRESHOLDS.load * torque
 
 

@@ -19,11 +19,11 @@ from excite.diagnosis.answer.gap import (
     UnnamedShare,
 )
 from excite.diagnosis.budget.fit.design import Design
-from excite.diagnosis.budget.fit.joint_fit import Model, fit
+from excite.diagnosis.budget.fit.joint_fit import Model, fit_model
 from excite.diagnosis.budget.fit.terms import ShapeStep, TermMaker
-from excite.diagnosis.budget.library import loaded
-from excite.diagnosis.budget.record import Found
-from excite.diagnosis.budget.shares import Shares, deviation, linear_deviations, shares_of, unnamed_of
+from excite.diagnosis.budget.library import has_rigid_load
+from excite.diagnosis.budget.record import GapModel
+from excite.diagnosis.budget.shares import Shares, jackknife_std, linear_deviations, shares_of, unnamed_of
 from excite.diagnosis.budget.thresholds import THRESHOLDS
 from excite.diagnosis.effects.form import Context
 from excite.diagnosis.equations.noise_floor import repeat_floor
@@ -59,7 +59,7 @@ class _Sizes:
     share: float
 
     @property
-    def differ(self) -> bool:
+    def has_different_trials(self) -> bool:
         """Whether two trials surely ask for other sizes."""
         apart = np.abs(self.size[:, None] - self.size)
         return bool((apart > THRESHOLDS.differs * np.hypot(self.spread[:, None], self.spread)).any())
@@ -74,7 +74,6 @@ def sizes_by_trial(model: Model, context: Context, weight: Array, floor: Array) 
 
     Args:
         model: the model of the gap.
-        context: its predictions.
         weight: ``(n_joints, n_rows)`` square roots of the rows' weights.
         floor: ``(n_joints,)`` noise in the rows' band.
     """
@@ -86,15 +85,15 @@ def sizes_by_trial(model: Model, context: Context, weight: Array, floor: Array) 
         rest = model.residual[j]
         if float((rest**2).mean()) < _STANDS * float(floor[j]) ** 2:
             continue
-        found = [_asked(*item, rest, trial) for item in _columns(context, weight, j)]
-        differing = [item for item in found if item.differ and item.share >= THRESHOLDS.trifle]
+        found = [_fit_size_by_trial(*item, rest, trial) for item in _varying_columns(context, weight, j)]
+        differing = [item for item in found if item.has_different_trials and item.share >= THRESHOLDS.trifle]
         best = max(differing, key=lambda item: item.share, default=None)
         if best is not None:
-            made.append(_said(best, joint, [t.name for t in context.baseline.samples.trials]))
+            made.append(_differing_trials(best, joint, [t.name for t in context.baseline.samples.trials]))
     return tuple(made)
 
 
-def _columns(context: Context, weight: Array, j: int) -> list[tuple[str, str, Array]]:
+def _varying_columns(context: Context, weight: Array, j: int) -> list[tuple[str, str, Array]]:
     """What may differ, its unit, and its rows per unit of it."""
     base, samples = context.baseline, context.baseline.samples
     unit, name = force_unit(samples.robot, context.joints[j]), context.joints[j]
@@ -107,12 +106,12 @@ def _columns(context: Context, weight: Array, j: int) -> list[tuple[str, str, Ar
             ("viscous friction", f"{unit}/({speed})", VISCOUS),
         )
     ]
-    if loaded(context, name):
-        columns.append(("torque scale", "1", samples.rows(base.rigid[:, [j]], [j])[:, 0] * weight[j]))
+    if has_rigid_load(context, name):
+        columns.append(("torque scale", "1", samples.to_rows(base.rigid[:, [j]], [j])[:, 0] * weight[j]))
     return columns
 
 
-def _asked(what: str, unit: str, column: Array, rest: Array, trial: NDArray[np.int64]) -> _Sizes:
+def _fit_size_by_trial(what: str, unit: str, column: Array, rest: Array, trial: NDArray[np.int64]) -> _Sizes:
     """Sizes that trials ask for of a column of what is left."""
     numbers = np.unique(trial)
     size, spread, power = np.zeros(len(numbers)), np.zeros(len(numbers)), np.zeros(len(numbers))
@@ -125,14 +124,14 @@ def _asked(what: str, unit: str, column: Array, rest: Array, trial: NDArray[np.i
         power[k] = max(float(inner.sum()), 1e-300)
         size[k] = cross.sum() / power[k]
         without = (cross.sum() - cross) / np.maximum(power[k] - inner, 1e-300)
-        spread[k] = float(deviation(without))
+        spread[k] = float(jackknife_std(without))
     share = float((size**2 * power).sum() / max(float((rest**2).sum()), 1e-300))
     # Four parts tell little: no trial is surer than all of them together.
     pooled = np.sqrt((spread**2 * power).mean() / power)
     return _Sizes(what, unit, size, np.maximum(spread, pooled), share)
 
 
-def _said(item: _Sizes, joint: str, trials: list[str]) -> Finding:
+def _differing_trials(item: _Sizes, joint: str, trials: list[str]) -> Finding:
     low, high = int(np.argmin(item.size)), int(np.argmax(item.size))
     apart = float(item.size[high] - item.size[low])
     return Finding(
@@ -157,7 +156,7 @@ _LISTED = 0.01
 
 
 @step("share out the gap")
-def budget_of(found: Found, floor: Array, scale: Array) -> Budget:
+def budget_of(found: GapModel, floor: Array, scale: Array) -> Budget:
     """Share out the gap.
 
     Args:
@@ -172,16 +171,16 @@ def budget_of(found: Found, floor: Array, scale: Array) -> Budget:
     context = found.prediction.context
     again = repeat_floor(found.baseline.samples, model.residual)
     channels = {
-        name: _channel(found, context, shares, floor, j, float(weight[j]), again)
+        name: _channel_budget(found, context, shares, floor, j, float(weight[j]), again)
         for j, name in enumerate(joints)
     }
     named = [
-        _named(
+        _named_effect(
             found,
             i,
             float(shares.value[i] @ weight),
             float(np.maximum(shares.low[i], 0.0) @ weight),
-            stands_clear(shares, i),
+            is_significant(shares, i),
         )
         for i, term in enumerate(model.terms)
         if not term.effect.nameless
@@ -190,8 +189,14 @@ def budget_of(found: Found, floor: Array, scale: Array) -> Budget:
     return Budget(channels, tuple(sorted(named, key=lambda item: -item.share)), sizes)
 
 
-def _channel(
-    found: Found, context: Context, shares: Shares, floor: Array, j: int, weight: float, again: Array | None
+def _channel_budget(
+    found: GapModel,
+    context: Context,
+    shares: Shares,
+    floor: Array,
+    j: int,
+    weight: float,
+    again: Array | None,
 ) -> ChannelBudget:
     model, room = found.model, float(shares.open[j])
     level, gap = float(np.sqrt(shares.level[j])), float(np.sqrt(shares.before[j]))
@@ -221,7 +226,7 @@ def _channel(
     return ChannelBudget(level, gap, tuple(effects), tuple(unnamed), rest, weight, unit)
 
 
-def stands_clear(shares: Shares, i: int) -> bool:
+def is_significant(shares: Shares, i: int) -> bool:
     """Whether an effect surely takes something of a joint's gap, and what is left there is clearly more without it.
 
     At any joint: without the gain of a finger's last joint the last link is fitted lighter, and that leaves too much at
@@ -235,10 +240,10 @@ def stands_clear(shares: Shares, i: int) -> bool:
     return bool((sure & (shares.lost[i] >= THRESHOLDS.trifle)).any())
 
 
-def _named(found: Found, i: int, share: float, surely: float, clear: bool) -> Named:
+def _named_effect(found: GapModel, i: int, share: float, surely: float, clear: bool) -> Named:
     model, k = found.model, found.model.chosen[i]
     term, nats = model.design.terms[k], found.nats[k]
-    beta, spread = term.beta(model.parameters(k)), linear_deviations(model, k)
+    beta, spread = term.to_beta(model.term_parameters(k)), linear_deviations(model, k)
     values: dict[str, tuple[float, float | None]] = {
         p.name: (float(b), float(s)) for p, b, s in zip(term.effect.linear, beta, spread, strict=False)
     }
@@ -270,14 +275,14 @@ def shape_deviations(model: Model, k: int) -> dict[int, float]:
     """
     term = model.design.terms[k]
     maker = TermMaker(term.context, term.context.baseline.strict)
-    changes = list(shape_changes(maker, term, model.parameters(k))) if term.theta else []
+    changes = list(shape_changes(maker, term, model.term_parameters(k))) if term.theta else []
     if not changes:
         return {}
-    steps = [ShapeStep.of(term, change) for _, change in changes]
+    steps = [ShapeStep.from_change(term, change) for _, change in changes]
     terms = (*model.terms, *steps)
-    free = fit(Design(model.design.rows, terms), range(len(terms)), model.weight)
+    free = fit_model(Design(model.design.rows, terms), range(len(terms)), model.weight)
     left_out = free.left_out[:, free.layout.begin[len(model.terms) :]]
-    return {i: float(d) for (i, _), d in zip(changes, deviation(left_out), strict=True)}
+    return {i: float(d) for (i, _), d in zip(changes, jackknife_std(left_out), strict=True)}
 
 
 # How large an effect would have to be for a record to show it beside everything that its model has.
@@ -298,7 +303,7 @@ def detectable_sizes(model: Model, robot: Robot, candidates: int) -> tuple[Detec
     smallest: dict[tuple[str, str], Detectable] = {}
     for k, term in enumerate(model.design.terms):
         j = term.own
-        if term.known or term.size != 1 or j is None or set(term.columns) != {j} or k in model.chosen:
+        if term.known or term.n_free != 1 or j is None or set(term.columns) != {j} or k in model.chosen:
             continue
         g, where = model.design.fitted.total[j], model.design.place[k][j]
         columns, numbers = model.layout.columns[j], model.layout.numbers[j]
@@ -306,7 +311,7 @@ def detectable_sizes(model: Model, robot: Robot, candidates: int) -> tuple[Detec
         left = model.weight[j] * g[where[0], where[0]] - cross @ inverse[np.ix_(numbers, numbers)] @ cross
         if left <= 0.0:
             continue
-        size = float(np.sqrt(2.0 * price / (model.share[j] * left))) * float(term.scale[0])
+        size = float(np.sqrt(2.0 * price / (model.effective_share[j] * left))) * float(term.scale[0])
         unit = term.effect.linear[term.kept[0]].unit
         unit = at_joint(robot, term.location, {"size": Estimate(size, None, unit)})["size"].unit
         if term.key not in smallest or size < smallest[term.key].size:

@@ -11,7 +11,7 @@ from excite.diagnosis.budget.fit.joint_fit import Model
 from excite.diagnosis.budget.fit.terms import Term
 from excite.diagnosis.effects.form import Context
 from excite.diagnosis.equations.baseline import Baseline
-from excite.diagnosis.equations.dry_friction.fitted_signs import signs_again
+from excite.diagnosis.equations.dry_friction.fitted_signs import refit_signs
 from excite.diagnosis.equations.joint_torque import Solver
 from excite.diagnosis.equations.own_columns import own_signals, own_terms
 
@@ -35,7 +35,7 @@ class Prediction:
         """With all terms."""
         return Context(self.baseline)
 
-    def without(self, *terms: int) -> Context:
+    def context_without(self, *terms: int) -> Context:
         """As terms' own columns need it: a gear's load is not what it makes of it itself."""
         base = self.baseline
         for k in terms:
@@ -49,19 +49,18 @@ class Prediction:
         return Context(base)
 
 
-def predicted(full: Baseline, model: Model) -> Prediction:
+def predict_model(full: Baseline, model: Model) -> Prediction:
     """Torques of a fitted model.
 
     Args:
         full: what every model begins with, fitted.
-        model: the model.
     """
     s = full.samples
     x = model.x[: full.basis.shape[1]]
     phi, rigid = full.phi, full.rigid
     if full.free:
         phi = full.phi + full.basis @ (x - full.fit.shared)
-        rigid = s.torques(phi)
+        rigid = s.rigid_torques(phi)
     moved, driven = np.zeros_like(rigid), full.added_drive.copy()
     y, known = full.solver.equations.y.copy(), full.strict > 0.0
     back = np.where(known, full.root_weight, 0.0) / np.where(known, full.strict, 1.0)
@@ -71,15 +70,15 @@ def predicted(full: Baseline, model: Model) -> Prediction:
         if term.started:
             continue
         for j, block in term.columns.items():
-            y[j] -= (block @ model.parameters(k)) * back[j]
+            y[j] -= (block @ model.term_parameters(k)) * back[j]
         if term.effect.timing:
             continue
-        torques[k] = torque_of(term, model.parameters(k))
+        torques[k] = torque_of(term, model.term_parameters(k))
         moves[k] = term.effect.moves
         (moved if moves[k] else driven)[:] += torques[k]
     now = replace(full.fit, equations=replace(full.solver.equations, y=y), shared=x, held=None)
     terms = own_terms(full.modelled)
-    own = [own_signals(s, terms, j, sign) @ now.own[j] for j, sign in enumerate(full.signs)]
+    own = [own_signals(s, terms, j, sign) @ now.own_coefs[j] for j, sign in enumerate(full.signs)]
     rigid = rigid + moved
     total = rigid + np.column_stack(own) + driven
     base = replace(full, fit=now, phi=phi, rigid=rigid, total=total, added=moved, added_drive=driven)
@@ -93,13 +92,13 @@ def signs_beside(full: Baseline, model: Model) -> Baseline:
         full: what every model begins with, fitted.
         model: the model so far.
     """
-    now = predicted(full, model).baseline
+    now = predict_model(full, model).baseline
     apart = replace(now, solver=Solver(now.fit.equations))
-    again = signs_again(apart.updated(apart.solver.fit()))
+    again = refit_signs(apart.with_fit(apart.solver.fit_columns()))
     if again.signs == full.signs:
         return full
     moved = full.with_signs(again.signs)
-    return moved.updated(moved.solver.fit())
+    return moved.with_fit(moved.solver.fit_columns())
 
 
 def torque_of(term: Term, x: Array) -> Array:
@@ -107,7 +106,7 @@ def torque_of(term: Term, x: Array) -> Array:
     shape = term.effect.shape(term.context, term.location, term.theta)
     torque = np.zeros_like(term.context.baseline.rigid)
     for j, columns in shape.columns.items():
-        torque[:, j] += columns @ term.beta(x)
+        torque[:, j] += columns @ term.to_beta(x)
     for j, values in shape.offset.items():
         torque[:, j] += values
     return torque

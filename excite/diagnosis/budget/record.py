@@ -9,7 +9,7 @@ from excite.arrays import Array
 from excite.diagnosis.budget.fit.design import Design, Rows, blocks_of
 from excite.diagnosis.budget.fit.joint_fit import Model
 from excite.diagnosis.budget.fit.terms import Term
-from excite.diagnosis.budget.library import with_begun
+from excite.diagnosis.budget.library import with_initial_terms
 from excite.diagnosis.budget.prediction import Prediction
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.own_columns import own_rows, own_terms
@@ -32,7 +32,7 @@ class Rival:
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class GapModel:
     """A model of the gap.
 
     Attributes:
@@ -60,9 +60,9 @@ class Found:
 
 
 @step("fit what is modelled")
-def begun_baseline(samples: ArmSamples, modelled: tuple[str, ...], floor: Array) -> Baseline:
+def fit_initial_baseline(samples: ArmSamples, modelled: tuple[str, ...], floor: Array) -> Baseline:
     """What every model of a record begins with: what is modelled, and friction and constants whether or not."""
-    return fit_where_slipping(samples, with_begun(modelled), floor)
+    return fit_where_slipping(samples, with_initial_terms(modelled), floor)
 
 
 def rows_of(full: Baseline, modelled: tuple[str, ...], floor: Array) -> Rows:
@@ -72,7 +72,7 @@ def rows_of(full: Baseline, modelled: tuple[str, ...], floor: Array) -> Rows:
     again = weight / full.root_weight
     terms = own_terms(modelled)
     own = [own_rows(samples, terms, j, [sign])[0] * weight[j][:, None] for j, sign in enumerate(full.signs)]
-    outside = not samples.identification.all()
+    outside = not samples.identification_rows.all()
     block = blocks_of(samples, identification=True)
     judged = blocks_of(samples, identification=False) if outside else block
     return Rows(

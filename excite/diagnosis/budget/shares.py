@@ -12,7 +12,7 @@ from scipy.special import stdtrit
 
 from excite.arrays import Array
 from excite.diagnosis.budget.fit.design import Design, Rows
-from excite.diagnosis.budget.fit.joint_fit import Model, effective_share, fit
+from excite.diagnosis.budget.fit.joint_fit import Model, effective_share, fit_model
 from excite.diagnosis.budget.thresholds import THRESHOLDS
 from excite.diagnosis.effects.bodies import PartTimePayload, Payload
 from excite.diagnosis.effects.effect import Effect
@@ -42,13 +42,13 @@ class Power:
     blocks: Array
     fits: Array
 
-    def combined(self, other: Power, sign: float) -> Power:
+    def add_multiple(self, other: Power, sign: float) -> Power:
         """Sum with a multiple of another."""
         return Power(
             self.mean + sign * other.mean, self.blocks + sign * other.blocks, self.fits + sign * other.fits
         )
 
-    def halfway(self, other: Power) -> Power:
+    def average_with(self, other: Power) -> Power:
         """Halfway between two."""
         return Power(
             0.5 * (self.mean + other.mean), 0.5 * (self.blocks + other.blocks), 0.5 * (self.fits + other.fits)
@@ -57,8 +57,8 @@ class Power:
 
 def power_of(model: Model) -> Power:
     """Mean squares that a fitted model leaves."""
-    grams = model.design.judged
-    left = model.power(grams) * grams.count[:, None]
+    grams = model.design.judging_grams
+    left = model.residual_power(grams) * grams.count[:, None]
     total, count = left.sum(axis=0), float(grams.count.sum())
     without = (total - left) / np.maximum(count - grams.count, 1.0)[:, None]
     fits = np.empty((len(model.left_out), len(grams.total)))
@@ -76,10 +76,10 @@ def judged_power(
     sizes: Mapping[int, Array] | None = None,
 ) -> Power:
     """What the terms leave when they are fitted together, or have known sizes."""
-    return power_of(fit(design, chosen, weight, sizes=sizes))
+    return power_of(fit_model(design, chosen, weight, sizes=sizes))
 
 
-def deviation(values: Array) -> Array:
+def jackknife_std(values: Array) -> Array:
     """Standard deviation of a jackknife ``(n, …)`` (Miller 1974)."""
     n = len(values)
     if n < 2:
@@ -90,7 +90,7 @@ def deviation(values: Array) -> Array:
 def linear_deviations(model: Model, k: int) -> Array:
     """Deviations between blocks left out of the linear parameters of the design's term ``k``, ``(n_linear,)``."""
     term, first = model.design.terms[k], model.layout.begin[model.chosen.index(k)]
-    return np.abs(term.beta(deviation(model.left_out[:, first : first + term.size])))
+    return np.abs(term.to_beta(jackknife_std(model.left_out[:, first : first + term.n_free])))
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,16 +135,18 @@ def shares_of(model: Model, floor: Array) -> Shares:
     nothing, everything = judged_power(design, ()), power_of(model)
     chosen = model.chosen
     taken, lost, sized = [], [], []
-    sizes = {k: model.parameters(k) for k in chosen}
+    sizes = {k: model.term_parameters(k) for k in chosen}
     for k in chosen:
-        last = judged_power(design, [i for i in chosen if i != k], model.weight).combined(everything, -1.0)
-        alone = nothing.combined(judged_power(design, (k,)), -1.0)
+        last = judged_power(design, [i for i in chosen if i != k], model.weight).add_multiple(
+            everything, -1.0
+        )
+        alone = nothing.add_multiple(judged_power(design, (k,)), -1.0)
         lost.append(last)
         others = {i: x for i, x in sizes.items() if i != k}
         without = judged_power(design, tuple(others), model.weight, others)
         only = judged_power(design, (k,), model.weight, {k: sizes[k]})
         sized.append(0.5 * (without.mean - everything.mean + nothing.mean - only.mean))
-        taken.append(last.halfway(alone))
+        taken.append(last.average_with(alone))
     # What all effects leave is no less than the noise.
     level = np.minimum(floor**2, everything.mean)
     room = np.where(nothing.mean - level > _NOTHING * level, nothing.mean - level, 0.0)
@@ -161,21 +163,22 @@ def shares_of(model: Model, floor: Array) -> Shares:
             empty,
             empty,
         )
-    value = _normalised(np.array(sized), nothing.mean, everything.mean, level)
+    value = _normalise_shares(np.array(sized), nothing.mean, everything.mean, level)
     value = np.where(room > 0.0, value, 0.0)
     # Shares are those of these trials, whatever others would have: what is unsure is the fit.
-    fits = _normalised(np.array([item.fits for item in taken]), nothing.fits, everything.fits, level)
-    spread = deviation(np.moveaxis(fits, 1, 0))
+    fits = _normalise_shares(np.array([item.fits for item in taken]), nothing.fits, everything.fits, level)
+    spread = jackknife_std(np.moveaxis(fits, 1, 0))
     freedom = max(min(len(nothing.blocks), len(nothing.fits)) - 1, 1)
     wide = float(stdtrit(freedom, 0.95))
-    low, high = (np.where(room > 0.0, end, 0.0) for end in _interval(value, spread, wide))
+    low, high = (np.where(room > 0.0, end, 0.0) for end in _share_interval(value, spread, wide))
     left = np.maximum(everything.mean, 1e-300)
     more = np.array([item.mean for item in lost]) / left
-    unsure = wide * np.array([np.hypot(deviation(item.blocks), deviation(item.fits)) for item in lost]) / left
+    deviations = [np.hypot(jackknife_std(item.blocks), jackknife_std(item.fits)) for item in lost]
+    unsure = wide * np.array(deviations) / left
     return Shares(level, room, nothing.mean, everything.mean, value, low, high, more, unsure)
 
 
-def _interval(share: Array, spread: Array, wide: float) -> tuple[Array, Array]:
+def _share_interval(share: Array, spread: Array, wide: float) -> tuple[Array, Array]:
     """Ends of an interval of shares; the lower one is even in their roots, as a share is the square of a size.
 
     Args:
@@ -189,7 +192,7 @@ def _interval(share: Array, spread: Array, wide: float) -> tuple[Array, Array]:
     return np.where(least > 0.0, least**2, share - half), share + half
 
 
-def _normalised(taken: Array, before: Array, after: Array, level: Array) -> Array:
+def _normalise_shares(taken: Array, before: Array, after: Array, level: Array) -> Array:
     """Shares that add up to what all effects together close, ``taken``'s shape."""
     room = np.maximum(before - level, _NOTHING * level)
     positive = np.maximum(taken, 0.0)
@@ -210,7 +213,7 @@ _ALIKE = 0.15
 
 
 @dataclass(frozen=True, eq=False)
-class _Link:
+class _Grams:
     """Products of columns by trial: of what every model has, a body's ten, and the measurement, in this order.
 
     Attributes:
@@ -226,18 +229,18 @@ class _Link:
     size: int
 
     @cached_property
-    def total(self) -> tuple[Array, ...]:
+    def total_grams(self) -> tuple[Array, ...]:
         """Of all trials."""
         return tuple(g.sum(axis=0) for g in self.grams)
 
-    def fitted(self, trials: Collection[int], weight: Array) -> tuple[Array, Array]:
+    def fit_body(self, trials: Collection[int], weight: Array) -> tuple[Array, Array]:
         """Parameters with the body in some trials, its ten last; and sums of squares left of each joint."""
         here = sorted(trials)
         n = self.size + 10
         normal, right = np.eye(n), np.zeros(n)
-        normal[self.size :, self.size :] = np.diag(1.0 / Payload().widths ** 2)
+        normal[self.size :, self.size :] = np.diag(1.0 / Payload().prior_widths ** 2)
         numbers, made = [], []
-        for j, (g, whole) in enumerate(zip(self.grams, self.total, strict=True)):
+        for j, (g, whole) in enumerate(zip(self.grams, self.total_grams, strict=True)):
             own = g.shape[1] - self.shared - 11
             p = np.r_[0 : self.shared, self.begin[j] : self.begin[j] + own, self.size : n]
             some = g[here].sum(axis=0) if here else np.zeros_like(whole)
@@ -257,9 +260,9 @@ class _Link:
         )
         return x, np.maximum(left, 0.0, dtype=np.float64)
 
-    def more(self, trials: Collection[int], weight: Array) -> Array:
+    def excess_by_trial(self, trials: Collection[int], weight: Array) -> Array:
         """How much more of the body than all or nothing each trial asks for, beside that fit, ``(n_trials,)``."""
-        x, _ = self.fitted(trials, weight)
+        x, _ = self.fit_body(trials, weight)
         body = x[self.size :]
         asked, power = np.zeros((2, len(self.grams[0])))
         for j, g in enumerate(self.grams):
@@ -296,19 +299,19 @@ def part_time_payload(context: Context, rows: Rows, weight: Array) -> PartTimePa
     best: tuple[float, frozenset[int], Array, Array] | None = None
     payload = Payload()
     for link in payload.locations(context):
-        products = _products(context, payload, link, rows, weight)
+        products = _trial_products(context, payload, link, rows, weight)
         inverse = np.full(rows.n_joints, 1.0)
         for _ in range(_ROUNDS):
-            _, none = products.fitted((), inverse)
+            _, none = products.fit_body((), inverse)
             inverse = 1.0 / np.maximum(none / count, rows.floor**2)
-        there, left = _trials(products, inverse, len(names), learnt)
+        there, left = _loaded_trials(products, inverse, len(names), learnt)
         score = float(
             (0.5 * count * np.log(np.maximum(none, 1e-300) / np.maximum(left, count * rows.floor**2))).sum()
         )
         if there and (best is None or score > best[0]):
-            more = products.more(there, inverse)
+            more = products.excess_by_trial(there, inverse)
             # Beside bodies that are fitted, what some trials have less is what the others have more.
-            x, _ = products.fitted(there, inverse)
+            x, _ = products.fit_body(there, inverse)
             if products.shared and x[products.size] < 0.0:
                 there = frozenset(range(len(names))) - there
             best = score, there, 1.0 - left / np.maximum(none, 1e-300), more
@@ -336,14 +339,14 @@ def trials_that_carry(effects: Iterable[tuple[Effect, str]]) -> tuple[Finding, .
     )
 
 
-def _trials(products: _Link, weight: Array, n: int, learnt: set[int]) -> tuple[frozenset[int], Array]:
+def _loaded_trials(products: _Grams, weight: Array, n: int, learnt: set[int]) -> tuple[frozenset[int], Array]:
     """Trials in which a body explains most, and sums of squares that are left of each joint."""
     there: frozenset[int] = frozenset()
-    left = products.fitted(there, weight)[1]
+    left = products.fit_body(there, weight)[1]
     while True:
         tried = [there ^ {k} for k in range(n)]
         tried = [some for some in tried if some]
-        found = [(products.fitted(some, weight)[1], some) for some in tried]
+        found = [(products.fit_body(some, weight)[1], some) for some in tried]
         less, some = min(found, key=lambda item: float(item[0] @ weight))
         if float(less @ weight) >= float(left @ weight):
             break
@@ -352,7 +355,7 @@ def _trials(products: _Link, weight: Array, n: int, learnt: set[int]) -> tuple[f
     return (there, left) if there & learnt and learnt - there else (frozenset(), left)
 
 
-def _products(context: Context, payload: Payload, link: str, rows: Rows, weight: Array) -> _Link:
+def _trial_products(context: Context, payload: Payload, link: str, rows: Rows, weight: Array) -> _Grams:
     samples = context.baseline.samples
     felt = _body_rows(context, payload, link, rows, weight)
     numbers = range(len(samples.trials))
@@ -362,7 +365,7 @@ def _products(context: Context, payload: Payload, link: str, rows: Rows, weight:
         grams.append(np.array([matrix[rows.trial == k].T @ matrix[rows.trial == k] for k in numbers]))
         begin.append(at)
         at += rows.own[j].shape[1]
-    return _Link(tuple(grams), rows.shared.shape[2], tuple(begin), at)
+    return _Grams(tuple(grams), rows.shared.shape[2], tuple(begin), at)
 
 
 def _body_rows(context: Context, payload: Payload, link: str, rows: Rows, weight: Array) -> list[Array]:
@@ -377,7 +380,7 @@ def _body_rows(context: Context, payload: Payload, link: str, rows: Rows, weight
     columns = payload.shape(context, link, ()).columns
     nothing = np.zeros((rows.y.shape[1], 10))
     return [
-        base.samples.rows(columns[j], [j] * columns[j].shape[1]) * weight[j][:, None]
+        base.samples.to_rows(columns[j], [j] * columns[j].shape[1]) * weight[j][:, None]
         if j in columns
         else nothing
         for j in range(rows.n_joints)
@@ -392,7 +395,7 @@ _RIDGE = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
-class Generic:
+class GenericFunction:
     """A function of one thing.
 
     Attributes:
@@ -407,7 +410,7 @@ class Generic:
 
 
 @dataclass(frozen=True, eq=False)
-class Left:
+class Unnamed:
     """What a generic function takes of what is left of a channel.
 
     Attributes:
@@ -423,44 +426,44 @@ class Left:
     torque: Array
 
 
-def unnamed_of(model: Model, context: Context, weight: Array, floor: Array, joint: int) -> list[Left]:
+def unnamed_of(model: Model, context: Context, weight: Array, floor: Array, joint: int) -> list[Unnamed]:
     """Generic functions of what a model leaves of a joint, the best first.
 
     Args:
         model: the model of the gap.
-        context: its predictions.
         weight: ``(n_joints, n_rows)`` square roots of the rows' weights.
         floor: ``(n_joints,)`` noise in the rows' band.
-        joint: the joint.
     """
     rows = model.design.rows
     rest = model.residual[joint].copy()
     inside, judged = rows.block >= 0, rows.judged >= 0
     if float((rest[judged] ** 2).mean()) <= float(floor[joint]) ** 2:
         return []
-    library, found = _library(context, weight, joint), []
+    library, found = _generic_functions(context, weight, joint), []
     for _ in range(_MOST):
-        best = _best(library, rest, rows.block, inside, rows.trial)
+        best = _best_function(library, rest, rows.block, inside, rows.trial)
         if best is None:
             break
-        x = _solved(best.rows[inside], rest[inside])
+        x = _solve_ridge(best.rows[inside], rest[inside])
         after = rest - best.rows @ x
         power = float((rest[judged] ** 2).mean() - (after[judged] ** 2).mean())
         if power <= 0.0:
             break
         # Hats, not what was filtered: the function itself.
-        found.append(Left(best.follows, power, best.knots, x if len(best.knots) == len(x) else np.zeros(0)))
+        found.append(
+            Unnamed(best.follows, power, best.knots, x if len(best.knots) == len(x) else np.zeros(0))
+        )
         rest, library = after, [item for item in library if item.follows != best.follows]
     return found
 
 
-def _best(
-    library: list[Generic],
+def _best_function(
+    library: list[GenericFunction],
     rest: Array,
     block: NDArray[np.int64],
     inside: NDArray[np.bool_],
     trial: NDArray[np.int64],
-) -> Generic | None:
+) -> GenericFunction | None:
     """The function by which blocks left out are predicted best; None where none is worth it."""
     total = float((rest[inside] ** 2).sum())
     best, most = None, THRESHOLDS.unnamed
@@ -468,7 +471,7 @@ def _best(
         gain = 1.0 - _left_out(item.rows, rest, block) / total
         if gain <= most:
             continue
-        x = _solved(item.rows[inside], rest[inside])
+        x = _solve_ridge(item.rows[inside], rest[inside])
         share = float(effective_share((rest - item.rows @ x)[None], inside, trial)[0])
         nats = -0.5 * share * inside.sum() * np.log(1.0 - gain)
         if nats > THRESHOLDS.price + 0.5 * item.rows.shape[1]:
@@ -489,22 +492,22 @@ def _left_out(columns: Array, rest: Array, block: NDArray[np.int64]) -> float:
     return float((rest[block >= 0] ** 2).sum() + (inner * x).sum())
 
 
-def _solved(columns: Array, rest: Array) -> Array:
+def _solve_ridge(columns: Array, rest: Array) -> Array:
     gram = columns.T @ columns
     ridge = _RIDGE * np.diag(np.diag(gram)) + 1e-12 * np.eye(len(gram))
     return np.asarray(np.linalg.solve(gram + ridge, columns.T @ rest))
 
 
-def _library(context: Context, weight: Array, joint: int) -> list[Generic]:
+def _generic_functions(context: Context, weight: Array, joint: int) -> list[GenericFunction]:
     """Functions of everything that a channel's residual may follow."""
     base, samples = context.baseline, context.baseline.samples
-    sign, load = context.sign(joint), base.rigid[:, joint]
+    sign, load = context.friction_sign(joint), base.rigid[:, joint]
     signals = {
         "position": [context.q[:, joint]],
         "velocity": [context.v[:, joint]],
         "acceleration": [context.a[:, joint]],
         "load": [load],
-        "time": [context.session],
+        "time": [context.session_time],
     }
     factors = {"load": [np.ones_like(sign), sign], "time": [np.ones_like(sign), sign]}
     for other, name in enumerate(context.joints):
@@ -512,21 +515,21 @@ def _library(context: Context, weight: Array, joint: int) -> list[Generic]:
             signals[name] = [context.q[:, other]]
     made = []
     for follows, (signal,) in signals.items():
-        knots = _knots(signal)
+        knots = _spline_knots(signal)
         if len(knots) < 3:
             continue
-        hats = _hats(signal, knots)
+        hats = _hat_functions(signal, knots)
         columns = np.column_stack([hats * f[:, None] for f in factors.get(follows, [np.ones_like(sign)])])
-        rows = samples.rows(columns, [joint] * columns.shape[1]) * weight[joint][:, None]
-        made.append(Generic(follows, knots, rows))
+        rows = samples.to_rows(columns, [joint] * columns.shape[1]) * weight[joint][:, None]
+        made.append(GenericFunction(follows, knots, rows))
     return made
 
 
-def _knots(signal: Array) -> Array:
+def _spline_knots(signal: Array) -> Array:
     """Where a function of a signal has its knots: as many values between each two."""
     return np.unique(np.round(np.quantile(signal, np.linspace(0.0, 1.0, _KNOTS)), 9))
 
 
-def _hats(signal: Array, knots: Array) -> Array:
+def _hat_functions(signal: Array, knots: Array) -> Array:
     """Piecewise linear functions that are one at a knot and zero at its neighbours, ``(n, n_knots)``."""
     return np.column_stack([np.interp(signal, knots, unit) for unit in np.eye(len(knots))])

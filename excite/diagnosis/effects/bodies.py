@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from excite.arrays import Array, Moved
 from excite.diagnosis.answer.candidate import Estimate
 from excite.diagnosis.effects.effect import Belief, Effect, Parameter, Shape, Theta
-from excite.diagnosis.effects.forces import Wave
-from excite.diagnosis.effects.form import Beyond, Context, Draft, Form, Sizes
+from excite.diagnosis.effects.forces import RippleNote
+from excite.diagnosis.effects.form import Absence, Context, Draft, Form, Sizes
 from excite.diagnosis.equations.joint_torque import Fit
 from excite.diagnosis.equations.own_columns import ARMATURE
-from excite.diagnosis.equations.units import slides
+from excite.diagnosis.equations.units import is_sliding_joint
 from excite.doctor.doubt import Doubt
 from excite.identification.inertia import pseudo_inertia_matrices
 from excite.identification.physical.cone_program import TRIANGLE, ConeProgram, solve_cone_program
@@ -56,13 +56,13 @@ _LEVER = 0.1
 _LEAST = 0.02
 
 
-def tilted(gravity: Array, item: Sizes) -> Array:
+def tilt_gravity(gravity: Array, item: Sizes) -> Array:
     """Gravity ``(3,)`` in a tilted base [m/s²]: its components are along the axes that the effect is fitted in."""
     size, (first, second, down) = float(np.linalg.norm(gravity)), level_axes(gravity)
-    aside = item.value("gravity_x") * first + item.value("gravity_y") * second
+    aside = item.value_of("gravity_x") * first + item.value_of("gravity_y") * second
     # A tilt turns gravity, it does not add to it; but masses that were fitted beside what is left of it go with that.
     less = float(np.sqrt(max(size**2 - float(aside @ aside), 0.0))) - size
-    return (size + item.value("gravity_down", less)) * down + aside
+    return (size + item.value_of("gravity_down", less)) * down + aside
 
 
 class BaseTilt(Effect):
@@ -75,7 +75,7 @@ class BaseTilt(Effect):
 
     name = "base_tilt"
     belief = Belief(width=1.0)
-    told_by = frozenset({Doubt.POSITION, Doubt.GRAVITY})
+    observed_by = frozenset({Doubt.POSITION, Doubt.GRAVITY})
     linear: ClassVar[tuple[Parameter, ...]] = (
         Parameter("gravity_x", "m/s²", -5.0, 5.0),
         Parameter("gravity_y", "m/s²", -5.0, 5.0),
@@ -87,17 +87,17 @@ class BaseTilt(Effect):
     mujoco = "option gravity"
     moves = True
     by_motion = True
-    note = Wave
+    note = RippleNote
 
     @property
-    def richer(self) -> tuple[Effect, ...]:
+    def extended_forms(self) -> tuple[Effect, ...]:
         return (SteepTilt(),)
 
     @property
-    def forms(self) -> tuple[Effect, ...]:
+    def variant_forms(self) -> tuple[Effect, ...]:
         return (KnownLeverTilt(),)
 
-    def offered(self, modelled: tuple[str, ...]) -> bool:
+    def is_candidate(self, modelled: tuple[str, ...]) -> bool:
         return self.name not in modelled
 
     def locations(self, context: Context) -> tuple[str, ...]:
@@ -106,28 +106,30 @@ class BaseTilt(Effect):
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
         samples = context.baseline.samples
         model = samples.robot.model.copy()
-        q = samples.stacked("q")
+        q = samples.stack_trials("q")
         still = np.zeros((len(q), model.nv))
         columns = np.zeros((len(q), len(context.joints), len(self.linear)))
         for k, axis in zip((0, 1, 4), level_axes(model.gravity.linear), strict=True):
             if k < len(self.linear):
                 model.gravity.linear = axis
-                columns[:, :, k] = samples.torques(
+                columns[:, :, k] = samples.rigid_torques(
                     context.baseline.phi, motion=Moved(q, still, still), model=model
                 )
         # A slide has no first moments; those of links further out are the identifier's.
         lever = len(self.linear) > 2
-        if lever and samples.index[0] == 0 and not slides(samples.robot, context.joints[0]):
+        if lever and samples.index[0] == 0 and not is_sliding_joint(samples.robot, context.joints[0]):
             first = context.q[:, 0]
             columns[:, 0, 2], columns[:, 0, 3] = np.cos(first), np.sin(first)
         return Shape({j: columns[:, j] for j in range(len(context.joints))})
 
-    def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
+    def is_admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
         mass = sum(inertia.mass for inertia in context.baseline.samples.robot.model.inertias)
         most = _LEVER * mass * max(float(np.hypot(*beta[:2])), _LEAST)
-        return float(np.linalg.norm(beta[2:4])) <= most and super().admissible(context, location, theta, beta)
+        return float(np.linalg.norm(beta[2:4])) <= most and super().is_admissible(
+            context, location, theta, beta
+        )
 
-    def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
+    def to_estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
         # A slide that is level shows one of the two, a joint whose axis is upright none.
         shown = np.isfinite(fit.extra_std[:2])
         aside, spread = fit.extra[:2][shown], fit.extra_std[:2][shown]
@@ -136,14 +138,14 @@ class BaseTilt(Effect):
         along = aside / size if size > 0.0 else np.full(len(aside), max(len(aside), 1) ** -0.5)
         std = float(np.linalg.norm(along * spread)) / _G if shown.any() else None
         angle = Estimate(float(np.arcsin(min(size / _G, 1.0))), std, "rad")
-        found = super().estimates(context, location, theta, fit)
+        found = super().to_estimates(context, location, theta, fit)
         return {"angle": angle, **{p.name: found[p.name] for p in self.linear[:2] if p.name in found}}
 
     def in_mujoco(self, item: Sizes) -> Form:
-        first = {name: item.value(f"first_row_{name}") for name in ("cosine", "sine")}
-        noted = self.noted(replace(item, values={**first, "periods_per_rev": 1.0}), item.joints[0])
+        first = {name: item.value_of(f"first_row_{name}") for name in ("cosine", "sine")}
+        noted = self.make_note(replace(item, values={**first, "periods_per_rev": 1.0}), item.joints[0])
         notes = (noted,) if any(first.values()) else ()
-        return Form(gravity=lambda gravity: tilted(gravity, item), notes=notes)
+        return Form(gravity=lambda gravity: tilt_gravity(gravity, item), notes=notes)
 
 
 class KnownLeverTilt(BaseTilt):
@@ -152,11 +154,11 @@ class KnownLeverTilt(BaseTilt):
     linear = BaseTilt.linear[:2]
 
     @property
-    def richer(self) -> tuple[Effect, ...]:
+    def extended_forms(self) -> tuple[Effect, ...]:
         return (BaseTilt(),)
 
     @property
-    def forms(self) -> tuple[Effect, ...]:
+    def variant_forms(self) -> tuple[Effect, ...]:
         return ()
 
 
@@ -166,7 +168,7 @@ class SteepTilt(BaseTilt):
     linear = (*BaseTilt.linear, Parameter("gravity_down", "m/s²", -5.0, 0.0))
 
     @property
-    def richer(self) -> tuple[Effect, ...]:
+    def extended_forms(self) -> tuple[Effect, ...]:
         return ()
 
 
@@ -198,7 +200,7 @@ def likeliest_body(information: Array, target: Array, reach: float, removable: f
     """
     best, found = 0.0, None
     for sign in (1.0, -1.0):
-        answer = _body(information, sign * target, reach, np.inf if sign > 0.0 else removable)
+        answer = _solve_for_body(information, sign * target, reach, np.inf if sign > 0.0 else removable)
         if answer is None:
             continue
         value = 0.5 * float(answer @ information @ answer) - sign * float(target @ answer)
@@ -207,7 +209,7 @@ def likeliest_body(information: Array, target: Array, reach: float, removable: f
     return found
 
 
-def exists(body: Array, reach: float, removable: float) -> bool:
+def is_physical_body(body: Array, reach: float, removable: float) -> bool:
     """Whether ten parameters are those of a body as :func:`likeliest_body` finds them, of whatever likelihood.
 
     Args:
@@ -227,7 +229,7 @@ def exists(body: Array, reach: float, removable: float) -> bool:
     )
 
 
-def _body(information: Array, target: Array, reach: float, most: float) -> Array | None:
+def _solve_for_body(information: Array, target: Array, reach: float, most: float) -> Array | None:
     # Scaled before it is factored: moments of inertia and masses are orders of magnitude apart.
     scaled = information * np.outer(_SIZES, _SIZES)
     values, vectors = np.linalg.eigh(0.5 * (scaled + scaled.T))
@@ -277,7 +279,7 @@ class LinkLengthError(Effect):
 
     name = "link_length_error"
     belief = Belief(chance=0.01, width=0.01)
-    told_by = frozenset({Doubt.POSITION, Doubt.GRAVITY, Doubt.CLOCK, Doubt.SIZE})
+    observed_by = frozenset({Doubt.POSITION, Doubt.GRAVITY, Doubt.CLOCK, Doubt.SIZE})
     linear = tuple(Parameter(f"shift_{axis}", "m", -0.3, 0.3) for axis in "xyz")
     confusable_with = ("link_inertia", "payload", "encoder_offset")
     separating_motion = "fast motion of the joints before it, in several postures"
@@ -285,7 +287,7 @@ class LinkLengthError(Effect):
     moves = True
     by_motion = True
 
-    def offered(self, modelled: tuple[str, ...]) -> bool:
+    def is_candidate(self, modelled: tuple[str, ...]) -> bool:
         # Free inertial parameters take up nearly all of it.
         return "rigid_body" not in modelled and self.name not in modelled
 
@@ -297,18 +299,18 @@ class LinkLengthError(Effect):
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
         samples = context.baseline.samples
-        change = placement_gradient(samples.robot.model, location, *samples.tree, context.baseline.phi)
+        change = placement_gradient(samples.robot.model, location, *samples.tree_motion, context.baseline.phi)
         stacked = samples.on_motors(change)
         return Shape(
             {j: stacked[:, j] for j in range(stacked.shape[1]) if np.abs(stacked[:, j]).max() > 1e-9}
         )
 
     def in_mujoco(self, item: Sizes) -> Form:
-        def shifted(draft: Draft) -> None:
+        def shift_body(draft: Draft) -> None:
             body = draft.moved_body(item.location)
-            body.pos = body.pos + np.array([item.value(p.name) for p in self.linear])
+            body.pos = body.pos + np.array([item.value_of(p.name) for p in self.linear])
 
-        return Form(elements=shifted)
+        return Form(elements=shift_body)
 
 
 # A body on a link that the model does not have.
@@ -328,15 +330,15 @@ _UNTOLD = 0.5
 def link_columns(context: Context, joint: int) -> Array:
     """Torques per unit of the ten inertial parameters of the body after a joint, ``(n, n_joints, 10)``."""
     s = context.baseline.samples
-    key, kept = "regressor", s.kept
+    key, kept = "regressor", s.motion_cache
     if key not in kept:
-        kept[key] = s.regressor()
+        kept[key] = s.rigid_regressor()
     return np.asarray(kept[key][:, :, 10 * (joint - 1) : 10 * joint])
 
 
-def _felt(context: Context, joint: int) -> NDArray[np.bool_]:
+def _find_felt_parameters(context: Context, joint: int) -> NDArray[np.bool_]:
     """Which joints feel which of these parameters, ``(n_joints, 10)``."""
-    kept = context.baseline.samples.kept
+    kept = context.baseline.samples.motion_cache
     key = "felt of a body", joint
     if key not in kept:
         largest = np.abs(link_columns(context, joint)).max(axis=0)
@@ -344,9 +346,9 @@ def _felt(context: Context, joint: int) -> NDArray[np.bool_]:
     return np.asarray(kept[key])
 
 
-def _power(context: Context, joint: int) -> Array:
+def _column_products(context: Context, joint: int) -> Array:
     """Products of these columns with each other, over all samples and joints, ``(10, 10)``."""
-    key, kept = ("power of a body", joint), context.baseline.samples.kept
+    key, kept = ("power of a body", joint), context.baseline.samples.motion_cache
     if key not in kept:
         columns = link_columns(context, joint).reshape(-1, 10)
         kept[key] = columns.T @ columns
@@ -358,7 +360,7 @@ class Payload(Effect):
 
     name = "payload"
     belief = Belief(chance=0.05)
-    told_by = frozenset({Doubt.POSITION, Doubt.GRAVITY, Doubt.CLOCK, Doubt.SIZE})
+    observed_by = frozenset({Doubt.POSITION, Doubt.GRAVITY, Doubt.CLOCK, Doubt.SIZE})
     linear = tuple(
         Parameter(n, u, width=w)
         for n, u, w in zip(
@@ -377,7 +379,7 @@ class Payload(Effect):
     by_motion = True
     is_body = True
 
-    def offered(self, modelled: tuple[str, ...]) -> bool:
+    def is_candidate(self, modelled: tuple[str, ...]) -> bool:
         return "rigid_body" not in modelled and self.name not in modelled
 
     def locations(self, context: Context) -> tuple[str, ...]:
@@ -386,27 +388,27 @@ class Payload(Effect):
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
         joint = self.locations(context).index(location) + 1
-        columns, felt = link_columns(context, joint), _felt(context, joint)
+        columns, felt = link_columns(context, joint), _find_felt_parameters(context, joint)
         return Shape({j: columns[:, j] for j in range(columns.shape[1]) if felt[j].any()})
 
-    def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
+    def is_admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
         """Whether it has weight: one that has inertia alone is a rotor that the model lacks."""
-        if ARMATURE.asked(context.baseline.modelled):
+        if ARMATURE.is_modelled(context.baseline.modelled):
             return True
-        power = _power(context, self.locations(context).index(location) + 1)
+        power = _column_products(context, self.locations(context).index(location) + 1)
         torque, weight = float(beta @ power @ beta), float(beta[:4] @ power[:4, :4] @ beta[:4])
         return weight > _WEIGHTLESS**2 * torque
 
-    def possible(self, context: Context, location: str, beta: Array) -> bool:
+    def is_possible(self, context: Context, location: str, beta: Array) -> bool:
         """Whether they are a body's that can exist, or what a link may lack of its own.
 
         Of numbers that the motion does not show any will do: a body's mass on an axis that turns about itself.
         """
         model, joint = context.baseline.samples.robot.model, self.locations(context).index(location) + 1
-        most, link = reach(model), float(model.inertias[joint].mass)
-        if exists(beta, most, link):
+        most, link = largest_reach(model), float(model.inertias[joint].mass)
+        if is_physical_body(beta, most, link):
             return True
-        power = _power(context, joint)
+        power = _column_products(context, joint)
         found = likeliest_body(power, power @ beta, most, link)
         if found is None:
             return False
@@ -417,19 +419,19 @@ class Payload(Effect):
         self, context: Context, location: str, information: Array, target: Array
     ) -> Array | None:
         model, joint = context.baseline.samples.robot.model, self.locations(context).index(location) + 1
-        return likeliest_body(information, target, reach(model), float(model.inertias[joint].mass))
+        return likeliest_body(information, target, largest_reach(model), float(model.inertias[joint].mass))
 
-    def physical(self, context: Context, location: str, fit: Fit) -> bool:
+    def is_physical(self, context: Context, location: str, fit: Fit) -> bool:
         """Whether link and body together may have their mass: less than none is another effect's doing."""
         joint = self.locations(context).index(location) + 1
         mass = float(context.baseline.phi[10 * (joint - 1)]) + float(fit.extra[0])
         return mass > -_SURELY * float(fit.extra_std[0])
 
-    def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
+    def to_estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
         """What the joints tell of the body; where they do not tell its mass, its first moment comes first."""
-        found = super().estimates(context, location, theta, fit)
-        felt = np.any(_felt(context, self.locations(context).index(location) + 1), axis=0)
-        told = felt & (fit.extra_std < _UNTOLD * self.widths)
+        found = super().to_estimates(context, location, theta, fit)
+        felt = np.any(_find_felt_parameters(context, self.locations(context).index(location) + 1), axis=0)
+        told = felt & (fit.extra_std < _UNTOLD * self.prior_widths)
         shown = {p.name: found[p.name] for p, here in zip(self.linear, told, strict=True) if here}
         if told[0] or not told[1:4].any():
             return shown
@@ -439,7 +441,7 @@ class Payload(Effect):
         return {"first_moment": Estimate(size, std, "kg·m")} | shown
 
     def in_mujoco(self, item: Sizes) -> Form:
-        return Form(body=np.array([item.value(p.name) for p in self.linear]))
+        return Form(body=np.array([item.value_of(p.name) for p in self.linear]))
 
 
 # How far from the joint that carries it a body may lie.
@@ -451,7 +453,7 @@ _TOOL_M = 0.6
 _SHARE = 0.5
 
 
-def reach(model: pin.Model) -> float:
+def largest_reach(model: pin.Model) -> float:
     """Largest distance of a body's parts from the joint that carries it [m].
 
     Args:
@@ -481,7 +483,7 @@ class PartTimePayload(Payload):
     def __init__(self, trials: Collection[str]) -> None:
         self.trials = frozenset(trials)
 
-    def offered(self, modelled: tuple[str, ...]) -> bool:
+    def is_candidate(self, modelled: tuple[str, ...]) -> bool:
         return self.name not in modelled
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
@@ -490,9 +492,9 @@ class PartTimePayload(Payload):
         columns = super().shape(context, location, theta).columns
         return Shape({j: block * there[:, None] for j, block in columns.items()})
 
-    def physical(self, context: Context, location: str, fit: Fit) -> bool:
+    def is_physical(self, context: Context, location: str, fit: Fit) -> bool:
         # What some trials have more, others have less: its sign was chosen with the trials.
         return True
 
     def in_mujoco(self, item: Sizes) -> Form:
-        return Form(absent=Beyond.SOME_TRIALS)
+        return Form(absent=Absence.SOME_TRIALS)

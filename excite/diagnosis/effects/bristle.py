@@ -8,11 +8,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.equations.dry_friction.friction_sign import RATIO, bend, bend_further
+from excite.diagnosis.equations.dry_friction.friction_sign import RATIO, bend_bristle, bend_further
 
 
 @dataclass(frozen=True)
-class Static:
+class StaticFriction:
     """Static friction over Coulomb's, ``excess·exp(−|v/velocity|^exponent)``.
 
     Attributes:
@@ -25,7 +25,7 @@ class Static:
     velocity: float
     exponent: float = 2.0
 
-    def share(self, v: Array) -> Array:
+    def share_at_speed(self, v: Array) -> Array:
         """What is left of it at speeds, 0…1."""
         return np.asarray(np.exp(-((np.abs(v) / self.velocity) ** self.exponent)))
 
@@ -49,28 +49,28 @@ class Bristle:
     breakaway: float
     damping: float = 0.0
     damped_below: float = np.inf
-    static: Static | None = None
+    static: StaticFriction | None = None
     z: Array = field(default_factory=lambda: np.zeros((2, 1)))
     kept: Array = field(default_factory=lambda: np.ones((2, 1)))
 
-    def start(self, before: Sequence[tuple[Array, float]]) -> None:
+    def start_runs(self, before: Sequence[tuple[Array, float]]) -> None:
         """Bend it as the speeds before each run did: ``(n,)`` of them, one a period [s]; straight where none are."""
-        self.z = np.array([self._bent(v, period) for v, period in before]).T
+        self.z = np.array([self._bend_before_run(v, period) for v, period in before]).T
         self.kept = np.ones_like(self.z)
 
-    def _bent(self, v: Array, period: float) -> tuple[float, float]:
+    def _bend_before_run(self, v: Array, period: float) -> tuple[float, float]:
         if not len(v):
             return 0.0, 0.0
         starts = np.zeros(len(v), dtype=np.bool_)
         starts[0] = True
-        plain = float(bend(v, starts, period, self.breakaway)[-1])
+        plain = float(bend_bristle(v, starts, period, self.breakaway)[-1])
         further = plain
         if self.static is not None:
             law = self.static.velocity, self.static.exponent
             further = float(bend_further(v, starts, period, self.breakaway, *law, RATIO)[-1])
         return plain, further
 
-    def force(self, level: Array, v: Array, step: float) -> tuple[Array, Array]:
+    def friction_force(self, level: Array, v: Array, step: float) -> tuple[Array, Array]:
         """Torque [N·m] and damping [N·m·s/rad] of the coming step, together those of its end, ``(n_runs,)`` each.
 
         Args:
@@ -80,7 +80,7 @@ class Bristle:
         """
         static, way = self.static, step * np.abs(v) / self.breakaway
         excess = 0.0 if static is None else static.excess / RATIO
-        slips = 1.0 if static is None else 1.0 + RATIO * static.share(v)
+        slips = 1.0 if static is None else 1.0 + RATIO * static.share_at_speed(v)
         self.kept = 1.0 / (1.0 + np.array([way, way / slips]))
         rate = self.damping * np.exp(-((v / self.damped_below) ** 2)) / step
         # Static friction is damped as Coulomb friction is.
@@ -91,6 +91,6 @@ class Bristle:
         damping = (plain * kept + further * kept_further) * step / self.breakaway
         return torque, damping
 
-    def move(self, v: Array, step: float) -> None:
+    def advance_deflection(self, v: Array, step: float) -> None:
         """Bend it by the step that was made at speeds ``(n_runs,)``."""
         self.z = self.kept * (self.z + step * v / self.breakaway)

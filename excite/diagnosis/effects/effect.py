@@ -10,7 +10,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Estimate
-from excite.diagnosis.effects.form import Beyond, Context, Form, Note, Noted, Sizes, Told
+from excite.diagnosis.effects.form import Absence, Context, Form, InitialState, Note, Noted, Sizes
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.joint_torque import Fit
 from excite.diagnosis.equations.own_columns import OwnTerm
@@ -85,7 +85,7 @@ class Effect(ABC):
         mujoco: how a MuJoCo model expresses it, in words; :meth:`in_mujoco` does it.
         note: what a model leaves to its runner; None where that is nothing.
         term: the term of a baseline's drives that it is; None where it is none.
-        told_by: quantities of a log that it is measured by: where these are in doubt it cannot be named.
+        observed_by: quantities of a log that it is measured by: where these are in doubt it cannot be named.
         spans: what its columns are made of, in words; empty where no other effect's are.
         moves: whether it changes the torque that the gears carry (bodies, geometry), not the drives'.
         friction: whether the width of the velocity's sign change is searched along with it.
@@ -118,7 +118,7 @@ class Effect(ABC):
     late_by: ClassVar[str] = ""
     note: ClassVar[type[Note] | None] = None
     term: ClassVar[OwnTerm | None] = None
-    told_by: ClassVar[frozenset[Doubt]] = frozenset()
+    observed_by: ClassVar[frozenset[Doubt]] = frozenset()
     spans: ClassVar[tuple[str, ...]] = ()
     nameless: ClassVar[str] = ""
     seen_alone: ClassVar[bool] = False
@@ -134,8 +134,8 @@ class Effect(ABC):
     belief: ClassVar[Belief] = Belief()
 
     @property
-    def widths(self) -> Array:
-        """Standard deviations that its linear parameters have a priori, ``(n_linear,)``."""
+    def prior_widths(self) -> Array:
+        """Prior standard deviations of its linear parameters, ``(n_linear,)``."""
         return np.array([p.width for p in self.linear])
 
     @property
@@ -149,34 +149,34 @@ class Effect(ABC):
         return self.moves and self.by_motion
 
     @property
-    def richer(self) -> tuple[Effect, ...]:
+    def extended_forms(self) -> tuple[Effect, ...]:
         """Other forms of the same physics with more parameters, tried once the effect is named, or where none is."""
         return ()
 
     @property
-    def closer(self) -> Effect | None:
-        """The same with what its first order leaves out, tried at last; None where that is nothing."""
+    def refined_form(self) -> Effect | None:
+        """The same physics without linearisation, tried last; None where the effect has no such form."""
         return None
 
     @property
-    def forms(self) -> tuple[Effect, ...]:
-        """Other forms of the same physics that may be what is there, tried along with this one."""
+    def variant_forms(self) -> tuple[Effect, ...]:
+        """Other forms of the same physics, tried along with this one."""
         return ()
 
-    def starts(self, theta: Theta) -> list[Theta]:
-        """Where the search of a richer form begins, from the non-linear parameters of the plain one."""
+    def search_starts(self, theta: Theta) -> list[Theta]:
+        """Starting points ``theta`` of an extended form's search, given those of the plain form."""
         return [theta]
 
-    def own_starts(self, context: Context, location: str) -> list[Theta]:
-        """Where the search of a richer form begins besides, where the plain one fits nothing."""
+    def further_starts(self, context: Context, location: str) -> list[Theta]:
+        """Further starting points of an extended form's search, used where the plain form fits nothing."""
         return []
 
-    def mirrored(self, context: Context, location: str, theta: Theta) -> tuple[Effect, Theta] | None:
-        """What says about the same beside bodies and a constant that are free to take up the rest; None, mostly."""
+    def equivalent_form(self, context: Context, location: str, theta: Theta) -> tuple[Effect, Theta] | None:
+        """An effect with nearly the same torque, but for bodies and a constant; None for most effects."""
         return None
 
-    def carried_over(self, old: Context, new: Context, location: str, theta: Theta) -> Theta:
-        """Non-linear parameters that say about the same on another fit of the baseline."""
+    def transfer_shape(self, old: Context, new: Context, location: str, theta: Theta) -> Theta:
+        """``theta`` for another fit of the baseline, such that the torque is nearly the same."""
         return theta
 
     def nearest_body(
@@ -186,34 +186,33 @@ class Effect(ABC):
 
         Args:
             context: where its columns were made.
-            location: the link.
             information: inverse covariance of the linear parameters, ``(10, 10)``.
             target: ``information`` times their estimate.
         """
         return None
 
-    def offered(self, modelled: tuple[str, ...]) -> bool:
-        """Whether it can be told from what the baseline has."""
-        return self.name not in modelled if self.term is None else not self.term.asked(modelled)
+    def is_candidate(self, modelled: tuple[str, ...]) -> bool:
+        """Whether it is tried beside a baseline with the terms ``modelled``: not if that has it already."""
+        return self.name not in modelled if self.term is None else not self.term.is_modelled(modelled)
 
     def locations(self, context: Context) -> tuple[str, ...]:
         """Where it can be: every joint, unless said otherwise."""
         return context.joints
 
-    def grid(self, context: Context, location: str) -> list[Theta]:
-        """Non-linear parameters to start the search from."""
+    def search_grid(self, context: Context, location: str) -> list[Theta]:
+        """Grid of non-linear parameters from which the search starts."""
         return [()]
 
-    def signals(self, context: Context, location: str, theta: Theta) -> Array:
+    def unit_torques(self, context: Context, location: str, theta: Theta) -> Array:
         """Torques at its joint per unit of each linear parameter, ``(n_samples, n_linear)``, of what acts at one."""
         raise NotImplementedError
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
-        """What it adds to the torques."""
-        return Shape(context.felt(location, self.signals(context, location, theta)))
+        """Columns and offset that it adds to the torques."""
+        return Shape(context.motor_columns(location, self.unit_torques(context, location, theta)))
 
-    def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
-        """Whether the parameters are physical, and far enough from what another effect's name says better."""
+    def is_admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
+        """Whether parameters are within their bounds and describe this effect rather than another one."""
         return self.in_bounds(beta, np.zeros(len(beta)))
 
     def in_bounds(self, beta: Array, spread: Array) -> bool:
@@ -222,20 +221,20 @@ class Effect(ABC):
             p.low <= b + s and b - s <= p.high for p, b, s in zip(self.linear, beta, spread, strict=True)
         )
 
-    def physical(self, context: Context, location: str, fit: Fit) -> bool:
-        """Whether a fit says something that can be, within what the record tells of it."""
+    def is_physical(self, context: Context, location: str, fit: Fit) -> bool:
+        """Whether a fit is physically possible within its standard deviations."""
         return True
 
-    def possible(self, context: Context, location: str, beta: Array) -> bool:
-        """Whether linear parameters ``(n_linear,)`` are of something that can exist there."""
+    def is_possible(self, context: Context, location: str, beta: Array) -> bool:
+        """Whether linear parameters ``(n_linear,)`` are physically possible at that place."""
         return True
 
-    def settled(self, context: Context, location: str, theta: Theta, fit: Fit) -> bool:
-        """Whether a search ended within what the effect's name stands for, not at the end of it."""
+    def is_within_scope(self, context: Context, location: str, theta: Theta, fit: Fit) -> bool:
+        """Whether the fitted ``theta`` is inside the range that this effect describes, not at its bound."""
         return True
 
-    def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
-        """Its parameters, for people; without those that nothing in the record shows."""
+    def to_estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
+        """Estimates of its parameters by name, without those that the record does not determine."""
         found = {
             p.name: Estimate(float(b), float(s), p.unit)
             for p, b, s in zip(self.linear, fit.extra, fit.extra_std, strict=True)
@@ -243,26 +242,26 @@ class Effect(ABC):
         }
         return found | {p.name: Estimate(t, None, p.unit) for p, t in zip(self.searched, theta, strict=True)}
 
-    def sizes(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, float]:
-        """Its parameters by name, and what else a simulator needs of it."""
-        values = {name: e.value for name, e in self.estimates(context, location, theta, fit).items()}
+    def to_sizes(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, float]:
+        """Values of its parameters by name, with further numbers that a simulator needs."""
+        values = {name: e.value for name, e in self.to_estimates(context, location, theta, fit).items()}
         values |= {p.name: float(b) for p, b in zip(self.linear, fit.extra, strict=True)}
         return values | {p.name: float(t) for p, t in zip(self.searched, theta, strict=True)}
 
     def in_mujoco(self, item: Sizes) -> Form:
         """Its form in a MuJoCo model; without one, the model is without it, and says why."""
-        return Form(absent=Beyond.NO_FORM)
+        return Form(absent=Absence.NO_FORM)
 
-    def told(self, context: Context, location: str, theta: Theta) -> Told:
-        """What the record tells of its own state; nothing, unless said otherwise."""
-        return Told()
+    def initial_state(self, context: Context, location: str, theta: Theta) -> InitialState:
+        """Its internal state along the record, for roll-outs; empty by default."""
+        return InitialState()
 
     def second_name(self, baseline: Baseline, location: str, fit: Fit) -> str | None:
-        """Another name that means the same in the data; none, unless said otherwise."""
+        """Name of another effect with the same torques in this record; None by default."""
         return None
 
-    def noted(self, item: Sizes, place: str | None = None) -> Noted:
-        """Its note with the sizes that it has."""
+    def make_note(self, item: Sizes, place: str | None = None) -> Noted:
+        """Its note with given parameter values."""
         if self.note is None:
             raise TypeError(f"{self.name} leaves nothing to a runner")
-        return Noted(self.name, place or item.location, self.note.of(item.values))
+        return Noted(self.name, place or item.location, self.note.from_values(item.values))

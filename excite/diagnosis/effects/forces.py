@@ -11,7 +11,7 @@ from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Estimate
 from excite.diagnosis.effects.bristle import Bristle
 from excite.diagnosis.effects.effect import Effect, Parameter, Theta
-from excite.diagnosis.effects.form import Beyond, Context, Draft, Form, JointStep, Note, Sizes
+from excite.diagnosis.effects.form import Absence, Context, Draft, Form, JointStep, Note, Sizes
 from excite.diagnosis.effects.friction import hysteretic_sign
 from excite.diagnosis.equations.joint_torque import Fit
 from excite.doctor.doubt import Doubt
@@ -37,16 +37,16 @@ class OneSided(Effect):
     first: ClassVar[tuple[float, ...]] = ()
     within: ClassVar[tuple[float, float]] = (0.0, 1.0)
 
-    def grid(self, context: Context, location: str) -> list[Theta]:
-        travel = float(np.ptp(context.at(location, "q")))
+    def search_grid(self, context: Context, location: str) -> list[Theta]:
+        travel = float(np.ptp(context.signal_at(location, "q")))
         return [(share * travel,) for share in self.first]
 
-    def signals(self, context: Context, location: str, theta: Theta) -> Array:
-        way = self.side * context.at(location, "q")
+    def unit_torques(self, context: Context, location: str, theta: Theta) -> Array:
+        way = self.side * context.signal_at(location, "q")
         return self.side * np.maximum(way - (way.max() - theta[0]), 0.0)[:, None]
 
-    def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
-        travel = float(np.ptp(context.at(location, "q")))
+    def is_admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
+        travel = float(np.ptp(context.signal_at(location, "q")))
         least, most = self.within
         return (
             self.searched[0].low <= theta[0]
@@ -54,13 +54,13 @@ class OneSided(Effect):
             and beta[0] >= 0.0
         )
 
-    def beyond_edge(self, context: Context, location: str, theta: Theta) -> Theta:
+    def other_side(self, context: Context, location: str, theta: Theta) -> Theta:
         """Non-linear parameters of what acts on the other side of the same edge."""
-        return (float(np.ptp(context.at(location, "q"))) - theta[0],)
+        return (float(np.ptp(context.signal_at(location, "q"))) - theta[0],)
 
-    def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
-        way = self.side * context.at(location, "q")
-        stiffness = super().estimates(context, location, theta, fit)["stiffness"]
+    def to_estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
+        way = self.side * context.signal_at(location, "q")
+        stiffness = super().to_estimates(context, location, theta, fit)["stiffness"]
         return {
             "edge": Estimate(self.side * (float(way.max()) - theta[0]), None, "rad"),
             "stiffness": stiffness,
@@ -78,7 +78,7 @@ _FAR = 1e3
 
 
 @dataclass(frozen=True)
-class Spring(Note):
+class SpringNote(Note):
     """What a spring has beside its stiffness.
 
     Attributes:
@@ -93,19 +93,19 @@ class Spring(Note):
     rubbing: float | None = None
     breakaway: float | None = None
 
-    beyond = Beyond.SPRING
+    beyond = Absence.SPRING
 
     @property
-    def rubs(self) -> bool:
+    def has_friction(self) -> bool:
         return self.breakaway is not None
 
-    def bristle(self) -> Bristle | None:
+    def make_bristle(self) -> Bristle | None:
         return None if self.breakaway is None else Bristle(self.breakaway)
 
-    def held(self, level: Array) -> Array:
+    def held_friction(self, level: Array) -> Array:
         return np.full_like(level, self.rubbing or 0.0)
 
-    def torque(self, at: JointStep) -> Array:
+    def joint_torque(self, at: JointStep) -> Array:
         return np.asarray(-(self.quadratic * at.q**2 + self.cubic * at.q**3))
 
 
@@ -113,7 +113,7 @@ class JointSpring(Effect):
     """``τ = k q + τ_0``: stiffness and the torque at zero position."""
 
     name = "joint_spring"
-    told_by = frozenset({Doubt.POSITION, Doubt.GRAVITY})
+    observed_by = frozenset({Doubt.POSITION, Doubt.GRAVITY})
     linear: ClassVar[tuple[Parameter, ...]] = (
         Parameter("stiffness", "N·m/rad"),
         Parameter("torque_at_zero", "N·m", beside=True),
@@ -122,40 +122,40 @@ class JointSpring(Effect):
     separating_motion = "the joint slowly over its whole range, in two postures of the others"
     mujoco = "joint stiffness and springref; with slack, a tendon of that joint alone"
     by_motion = True
-    note = Spring
+    note = SpringNote
     spans: ClassVar[tuple[str, ...]] = ("q", "1")
     behind = True
 
     @property
-    def richer(self) -> tuple[Effect, ...]:
+    def extended_forms(self) -> tuple[Effect, ...]:
         return (HardeningSpring(), RubbingSpring())
 
     @property
-    def forms(self) -> tuple[Effect, ...]:
+    def variant_forms(self) -> tuple[Effect, ...]:
         return (SlackSpring(), LowerSlackSpring())
 
     def locations(self, context: Context) -> tuple[str, ...]:
         return tuple(j for j, q in zip(context.joints, context.q.T, strict=True) if np.ptp(q) <= _TRAVEL)
 
-    def signals(self, context: Context, location: str, theta: Theta) -> Array:
-        q = context.at(location, "q")
+    def unit_torques(self, context: Context, location: str, theta: Theta) -> Array:
+        q = context.signal_at(location, "q")
         return np.column_stack([q, np.ones_like(q)])
 
-    def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
-        q = context.at(location, "q")
+    def is_admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
+        q = context.signal_at(location, "q")
         constant = abs(beta[0] * q.mean() + beta[1])
         changes = abs(beta[0]) * q.std() >= _CHANGES * constant
-        return changes and pulls_back(q, beta[0]) and super().admissible(context, location, theta, beta)
+        return changes and is_restoring(q, beta[0]) and super().is_admissible(context, location, theta, beta)
 
     def in_mujoco(self, item: Sizes) -> Form:
-        stiffness = item.value("stiffness")
+        stiffness = item.value_of("stiffness")
 
-        def stretched(draft: Draft) -> None:
-            joint = draft.joint(item.location)
+        def add_spring(draft: Draft) -> None:
+            joint = draft.find_joint(item.location)
             joint.stiffness = [stiffness, 0.0, 0.0]
-            joint.springref = -item.value("torque_at_zero") / stiffness
+            joint.springref = -item.value_of("torque_at_zero") / stiffness
 
-        return Form(elements=stretched)
+        return Form(elements=add_spring)
 
 
 class SlackSpring(OneSided, JointSpring):
@@ -167,20 +167,20 @@ class SlackSpring(OneSided, JointSpring):
     spans: ClassVar[tuple[str, ...]] = ()
 
     @property
-    def forms(self) -> tuple[Effect, ...]:
+    def variant_forms(self) -> tuple[Effect, ...]:
         return ()
 
     def in_mujoco(self, item: Sizes) -> Form:
-        edge, stiffness = item.value("edge"), item.value("stiffness")
+        edge, stiffness = item.value_of("edge"), item.value_of("stiffness")
         slack = [-_FAR, edge] if self.side > 0.0 else [edge, _FAR]
 
-        def tightened(draft: Draft) -> None:
+        def add_tendon_spring(draft: Draft) -> None:
             tendon = draft.spec.add_tendon(
                 name=f"{item.location}.spring", stiffness=[stiffness, 0.0, 0.0], springlength=slack
             )
             tendon.wrap_joint(item.location, 1.0)
 
-        return Form(elements=tightened)
+        return Form(elements=add_tendon_spring)
 
 
 class LowerSlackSpring(SlackSpring):
@@ -199,22 +199,22 @@ class HardeningSpring(JointSpring):
     )
 
     @property
-    def richer(self) -> tuple[Effect, ...]:
+    def extended_forms(self) -> tuple[Effect, ...]:
         return ()
 
-    def starts(self, theta: Theta) -> list[Theta]:
+    def search_starts(self, theta: Theta) -> list[Theta]:
         return [()]
 
-    def signals(self, context: Context, location: str, theta: Theta) -> Array:
-        q = context.at(location, "q")
+    def unit_torques(self, context: Context, location: str, theta: Theta) -> Array:
+        q = context.signal_at(location, "q")
         return np.column_stack([q, np.ones_like(q), q**2, q**3])
 
-    def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
+    def is_admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
         stiffness, _, quadratic, cubic = beta[:4]
-        return pulls_back(context.at(location, "q"), stiffness, quadratic, cubic)
+        return is_restoring(context.signal_at(location, "q"), stiffness, quadratic, cubic)
 
     def in_mujoco(self, item: Sizes) -> Form:
-        return replace(super().in_mujoco(item), notes=(self.noted(item),))
+        return replace(super().in_mujoco(item), notes=(self.make_note(item),))
 
 
 class RubbingSpring(HardeningSpring):
@@ -224,15 +224,15 @@ class RubbingSpring(HardeningSpring):
     linear = (*HardeningSpring.linear, Parameter("rubbing", "N·m", beside=True))
     searched: ClassVar[tuple[Parameter, ...]] = (Parameter("breakaway", "rad", 1e-3, 0.3),)
 
-    def starts(self, theta: Theta) -> list[Theta]:
+    def search_starts(self, theta: Theta) -> list[Theta]:
         return [(0.02,), (0.08,)]
 
-    def signals(self, context: Context, location: str, theta: Theta) -> Array:
-        columns = super().signals(context, location, theta)
+    def unit_torques(self, context: Context, location: str, theta: Theta) -> Array:
+        columns = super().unit_torques(context, location, theta)
         return np.column_stack([columns, hysteretic_sign(context, location, theta[0])])
 
     def in_mujoco(self, item: Sizes) -> Form:
-        rubbing = item.value("rubbing")
+        rubbing = item.value_of("rubbing")
         if rubbing > 0.0:
             return super().in_mujoco(item)
         # Bristles do not push: where a fit has them do so, the joint has less dry friction.
@@ -240,7 +240,7 @@ class RubbingSpring(HardeningSpring):
         return replace(super().in_mujoco(replace(item, values=rest)), coulomb=rubbing)
 
 
-def pulls_back(q: Array, stiffness: float, quadratic: float = 0.0, cubic: float = 0.0) -> bool:
+def is_restoring(q: Array, stiffness: float, quadratic: float = 0.0, cubic: float = 0.0) -> bool:
     """Whether a spring holds against the motion as a whole, as what winds up does; no simulator has another.
 
     A polynomial that gives way curves through what a body, or a constant that differs from run to run, leaves: of
@@ -268,13 +268,13 @@ class EndStop(OneSided):
     within: ClassVar[tuple[float, float]] = (0.0, 0.45)
 
     @property
-    def forms(self) -> tuple[Effect, ...]:
+    def variant_forms(self) -> tuple[Effect, ...]:
         return (LowerEndStop(),)
 
-    def mirrored(self, context: Context, location: str, theta: Theta) -> tuple[Effect, Theta]:
+    def equivalent_form(self, context: Context, location: str, theta: Theta) -> tuple[Effect, Theta]:
         """A spring that is slack where this pushes: weight and a constant take up what grows with the position."""
         other = LowerSlackSpring() if self.side > 0.0 else SlackSpring()
-        return other, self.beyond_edge(context, location, theta)
+        return other, self.other_side(context, location, theta)
 
 
 class LowerEndStop(EndStop):
@@ -283,7 +283,7 @@ class LowerEndStop(EndStop):
     side: ClassVar[float] = -1.0
 
     @property
-    def forms(self) -> tuple[Effect, ...]:
+    def variant_forms(self) -> tuple[Effect, ...]:
         return ()
 
 
@@ -297,7 +297,7 @@ _APART, _MOST = 0.5, 340.0
 
 
 @dataclass(frozen=True)
-class Wave(Note):
+class RippleNote(Note):
     """A torque periodic in a joint's position, with its second harmonic and the part that grows with the load.
 
     Attributes:
@@ -315,9 +315,9 @@ class Wave(Note):
     cosine_load: float | None = None
     sine_load: float | None = None
 
-    beyond = Beyond.SPRING
+    beyond = Absence.SPRING
 
-    def torque(self, at: JointStep) -> Array:
+    def joint_torque(self, at: JointStep) -> Array:
         phase = self.periods_per_rev * at.q
         c, s = np.cos(phase), np.sin(phase)
         wave = self.cosine * c + self.sine * s
@@ -338,25 +338,25 @@ class TorqueRipple(Effect):
     separating_motion = "a slow sweep of the joint at constant speed"
     mujoco = "none of its own: a control callback"
     by_motion = True
-    note = Wave
+    note = RippleNote
 
     @property
-    def richer(self) -> tuple[Effect, ...]:
+    def extended_forms(self) -> tuple[Effect, ...]:
         return (RippleHarmonics(),)
 
-    def grid(self, context: Context, location: str) -> list[Theta]:
+    def search_grid(self, context: Context, location: str) -> list[Theta]:
         """The three best of those seen to repeat, by a projection of the baseline's residual at the rows."""
         j = context.row(location)
         samples = context.baseline.samples
         q = np.concatenate(
-            [p[t.rows] for p, t in zip(samples.split(context.q[:, j]), samples.trials, strict=True)]
+            [p[t.rows] for p, t in zip(samples.by_trial(context.q[:, j]), samples.trials, strict=True)]
         )
-        use = samples.identification
+        use = samples.identification_rows
         # Every second row: the sampling of the phase matters little, that of the periods much.
         residual, q = context.baseline.fit.residual[j][use][::2], q[use][::2]
         least = _SEEN * 2.0 * np.pi / max(float(np.ptp(context.q[:, j])), 1e-9)
         periods = np.arange(max(4.0, np.ceil(2.0 * least) / 2.0), _MOST, _APART)
-        power = _projections(periods, q, residual)
+        power = _project_on_waves(periods, q, residual)
         best: list[Theta] = []
         for k in np.argsort(-power):
             if all(abs(periods[k] - b[0]) > 1.5 for b in best):
@@ -365,19 +365,19 @@ class TorqueRipple(Effect):
                 break
         return best
 
-    def signals(self, context: Context, location: str, theta: Theta) -> Array:
-        phase = theta[0] * context.at(location, "q")
+    def unit_torques(self, context: Context, location: str, theta: Theta) -> Array:
+        phase = theta[0] * context.signal_at(location, "q")
         return np.column_stack([np.cos(phase), np.sin(phase)])
 
-    def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
-        seen = theta[0] * float(np.ptp(context.at(location, "q"))) / (2.0 * np.pi)
-        return seen >= _SEEN and super().admissible(context, location, theta, beta)
+    def is_admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
+        seen = theta[0] * float(np.ptp(context.signal_at(location, "q"))) / (2.0 * np.pi)
+        return seen >= _SEEN and super().is_admissible(context, location, theta, beta)
 
     def in_mujoco(self, item: Sizes) -> Form:
-        return Form(notes=(self.noted(item),))
+        return Form(notes=(self.make_note(item),))
 
 
-def _projections(periods: Array, q: Array, residual: Array) -> Array:
+def _project_on_waves(periods: Array, q: Array, residual: Array) -> Array:
     """``|Σ r exp(−i N q)|`` at evenly spaced N, ``(n_periods,)``; each wave is the one before, turned on."""
     power = np.empty(len(periods))
     if len(periods) == 0:
@@ -400,10 +400,10 @@ class RippleHarmonics(TorqueRipple):
     )
 
     @property
-    def richer(self) -> tuple[Effect, ...]:
+    def extended_forms(self) -> tuple[Effect, ...]:
         return ()
 
-    def signals(self, context: Context, location: str, theta: Theta) -> Array:
+    def unit_torques(self, context: Context, location: str, theta: Theta) -> Array:
         load = np.abs(context.baseline.rigid[:, [context.row(location)]])
-        waves = super().signals(context, location, theta)
-        return np.hstack([waves, super().signals(context, location, (2.0 * theta[0],)), load * waves])
+        waves = super().unit_torques(context, location, theta)
+        return np.hstack([waves, super().unit_torques(context, location, (2.0 * theta[0],)), load * waves])

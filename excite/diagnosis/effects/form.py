@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.effects.bristle import Bristle, Static
+from excite.diagnosis.effects.bristle import Bristle, StaticFriction
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.dry_friction.friction_sign import sign_of_motion
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 # model.
 
 
-class Beyond(StrEnum):
+class Absence(StrEnum):
     """Why a MuJoCo model cannot have an effect, or a part of it, by itself."""
 
     FRICTION = "a joint has one level of dry friction, whatever its speed, load, time and deflection"
@@ -73,12 +73,12 @@ class Note(ABC):
         takes_all: whether its bristles hold all of the joint's dry friction.
     """
 
-    beyond: ClassVar[Beyond]
+    beyond: ClassVar[Absence]
     every_step: ClassVar[bool] = True
     takes_all: ClassVar[bool] = False
 
     @property
-    def rubs(self) -> bool:
+    def has_friction(self) -> bool:
         """Whether it changes the joint's dry or viscous friction."""
         return False
 
@@ -98,45 +98,45 @@ class Note(ABC):
         return 0.0
 
     @property
-    def static(self) -> Static | None:
-        """Static friction, which further bends whatever bristles the joint's friction has."""
+    def static_friction(self) -> StaticFriction | None:
+        """Static friction of the joint, applied to its bristles; None where it has none."""
         return None
 
-    def bristle(self) -> Bristle | None:
-        """Bristles of its own."""
+    def make_bristle(self) -> Bristle | None:
+        """Bristle model of its own; None where it has none."""
         return None
 
-    def held(self, level: Array) -> Array:
+    def held_friction(self, level: Array) -> Array:
         """Dry friction that its own bristles hold, of a joint with a ``level`` of it, both ``(n_runs,)`` [N·m]."""
         return np.zeros_like(level)
 
-    def deflection(self, torque: float) -> float | None:
+    def resting_deflection(self, torque: float) -> float | None:
         """Where the joint's gear rests under a torque [N·m] that it opposes [rad]; None where it does not give way."""
         return None
 
-    def friction(self, level: Array, at: JointStep) -> tuple[Array, Array | float]:
+    def joint_friction(self, level: Array, at: JointStep) -> tuple[Array, Array | float]:
         """A joint's level of dry friction with it [N·m], and viscous friction that it adds [N·m·s/rad], by run."""
         return level, 0.0
 
-    def torque(self, at: JointStep) -> Array | float:
+    def joint_torque(self, at: JointStep) -> Array | float:
         """Torque on the joint, ``(n_runs,)`` [N·m]."""
         return 0.0
 
     @classmethod
-    def numbers(cls) -> tuple[str, ...]:
+    def number_names(cls) -> tuple[str, ...]:
         """Names of its numbers, in order."""
         # They are its dataclass' fields, which its abstract class has none of.
         known: Any = cls
         return tuple(f.name for f in fields(known))
 
     @classmethod
-    def of(cls, values: Mapping[str, float]) -> Self:
-        """The note with those of the values that are its own."""
-        return cls(**{name: values[name] for name in cls.numbers() if name in values})
+    def from_values(cls, values: Mapping[str, float]) -> Self:
+        """The note made from the values that it uses."""
+        return cls(**{name: values[name] for name in cls.number_names() if name in values})
 
-    def text(self) -> str:
-        """Its numbers by name; those that it does not have are left out."""
-        values = ((name, getattr(self, name)) for name in self.numbers())
+    def to_text(self) -> str:
+        """Its numbers as ``NAME=NUMBER``, without those that are None."""
+        values = ((name, getattr(self, name)) for name in self.number_names())
         return " ".join(f"{name}={value:.9g}" for name, value in values if value is not None)
 
 
@@ -173,8 +173,8 @@ class Sizes:
     values: Mapping[str, float]
     joints: tuple[str, ...] = ()
 
-    def value(self, name: str, missing: float = 0.0) -> float:
-        """One of its parameters."""
+    def value_of(self, name: str, missing: float = 0.0) -> float:
+        """Value of a parameter; ``missing`` where it has none of that name."""
         return float(self.values.get(name, missing))
 
 
@@ -190,11 +190,11 @@ class Draft:
     joints: tuple[str, ...]
     spec: mujoco.MjSpec
 
-    def joint(self, name: str) -> mujoco.MjsJoint:
+    def find_joint(self, name: str) -> mujoco.MjsJoint:
         """A joint by its name."""
         return self.spec.joint(name)
 
-    def motor(self, joint: str) -> mujoco.MjsActuator:
+    def find_motor(self, joint: str) -> mujoco.MjsActuator:
         """A joint's motor."""
         return self.spec.actuator(joint)
 
@@ -234,11 +234,11 @@ class Form:
     elements: Change | None = None
     finish: Change | None = None
     notes: tuple[Noted, ...] = field(default=())
-    absent: Beyond | None = None
+    absent: Absence | None = None
 
 
 @dataclass(frozen=True, eq=False)
-class Told:
+class InitialState:
     """What a record tells of an effect's own state, for roll-outs that begin within it, one array a trial.
 
     Attributes:
@@ -277,72 +277,72 @@ class Context:
         return self.joints.index(joint)
 
     @property
-    def followers(self) -> dict[str, int]:
+    def follower_indices(self) -> dict[str, int]:
         """Joints that no motor of the log turns alone."""
-        return self.baseline.samples.followers
+        return self.baseline.samples.follower_indices
 
-    def at(self, place: str, name: str) -> Array:
+    def signal_at(self, place: str, name: str) -> Array:
         """``q``, ``v`` or ``a`` of a joint, whether or not it has rows, ``(n_samples,)``."""
         samples = self.baseline.samples
         if place in self.joints:
-            return samples.motion(name)[:, self.row(place)]
-        return samples.stacked(name)[:, self.followers[place]]
+            return samples.motor_signal(name)[:, self.row(place)]
+        return samples.stack_trials(name)[:, self.follower_indices[place]]
 
-    def felt(self, place: str, columns: Array) -> dict[int, Array]:
-        """What torques at a joint, ``(n_samples, n)``, are in the rows of the motors that move it."""
+    def motor_columns(self, place: str, columns: Array) -> dict[int, Array]:
+        """Columns of torque at a joint, ``(n_samples, n)``, mapped to the motors that move it."""
         if place in self.joints:
             return {self.row(place): columns}
-        along = self.baseline.samples.maps[:, self.followers[place]]
+        along = self.baseline.samples.motion_maps[:, self.follower_indices[place]]
         return {j: columns * along[:, [j]] for j in np.flatnonzero(along.any(axis=0)).tolist()}
 
     @cached_property
     def q(self) -> Array:
         """``(n_samples, n_joints)`` [rad]."""
-        return self.baseline.samples.motion("q")
+        return self.baseline.samples.motor_signal("q")
 
     @cached_property
     def v(self) -> Array:
         """``(n_samples, n_joints)`` [rad/s]."""
-        return self.baseline.samples.motion("v")
+        return self.baseline.samples.motor_signal("v")
 
     @cached_property
     def a(self) -> Array:
         """``(n_samples, n_joints)`` [rad/s²]."""
-        return self.baseline.samples.motion("a")
+        return self.baseline.samples.motor_signal("a")
 
     @cached_property
-    def session(self) -> Array:
+    def session_time(self) -> Array:
         """``(n_samples,)`` time since the session's start [s]."""
-        return self.baseline.samples.stacked("session_s")
+        return self.baseline.samples.stack_trials("session_s")
 
-    def sign(self, j: int) -> Array:
-        """What a joint's dry friction follows, ``(n_samples,)``."""
+    def friction_sign(self, j: int) -> Array:
+        """Smoothed sign of the velocity that a joint's dry friction follows, ``(n_samples,)``."""
         if j not in self._signs:
             base = self.baseline
             self._signs[j] = sign_of_motion(base.samples, j, base.signs[j])
         return self._signs[j]
 
-    def turned(self, j: int, turn: float = 0.0, speed: float = 0.0, more: float = 0.0) -> Array:
-        """Torques of the fitted bodies where a joint moves otherwise by so much, ``(n_samples, n_joints)`` [N·m]."""
+    def perturbed_torques(self, j: int, turn: float = 0.0, speed: float = 0.0, more: float = 0.0) -> Array:
+        """Torques of the fitted bodies at a perturbed motion of one joint, ``(n_samples, n_joints)`` [N·m]."""
         samples = self.baseline.samples
-        return samples.torques(self.baseline.phi, *samples.moved(j, turn, speed, more))
+        return samples.rigid_torques(self.baseline.phi, *samples.perturbed_motion(j, turn, speed, more))
 
-    def gradient(self, j: int, what: str) -> Array:
+    def torque_gradient(self, j: int, what: str) -> Array:
         """Change of the torques per unit of a joint's ``q``, ``v`` or ``a``: ``(n_samples, n_joints)``."""
         kept = self.baseline.derived.values
         if (j, what) not in kept:
             step = 1.0 if what == "a" else _STEP
             still = self.baseline.rigid - self.baseline.added
-            change = self.turned(j, *(step * (what == name) for name in ("q", "v", "a"))) - still
+            change = self.perturbed_torques(j, *(step * (what == name) for name in ("q", "v", "a"))) - still
             # A torque in one piece: most take one of them, or all one after the other.
             kept[j, what] = np.asfortranarray(change / step)
         return kept[j, what]
 
-    def curvature(self, j: int, what: str) -> Array:
+    def torque_curvature(self, j: int, what: str) -> Array:
         """Second derivative of the torques with a joint's motion: ``qq``, ``qv``, ``vv`` or ``qa``, as the gradient."""
         kept = self.baseline.derived.values
         if (j, what) not in kept:
-            at = partial(self.turned, j)
+            at = partial(self.perturbed_torques, j)
             # Torques are of second degree in the speeds and of first in the accelerations: steps there may be large.
             h = _FAR
             ahead, behind = at(h), at(-h)

@@ -10,16 +10,16 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Estimate
-from excite.diagnosis.effects.bristle import Bristle, Static
+from excite.diagnosis.effects.bristle import Bristle, StaticFriction
 from excite.diagnosis.effects.effect import Effect, Parameter, Theta
-from excite.diagnosis.effects.form import Beyond, Context, Form, JointStep, Note, Noted, Sizes, Told
+from excite.diagnosis.effects.form import Absence, Context, Form, InitialState, JointStep, Note, Noted, Sizes
 from excite.diagnosis.effects.gears.backlash import Backlash
 from excite.diagnosis.equations.dry_friction.friction_sign import (
     RATIO,
     WIDTHS,
     SignChange,
     bend_further,
-    bent,
+    bristle_bend,
     damped_rate,
     damping_of_bristles,
     of_velocity,
@@ -38,7 +38,7 @@ class ViscousFriction(Effect):
     """``τ = f_v v`` (Armstrong-Hélouvry, Dupont, Canudas de Wit 1994, section 2.1)."""
 
     name = "viscous_friction"
-    told_by = frozenset({Doubt.CLOCK, Doubt.DELAY})
+    observed_by = frozenset({Doubt.CLOCK, Doubt.DELAY})
     linear = (Parameter("coefficient", "N·m·s/rad", 0.0),)
     confusable_with = ("coulomb_friction", "actuator_lag")
     separating_motion = "constant speeds from slow to fast, both ways"
@@ -48,11 +48,11 @@ class ViscousFriction(Effect):
     behind = True
     twins_of_a_gain = ("torque_gain",)
 
-    def signals(self, context: Context, location: str, theta: Theta) -> Array:
-        return context.at(location, "v")[:, None]
+    def unit_torques(self, context: Context, location: str, theta: Theta) -> Array:
+        return context.signal_at(location, "v")[:, None]
 
     def in_mujoco(self, item: Sizes) -> Form:
-        return Form(viscous=item.value("coefficient"))
+        return Form(viscous=item.value_of("coefficient"))
 
 
 # All of a joint's dry friction builds up over a deflection: a note to the runner, of the baseline's friction
@@ -63,7 +63,7 @@ PRESLIDING = "presliding"
 
 
 @dataclass(frozen=True)
-class BuildUp(Note):
+class PreslidingNote(Note):
     """Bristles that hold all of a joint's dry friction.
 
     Attributes:
@@ -76,14 +76,14 @@ class BuildUp(Note):
     damping: float | None = None
     damped_below: float | None = None
 
-    beyond = Beyond.FRICTION
+    beyond = Absence.FRICTION
     takes_all = True
 
     @property
-    def rubs(self) -> bool:
+    def has_friction(self) -> bool:
         return True
 
-    def bristle(self) -> Bristle:
+    def make_bristle(self) -> Bristle:
         below = np.inf if self.damped_below is None else self.damped_below
         return Bristle(self.breakaway, self.damping or 0.0, below)
 
@@ -95,7 +95,7 @@ _SMOOTH = 201
 
 
 @dataclass(frozen=True)
-class Drift(Note):
+class DriftNote(Note):
     """Friction that has drifted so far.
 
     Attributes:
@@ -112,17 +112,17 @@ class Drift(Note):
     session_end: float
     in_each_trial: float | None = None
 
-    beyond = Beyond.FRICTION
+    beyond = Absence.FRICTION
 
     @property
-    def rubs(self) -> bool:
+    def has_friction(self) -> bool:
         return True
 
-    def friction(self, level: Array, at: JointStep) -> tuple[Array, Array]:
-        growth = self._growth(at)
+    def joint_friction(self, level: Array, at: JointStep) -> tuple[Array, Array]:
+        growth = self._growth_at_step(at)
         return level + growth * self.coulomb_change, growth * self.viscous_change
 
-    def _growth(self, at: JointStep) -> Array:
+    def _growth_at_step(self, at: JointStep) -> Array:
         """How far it has come: held at what it was when a roll-out began, unless it may be over by its end."""
         if at.growth is not None and self.in_each_trial is None:
             return at.growth
@@ -133,7 +133,7 @@ class Drift(Note):
 
 
 @LazyKernel
-def heated(heat, share, state):  # pragma: no cover - compiled
+def filter_heat(heat, share, state):  # pragma: no cover - compiled
     """A first-order lag of ``heat (n,)`` that follows a ``share`` of the difference a sample, from a state."""
     out = np.empty(len(heat))
     for i in range(len(heat)):
@@ -156,69 +156,71 @@ class FrictionDrift(Effect):
     separating_motion = "the same trial at the start, in the middle and at the end of the session"
     mujoco = "none of its own: a control callback"
     friction = True
-    note = Drift
+    note = DriftNote
 
     @property
-    def richer(self) -> tuple[Effect, ...]:
+    def extended_forms(self) -> tuple[Effect, ...]:
         return (HeatedFriction(),)
 
     @property
-    def forms(self) -> tuple[Effect, ...]:
+    def variant_forms(self) -> tuple[Effect, ...]:
         return (DriftInTrial(),)
 
-    def offered(self, modelled: tuple[str, ...]) -> bool:
-        return self.name not in modelled and (COULOMB.asked(modelled) or VISCOUS.asked(modelled))
+    def is_candidate(self, modelled: tuple[str, ...]) -> bool:
+        return self.name not in modelled and (COULOMB.is_modelled(modelled) or VISCOUS.is_modelled(modelled))
 
-    def grid(self, context: Context, location: str) -> list[Theta]:
+    def search_grid(self, context: Context, location: str) -> list[Theta]:
         return [(t,) for t in (12.0, 50.0, 2000.0)]
 
-    def growth(self, context: Context, j: int, theta: Theta) -> Array:
+    def drift_growth(self, context: Context, j: int, theta: Theta) -> Array:
         """g at every sample, ``(n_samples,)``."""
-        end = float(context.session.max())
-        return np.expm1(-context.session / theta[0]) / np.expm1(-end / theta[0])
+        end = float(context.session_time.max())
+        return np.expm1(-context.session_time / theta[0]) / np.expm1(-end / theta[0])
 
-    def signals(self, context: Context, location: str, theta: Theta) -> Array:
+    def unit_torques(self, context: Context, location: str, theta: Theta) -> Array:
         j = context.row(location)
-        growth = self.growth(context, j, theta)
+        growth = self.drift_growth(context, j, theta)
         # What the baseline has not cannot have drifted: a viscous column would stand in for viscous friction.
         modelled = context.baseline.modelled
-        coulomb = growth * context.sign(j) if COULOMB.asked(modelled) else np.zeros_like(growth)
-        viscous = growth * context.v[:, j] if VISCOUS.asked(modelled) else np.zeros_like(growth)
+        coulomb = (
+            growth * context.friction_sign(j) if COULOMB.is_modelled(modelled) else np.zeros_like(growth)
+        )
+        viscous = growth * context.v[:, j] if VISCOUS.is_modelled(modelled) else np.zeros_like(growth)
         return np.column_stack([coulomb, viscous])
 
-    def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
-        found = super().estimates(context, location, theta, fit)
-        level = coulomb_level(context.baseline.modelled, fit.own[context.row(location)])
+    def to_estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
+        found = super().to_estimates(context, location, theta, fit)
+        level = coulomb_level(context.baseline.modelled, fit.own_coefs[context.row(location)])
         if level <= 0.0:
             return found
         share = Estimate(float(fit.extra[0]) / level, float(fit.extra_std[0]) / level, "1")
         return {"relative_change": share, **found}
 
-    def sizes(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, float]:
-        return super().sizes(context, location, theta, fit) | {"session_end": self._end(context)}
+    def to_sizes(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, float]:
+        return super().to_sizes(context, location, theta, fit) | {"session_end": self._session_end(context)}
 
-    def _end(self, context: Context) -> float:
-        return float(context.session.max())
+    def _session_end(self, context: Context) -> float:
+        return float(context.session_time.max())
 
     def in_mujoco(self, item: Sizes) -> Form:
-        return Form(notes=(self.noted(item),))
+        return Form(notes=(self.make_note(item),))
 
-    def told(self, context: Context, location: str, theta: Theta) -> Told:
+    def initial_state(self, context: Context, location: str, theta: Theta) -> InitialState:
         """Its Coulomb column over the sign of motion, or its viscous one over the velocity where it has no other."""
         from scipy.ndimage import uniform_filter1d
 
         j, samples = context.row(location), context.baseline.samples
-        columns = self.signals(context, location, theta)
+        columns = self.unit_torques(context, location, theta)
         made: list[Array] = []
-        for column, unit in zip(columns.T, (context.sign(j), context.v[:, j]), strict=True):
-            parts = zip(*(samples.split(x) for x in (column * unit, unit**2)), strict=True)
+        for column, unit in zip(columns.T, (context.friction_sign(j), context.v[:, j]), strict=True):
+            parts = zip(*(samples.by_trial(x) for x in (column * unit, unit**2)), strict=True)
             made = [
                 uniform_filter1d(a, _SMOOTH) / np.maximum(uniform_filter1d(b, _SMOOTH), 1e-12)
                 for a, b in parts
             ]
             if column.any():
                 break
-        return Told(growth=made)
+        return InitialState(growth=made)
 
 
 class DriftInTrial(FrictionDrift):
@@ -227,24 +229,26 @@ class DriftInTrial(FrictionDrift):
     searched = (Parameter("time_constant", "s", 0.5, 100.0),)
 
     @property
-    def richer(self) -> tuple[Effect, ...]:
+    def extended_forms(self) -> tuple[Effect, ...]:
         return ()
 
     @property
-    def forms(self) -> tuple[Effect, ...]:
+    def variant_forms(self) -> tuple[Effect, ...]:
         return ()
 
-    def grid(self, context: Context, location: str) -> list[Theta]:
+    def search_grid(self, context: Context, location: str) -> list[Theta]:
         return [(t,) for t in (2.0, 8.0)]
 
-    def growth(self, context: Context, j: int, theta: Theta) -> Array:
+    def drift_growth(self, context: Context, j: int, theta: Theta) -> Array:
         time = np.concatenate([trial.time for trial in context.baseline.samples.trials])
         return np.expm1(-time / theta[0]) / np.expm1(-float(time.max()) / theta[0])
 
-    def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
-        return super().estimates(context, location, theta, fit) | {"in_each_trial": Estimate(1.0, None, "1")}
+    def to_estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
+        return super().to_estimates(context, location, theta, fit) | {
+            "in_each_trial": Estimate(1.0, None, "1")
+        }
 
-    def _end(self, context: Context) -> float:
+    def _session_end(self, context: Context) -> float:
         return max(float(trial.time[-1]) for trial in context.baseline.samples.trials)
 
 
@@ -254,23 +258,23 @@ class HeatedFriction(FrictionDrift):
     seen_alone = True
 
     @property
-    def richer(self) -> tuple[Effect, ...]:
+    def extended_forms(self) -> tuple[Effect, ...]:
         return ()
 
-    def starts(self, theta: Theta) -> list[Theta]:
+    def search_starts(self, theta: Theta) -> list[Theta]:
         return [(max(theta[0], self.searched[0].low),)]
 
-    def growth(self, context: Context, j: int, theta: Theta) -> Array:
+    def drift_growth(self, context: Context, j: int, theta: Theta) -> Array:
         samples = context.baseline.samples
         speed = np.abs(context.v[:, j])
-        heat = samples.split(speed / max(float(speed.mean()), 1e-9))
+        heat = samples.by_trial(speed / max(float(speed.mean()), 1e-9))
         share = -np.expm1(-1.0 / (samples.rate_hz * theta[0]))
         made, state, last = {}, 0.0, 0.0
         # In the order in which the trials were run.
         for k in np.argsort([t.session_s[0] for t in samples.trials], kind="stable"):
             trial = samples.trials[k]
             state *= np.exp(-max(float(trial.session_s[0]) - last, 0.0) / theta[0])
-            made[int(k)] = heated(heat[k], share, state)
+            made[int(k)] = filter_heat(heat[k], share, state)
             state, last = float(made[int(k)][-1]), float(trial.session_s[-1])
         growth = np.concatenate([made[k] for k in range(len(samples.trials))])
         return growth / max(float(np.abs(growth).max()), 1e-9)
@@ -286,7 +290,7 @@ _GROWS = 1e-3
 
 
 @dataclass(frozen=True)
-class Loaded(Note):
+class LoadNote(Note):
     """Dry friction by the torque that the gear carries.
 
     Attributes:
@@ -301,13 +305,13 @@ class Loaded(Note):
     power_scale: float | None = None
     own_share: float | None = None
 
-    beyond = Beyond.FRICTION
+    beyond = Absence.FRICTION
 
     @property
-    def rubs(self) -> bool:
+    def has_friction(self) -> bool:
         return True
 
-    def friction(self, level: Array, at: JointStep) -> tuple[Array, float]:
+    def joint_friction(self, level: Array, at: JointStep) -> tuple[Array, float]:
         load = at.carried()
         if self.own_share is not None:
             load = motor_torque(load, np.sign(at.v), level, self.own_share)
@@ -326,18 +330,18 @@ class LoadDependentFriction(Effect):
     mujoco = "none of its own: a control callback"
     friction = True
     by_load = True
-    note = Loaded
+    note = LoadNote
 
     @property
-    def richer(self) -> tuple[Effect, ...]:
+    def extended_forms(self) -> tuple[Effect, ...]:
         return (CurvedLoadFriction(), MotorLoadFriction())
 
-    def signals(self, context: Context, location: str, theta: Theta) -> Array:
+    def unit_torques(self, context: Context, location: str, theta: Theta) -> Array:
         j = context.row(location)
-        return (np.abs(context.baseline.rigid[:, j]) * context.sign(j))[:, None]
+        return (np.abs(context.baseline.rigid[:, j]) * context.friction_sign(j))[:, None]
 
     def in_mujoco(self, item: Sizes) -> Form:
-        return Form(notes=(self.noted(item),))
+        return Form(notes=(self.make_note(item),))
 
 
 class CurvedLoadFriction(LoadDependentFriction):
@@ -349,30 +353,30 @@ class CurvedLoadFriction(LoadDependentFriction):
     searched: ClassVar[tuple[Parameter, ...]] = (Parameter("exponent", "1", 0.4, 1.6),)
 
     @property
-    def richer(self) -> tuple[Effect, ...]:
+    def extended_forms(self) -> tuple[Effect, ...]:
         return ()
 
-    def starts(self, theta: Theta) -> list[Theta]:
+    def search_starts(self, theta: Theta) -> list[Theta]:
         return [(0.8,), (1.2,)]
 
-    def load(self, context: Context, location: str, theta: Theta) -> Array:
+    def gear_load(self, context: Context, location: str, theta: Theta) -> Array:
         """The load that counts, ``(n_samples,)`` [N·m]."""
         return context.baseline.rigid[:, context.row(location)]
 
-    def signals(self, context: Context, location: str, theta: Theta) -> Array:
-        load = self._scale(context, location, theta) * self._power(context, location, theta)
-        return (load * context.sign(context.row(location)))[:, None]
+    def unit_torques(self, context: Context, location: str, theta: Theta) -> Array:
+        load = self._power_scale(context, location, theta) * self._load_power(context, location, theta)
+        return (load * context.friction_sign(context.row(location)))[:, None]
 
-    def sizes(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, float]:
-        scale = {"power_scale": self._scale(context, location, theta)}
-        return super().sizes(context, location, theta, fit) | scale
+    def to_sizes(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, float]:
+        scale = {"power_scale": self._power_scale(context, location, theta)}
+        return super().to_sizes(context, location, theta, fit) | scale
 
-    def _power(self, context: Context, location: str, theta: Theta) -> Array:
-        return np.asarray(np.abs(self.load(context, location, theta)) ** theta[0])
+    def _load_power(self, context: Context, location: str, theta: Theta) -> Array:
+        return np.asarray(np.abs(self.gear_load(context, location, theta)) ** theta[0])
 
-    def _scale(self, context: Context, location: str, theta: Theta) -> float:
+    def _power_scale(self, context: Context, location: str, theta: Theta) -> float:
         load = np.abs(context.baseline.rigid[:, context.row(location)])
-        power = self._power(context, location, theta)
+        power = self._load_power(context, location, theta)
         along = load - load.mean()
         slope = float(along @ power) / max(float(along @ along), 1e-300)
         # What hardly grows with the load has no such line.
@@ -387,16 +391,16 @@ class MotorLoadFriction(CurvedLoadFriction):
 
     searched = (*CurvedLoadFriction.searched, Parameter("own_share", "1", 0.01, 0.6))
 
-    def starts(self, theta: Theta) -> list[Theta]:
+    def search_starts(self, theta: Theta) -> list[Theta]:
         return [(0.8, 0.1), (1.2, 0.1), (1.0, 0.2)]
 
-    def load(self, context: Context, location: str, theta: Theta) -> Array:
+    def gear_load(self, context: Context, location: str, theta: Theta) -> Array:
         j, base = context.row(location), context.baseline
-        level = coulomb_level(base.modelled, base.fit.own[j])
-        return motor_torque(base.rigid[:, j], context.sign(j), level, theta[1])
+        level = coulomb_level(base.modelled, base.fit.own_coefs[j])
+        return motor_torque(base.rigid[:, j], context.friction_sign(j), level, theta[1])
 
-    def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
-        return theta[1] <= _OWN * beta[0] and super().admissible(context, location, theta, beta)
+    def is_admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
+        return theta[1] <= _OWN * beta[0] and super().is_admissible(context, location, theta, beta)
 
 
 def motor_torque(load: Array, sign: Array, level: Array | float, share: float) -> Array:
@@ -415,11 +419,9 @@ def hysteretic_sign(context: Context, joint: str, breakaway: float) -> Array:
     """The sign of a joint's motion with presliding, ``(n_samples,)`` (Dahl 1968; Canudas de Wit et al. 1995).
 
     Args:
-        context: the context.
-        joint: the joint.
         breakaway: deflection over which friction builds up [rad].
     """
-    return bent(context.baseline.samples, context.at(joint, "v"), SignChange(0.0, breakaway))
+    return bristle_bend(context.baseline.samples, context.signal_at(joint, "v"), SignChange(0.0, breakaway))
 
 
 def bent_excess(context: Context, j: int, sign: SignChange, velocity: float, exponent: float) -> Array:
@@ -429,7 +431,6 @@ def bent_excess(context: Context, j: int, sign: SignChange, velocity: float, exp
     Coulomb friction and those of none stands for any ratio. It is damped as they are.
 
     Args:
-        context: the context.
         j: row of the joint.
         sign: with bristles.
         velocity: Stribeck velocity [rad/s].
@@ -437,12 +438,12 @@ def bent_excess(context: Context, j: int, sign: SignChange, velocity: float, exp
     """
     base = context.baseline
     samples = base.samples
-    v = samples.motion("v")[:, j]
+    v = samples.motor_signal("v")[:, j]
     steady, dt = np.ascontiguousarray(v), 1.0 / samples.rate_hz
-    further = bend_further(steady, samples.starts, dt, sign.breakaway, velocity, exponent, RATIO)
-    excess = (further - bent(samples, v, sign)) / RATIO
-    level = coulomb_level(base.modelled, base.fit.own[j])
-    if level > 0.0 and base.signs[j].damped:
+    further = bend_further(steady, samples.is_start, dt, sign.breakaway, velocity, exponent, RATIO)
+    excess = (further - bristle_bend(samples, v, sign)) / RATIO
+    level = coulomb_level(base.modelled, base.fit.own_coefs[j])
+    if level > 0.0 and base.signs[j].has_damping:
         seconds = min(base.bristle_damping(j) / level, _LONGEST)
         excess = excess + seconds * damped_rate(samples, v, excess, sign)
     return excess
@@ -470,28 +471,28 @@ class CoulombFriction(Effect):
     behind = True
 
     @property
-    def richer(self) -> tuple[Effect, ...]:
+    def extended_forms(self) -> tuple[Effect, ...]:
         return (CoulombBristles(), CoulombBehindPlay())
 
     @property
-    def forms(self) -> tuple[Effect, ...]:
+    def variant_forms(self) -> tuple[Effect, ...]:
         return (CoulombBristles(),)
 
-    def grid(self, context: Context, location: str) -> list[Theta]:
+    def search_grid(self, context: Context, location: str) -> list[Theta]:
         return [(w,) for w in WIDTHS]
 
-    def signals(self, context: Context, location: str, theta: Theta) -> Array:
+    def unit_torques(self, context: Context, location: str, theta: Theta) -> Array:
         own = location in context.joints
         straight = own and context.baseline.signs[context.row(location)].straight
-        return of_velocity(context.at(location, "v")[:, None], SignChange(theta[0], straight=straight))
+        return of_velocity(context.signal_at(location, "v")[:, None], SignChange(theta[0], straight=straight))
 
-    def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
-        speed = float(np.sqrt(np.mean(context.at(location, "v") ** 2)))
+    def is_admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
+        speed = float(np.sqrt(np.mean(context.signal_at(location, "v") ** 2)))
         narrow = theta[0] <= max(_SIGN * speed, WIDTHS[0])
-        return narrow and super().admissible(context, location, theta, beta)
+        return narrow and super().is_admissible(context, location, theta, beta)
 
     def in_mujoco(self, item: Sizes) -> Form:
-        return Form(coulomb=item.value("level"))
+        return Form(coulomb=item.value_of("level"))
 
 
 class CoulombBristles(CoulombFriction):
@@ -500,28 +501,28 @@ class CoulombBristles(CoulombFriction):
     searched: ClassVar[tuple[Parameter, ...]] = (Parameter("breakaway", "rad", 1e-4, 2e-2),)
 
     @property
-    def richer(self) -> tuple[Effect, ...]:
+    def extended_forms(self) -> tuple[Effect, ...]:
         return (CoulombBehindPlay(),)
 
     @property
-    def forms(self) -> tuple[Effect, ...]:
+    def variant_forms(self) -> tuple[Effect, ...]:
         return ()
 
-    def starts(self, theta: Theta) -> list[Theta]:
+    def search_starts(self, theta: Theta) -> list[Theta]:
         return [(5e-4,), (2e-3,), (5e-3,)]
 
-    def grid(self, context: Context, location: str) -> list[Theta]:
-        return self.starts(())
+    def search_grid(self, context: Context, location: str) -> list[Theta]:
+        return self.search_starts(())
 
-    def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
-        return Effect.admissible(self, context, location, theta, beta)
+    def is_admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
+        return Effect.is_admissible(self, context, location, theta, beta)
 
-    def signals(self, context: Context, location: str, theta: Theta) -> Array:
+    def unit_torques(self, context: Context, location: str, theta: Theta) -> Array:
         return hysteretic_sign(context, location, theta[0])[:, None]
 
     def in_mujoco(self, item: Sizes) -> Form:
-        bends = BuildUp(item.value("breakaway"))
-        return Form(coulomb=item.value("level"), notes=(Noted(PRESLIDING, item.location, bends),))
+        bends = PreslidingNote(item.value_of("breakaway"))
+        return Form(coulomb=item.value_of("level"), notes=(Noted(PRESLIDING, item.location, bends),))
 
 
 class CoulombBehindPlay(CoulombBristles):
@@ -537,26 +538,26 @@ class CoulombBehindPlay(CoulombBristles):
     along: ClassVar[dict[type[Effect], tuple[str, ...]]] = {Backlash: ("width",)}
 
     @property
-    def richer(self) -> tuple[Effect, ...]:
+    def extended_forms(self) -> tuple[Effect, ...]:
         return ()
 
-    def starts(self, theta: Theta) -> list[Theta]:
+    def search_starts(self, theta: Theta) -> list[Theta]:
         return [(d, w) for d in (5e-4, 1.5e-3) for w in (1.5e-3, 3e-3, 6e-3)]
 
-    def signals(self, context: Context, location: str, theta: Theta) -> Array:
-        way = np.diff(context.at(location, "q"), prepend=0.0)
-        return behind_play(way, context.baseline.samples.starts, theta[1], theta[0])[:, None]
+    def unit_torques(self, context: Context, location: str, theta: Theta) -> Array:
+        way = np.diff(context.signal_at(location, "q"), prepend=0.0)
+        return behind_play(way, context.baseline.samples.is_start, theta[1], theta[0])[:, None]
 
-    def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
-        return _massless(context, location) and super().admissible(context, location, theta, beta)
+    def is_admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
+        return _is_massless(context, location) and super().is_admissible(context, location, theta, beta)
 
 
-def _massless(context: Context, joint: str) -> bool:
+def _is_massless(context: Context, joint: str) -> bool:
     """Whether a joint's rigid bodies ask for next to nothing of its torque."""
     if joint not in context.joints:
         return False
     base, j = context.baseline, context.row(joint)
-    torque = base.samples.stacked("tau")[:, j]
+    torque = base.samples.stack_trials("tau")[:, j]
     return bool(np.mean(base.rigid[:, j] ** 2) <= _MASSLESS**2 * np.mean(torque**2))
 
 
@@ -583,7 +584,7 @@ _LEFT = 0.1
 
 
 @dataclass(frozen=True)
-class Slow(Note):
+class StribeckNote(Note):
     """More dry friction at low speed, on the bristles that the joint's friction has, or on some of its own.
 
     Attributes:
@@ -602,32 +603,32 @@ class Slow(Note):
     breakaway: float | None = None
     bristle_damping: float | None = None
 
-    beyond = Beyond.FRICTION
+    beyond = Absence.FRICTION
 
     @property
-    def rubs(self) -> bool:
+    def has_friction(self) -> bool:
         return True
 
     @cached_property
-    def static(self) -> Static:
+    def static_friction(self) -> StaticFriction:
         """See :class:`Note`."""
-        return Static(self.excess, self.velocity, 2.0 if self.exponent is None else self.exponent)
+        return StaticFriction(self.excess, self.velocity, 2.0 if self.exponent is None else self.exponent)
 
-    def bristle(self) -> Bristle | None:
+    def make_bristle(self) -> Bristle | None:
         if self.breakaway is None:
             return None
-        return Bristle(self.breakaway, self.bristle_damping or 0.0, static=self.static)
+        return Bristle(self.breakaway, self.bristle_damping or 0.0, static=self.static_friction)
 
-    def held(self, level: Array) -> Array:
+    def held_friction(self, level: Array) -> Array:
         # A fit may have bristles take less than none of a level, or more than all.
         return np.minimum(max(self.presliding or 0.0, 0.0), np.maximum(level, 0.0))
 
-    def friction(self, level: Array, at: JointStep) -> tuple[Array, float]:
+    def joint_friction(self, level: Array, at: JointStep) -> tuple[Array, float]:
         if self.breakaway is not None:
-            return level - self.held(level), 0.0
+            return level - self.held_friction(level), 0.0
         if at.bends:
             return level, 0.0
-        return level + self.static.excess * self.static.share(at.v), 0.0
+        return level + self.static_friction.excess * self.static_friction.share_at_speed(at.v), 0.0
 
 
 class Stribeck(Effect):
@@ -640,56 +641,60 @@ class Stribeck(Effect):
     separating_motion = "constant speeds from below the Stribeck velocity to well above it"
     mujoco = "none of its own: a control callback"
     friction = True
-    note = Slow
+    note = StribeckNote
 
     @property
-    def richer(self) -> tuple[Effect, ...]:
+    def extended_forms(self) -> tuple[Effect, ...]:
         return (StribeckExponential(), StribeckExponent(), StribeckBristles())
 
-    def grid(self, context: Context, location: str) -> list[Theta]:
-        limit = _greatest(context, location)
+    def search_grid(self, context: Context, location: str) -> list[Theta]:
+        limit = _greatest_stribeck_velocity(context, location)
         return [(v,) for v in (0.015, 0.03, 0.06, 0.12, 0.25, 0.5, 1.0, 2.0) if v <= max(0.5 * limit, 0.25)]
 
-    def signals(self, context: Context, location: str, theta: Theta) -> Array:
-        return _excess(context, location, theta[0])
+    def unit_torques(self, context: Context, location: str, theta: Theta) -> Array:
+        return _excess_column(context, location, theta[0])
 
-    def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
+    def is_admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
         base, j = context.baseline, context.row(location)
-        if theta[0] < _slowest(base.signs[j]) or not super().admissible(context, location, theta, beta):
+        if theta[0] < _least_stribeck_velocity(base.signs[j]) or not super().is_admissible(
+            context, location, theta, beta
+        ):
             return False
-        trifle = beta[0] < _TRIFLE * coulomb_level(base.modelled, base.fit.own[j])
-        return not (base.signs[j].bent and trifle)
+        trifle = beta[0] < _TRIFLE * coulomb_level(base.modelled, base.fit.own_coefs[j])
+        return not (base.signs[j].has_bristles and trifle)
 
-    def settled(self, context: Context, location: str, theta: Theta, fit: Fit) -> bool:
+    def is_within_scope(self, context: Context, location: str, theta: Theta, fit: Fit) -> bool:
         """Friction that falls with speed up to the joint's usual one is no matter of low speed.
 
         Nor is what leaves no dry friction above it: there drag sets in that grows faster than with the speed. At the
         slowest velocity that may be a search says how a joint sticks.
         """
-        slowest = max(_slowest(context.baseline.signs[context.row(location)]), self.searched[0].low)
-        left = coulomb_level(context.baseline.modelled, fit.own[context.row(location)])
-        within = _EDGE * slowest < theta[0] < _greatest(context, location)
+        slowest = max(
+            _least_stribeck_velocity(context.baseline.signs[context.row(location)]), self.searched[0].low
+        )
+        left = coulomb_level(context.baseline.modelled, fit.own_coefs[context.row(location)])
+        within = _EDGE * slowest < theta[0] < _greatest_stribeck_velocity(context, location)
         return within and left > -_LEFT * float(fit.extra[0])
 
     def in_mujoco(self, item: Sizes) -> Form:
-        return Form(notes=(self.noted(item),))
+        return Form(notes=(self.make_note(item),))
 
 
 class StribeckExponential(Stribeck):
     """``τ = f_s exp(−|v|/v_s) sign(v)`` (Tustin 1947)."""
 
     @property
-    def richer(self) -> tuple[Effect, ...]:
+    def extended_forms(self) -> tuple[Effect, ...]:
         return ()
 
-    def starts(self, theta: Theta) -> list[Theta]:
+    def search_starts(self, theta: Theta) -> list[Theta]:
         return [theta, (0.6 * theta[0],)]
 
-    def signals(self, context: Context, location: str, theta: Theta) -> Array:
-        return _excess(context, location, theta[0], exponent=1.0)
+    def unit_torques(self, context: Context, location: str, theta: Theta) -> Array:
+        return _excess_column(context, location, theta[0], exponent=1.0)
 
-    def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
-        return super().estimates(context, location, theta, fit) | {"exponent": Estimate(1.0, None, "1")}
+    def to_estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
+        return super().to_estimates(context, location, theta, fit) | {"exponent": Estimate(1.0, None, "1")}
 
 
 class StribeckExponent(Stribeck):
@@ -698,14 +703,14 @@ class StribeckExponent(Stribeck):
     searched = (*Stribeck.searched, Parameter("exponent", "1", 0.4, 2.5))
 
     @property
-    def richer(self) -> tuple[Effect, ...]:
+    def extended_forms(self) -> tuple[Effect, ...]:
         return ()
 
-    def starts(self, theta: Theta) -> list[Theta]:
+    def search_starts(self, theta: Theta) -> list[Theta]:
         return [(theta[0], 1.2), (0.7 * theta[0], 0.7)]
 
-    def signals(self, context: Context, location: str, theta: Theta) -> Array:
-        return _excess(context, location, theta[0], exponent=theta[1])
+    def unit_torques(self, context: Context, location: str, theta: Theta) -> Array:
+        return _excess_column(context, location, theta[0], exponent=theta[1])
 
 
 class StribeckBristles(Stribeck):
@@ -723,45 +728,45 @@ class StribeckBristles(Stribeck):
     searched = (*Stribeck.searched, Parameter("breakaway", "rad", 1e-4, 2e-2))
 
     @property
-    def richer(self) -> tuple[Effect, ...]:
+    def extended_forms(self) -> tuple[Effect, ...]:
         return ()
 
-    def starts(self, theta: Theta) -> list[Theta]:
+    def search_starts(self, theta: Theta) -> list[Theta]:
         return [(theta[0], 5e-4), (theta[0], 2e-3)]
 
-    def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
+    def is_admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
         """Bristles that bend nearly like the baseline's can have any share of the level: no more than there is."""
         base, j = context.baseline, context.row(location)
-        level = coulomb_level(base.modelled, base.fit.own[j])
-        too_much = COULOMB.asked(base.modelled) and beta[1] > _SHARE * max(level, 0.0)
-        return not too_much and super().admissible(context, location, theta, beta)
+        level = coulomb_level(base.modelled, base.fit.own_coefs[j])
+        too_much = COULOMB.is_modelled(base.modelled) and beta[1] > _SHARE * max(level, 0.0)
+        return not too_much and super().is_admissible(context, location, theta, beta)
 
-    def signals(self, context: Context, location: str, theta: Theta) -> Array:
+    def unit_torques(self, context: Context, location: str, theta: Theta) -> Array:
         j = context.row(location)
         velocity, breakaway = theta
         samples, bristles = context.baseline.samples, SignChange(0.0, breakaway, np.inf)
         sign = sign_of_motion(samples, j, bristles)
         excess = bent_excess(context, j, bristles, velocity, 2.0)
         damped = damping_of_bristles(samples, j, bristles)
-        return np.column_stack([excess, sign - context.sign(j), damped])
+        return np.column_stack([excess, sign - context.friction_sign(j), damped])
 
 
-def _excess(context: Context, location: str, velocity: float, exponent: float = 2.0) -> Array:
+def _excess_column(context: Context, location: str, velocity: float, exponent: float = 2.0) -> Array:
     """More friction at low speed; while bristles bend, where the joint's friction has some."""
     j = context.row(location)
     sign = context.baseline.signs[j]
-    if sign.bent:
+    if sign.has_bristles:
         return bent_excess(context, j, sign, velocity, exponent)[:, None]
     decay = np.exp(-((np.abs(context.v[:, j]) / velocity) ** exponent))
-    return (context.sign(j) * decay)[:, None]
+    return (context.friction_sign(j) * decay)[:, None]
 
 
-def _slowest(sign: SignChange) -> float:
+def _least_stribeck_velocity(sign: SignChange) -> float:
     """Stribeck velocity below which friction's change of sign would be told [rad/s]."""
-    return _BENT if sign.bent else _APART * sign.width
+    return _BENT if sign.has_bristles else _APART * sign.width
 
 
-def _greatest(context: Context, location: str) -> float:
+def _greatest_stribeck_velocity(context: Context, location: str) -> float:
     """Stribeck velocity that is told from friction that falls with speed throughout [rad/s]."""
     v = context.v[:, context.row(location)]
     return max(_SLOWER, float(np.sqrt((v**2).mean())))

@@ -52,7 +52,7 @@ class ModelParameter(Effect):
 
     def in_mujoco(self, item: Sizes) -> Form:
         """See :class:`~excite.diagnosis.effects.effect.Effect`."""
-        values = [item.value(parameter.name) for parameter in self.linear]
+        values = [item.value_of(parameter.name) for parameter in self.linear]
         return Form(elements=lambda draft: self.edit(draft.spec, item.location, *values))
 
     def _edited_torques(self, context: Context, location: str, values: Sequence[float] | Array) -> Array:
@@ -74,7 +74,7 @@ class ModelParameter(Effect):
         place = [int(joint.qposadr[0]) for joint in joints]
         degree = [int(joint.dofadr[0]) for joint in joints]
         torques = np.empty((sum(len(trial.q) for trial in samples.trials), len(joints)))
-        for k, (q, v, a) in enumerate(zip(*samples.tree, strict=True)):
+        for k, (q, v, a) in enumerate(zip(*samples.tree_motion, strict=True)):
             data.qpos[place], data.qvel[degree], data.qacc[degree] = q, v, a
             mujoco.mj_inverse(model, data)
             torques[k] = data.qfrc_inverse[degree]

@@ -11,9 +11,9 @@ import numpy as np
 from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Estimate
 from excite.diagnosis.effects.effect import Belief, Effect, Parameter, Shape, Theta
-from excite.diagnosis.effects.form import Beyond, Context, Draft, Form, Note, Sizes
+from excite.diagnosis.effects.form import Absence, Context, Draft, Form, Note, Sizes
 from excite.diagnosis.equations.baseline import Baseline
-from excite.diagnosis.equations.dry_friction.reversals import told_delay
+from excite.diagnosis.equations.dry_friction.reversals import estimate_delay
 from excite.diagnosis.equations.joint_torque import Fit
 from excite.diagnosis.equations.own_columns import CONSTANT, COULOMB, coulomb_level
 from excite.doctor.doubt import Doubt
@@ -26,7 +26,7 @@ class TorqueGain(Effect):
 
     name = "torque_gain"
     belief = Belief(width=0.3)
-    told_by = frozenset({Doubt.CLOCK, Doubt.SIZE})
+    observed_by = frozenset({Doubt.CLOCK, Doubt.SIZE})
     linear = (Parameter("gain_error", "1", -0.7, 2.0),)
     confusable_with = ("payload", "link_inertia", "load_dependent_friction")
     separating_motion = "the same motion with and without a known payload"
@@ -34,23 +34,23 @@ class TorqueGain(Effect):
     by_load = True
     twins_of_a_gain = ("payload",)
 
-    def signals(self, context: Context, location: str, theta: Theta) -> Array:
+    def unit_torques(self, context: Context, location: str, theta: Theta) -> Array:
         return context.baseline.total[:, [context.row(location)]]
 
-    def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
-        error = super().estimates(context, location, theta, fit)
+    def to_estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
+        error = super().to_estimates(context, location, theta, fit)
         std = error["gain_error"].std
         return {"gain": Estimate(1.0 + error["gain_error"].value, std, "1"), **error}
 
     def in_mujoco(self, item: Sizes) -> Form:
-        gain = 1.0 + item.value("gain_error")
+        gain = 1.0 + item.value_of("gain_error")
 
-        def weaker(draft: Draft) -> None:
-            motor = draft.motor(item.location)
+        def reduce_gain(draft: Draft) -> None:
+            motor = draft.find_motor(item.location)
             motor.gainprm[0] /= gain
             motor.biasprm[0] /= gain
 
-        return Form(reads=gain, elements=weaker)
+        return Form(reads=gain, elements=reduce_gain)
 
 
 # Actuators that follow their command with a lag.
@@ -60,7 +60,7 @@ _ACTUATOR_LAG_SAMPLE = 0.4
 
 
 @dataclass(frozen=True)
-class FasterFilter(Note):
+class LagNote(Note):
     """The second of two filters in series, before that of the motors.
 
     Attributes:
@@ -69,7 +69,7 @@ class FasterFilter(Note):
 
     before: float
 
-    beyond = Beyond.CHANNEL
+    beyond = Absence.CHANNEL
     every_step = False
 
     @property
@@ -82,18 +82,18 @@ class ActuatorLag(Effect):
 
     name = "actuator_lag"
     belief = Belief(width=0.03, group="timing")
-    told_by = frozenset({Doubt.CLOCK, Doubt.DELAY})
+    observed_by = frozenset({Doubt.CLOCK, Doubt.DELAY})
     linear: ClassVar[tuple[Parameter, ...]] = (Parameter("time_constant", "s", 0.0, 0.5),)
     confusable_with = ("time_delay", "viscous_friction")
     separating_motion = "a chirp to 5 … 15 Hz"
     mujoco = "actuator dyntype filter, dynprm"
     timing = True
     late_by = "time_constant"
-    note = FasterFilter
+    note = LagNote
     twins_without_torque = ("time_delay",)
 
     @property
-    def richer(self) -> tuple[Effect, ...]:
+    def extended_forms(self) -> tuple[Effect, ...]:
         return (SecondOrderLag(),)
 
     def locations(self, context: Context) -> tuple[str, ...]:
@@ -101,32 +101,32 @@ class ActuatorLag(Effect):
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
         samples = context.baseline.samples
-        parts = [np.gradient(t, axis=0) * samples.rate_hz for t in samples.split(context.baseline.total)]
+        parts = [np.gradient(t, axis=0) * samples.rate_hz for t in samples.by_trial(context.baseline.total)]
         column = np.concatenate(parts)
         return Shape({j: column[:, [j]] for j in range(column.shape[1])})
 
-    def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
+    def is_admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
         least = _ACTUATOR_LAG_SAMPLE / context.baseline.samples.rate_hz
-        return beta[0] >= least and super().admissible(context, location, theta, beta)
+        return beta[0] >= least and super().is_admissible(context, location, theta, beta)
 
     def in_mujoco(self, item: Sizes) -> Form:
         import mujoco
 
-        slow, fast = self.filters(item)
+        slow, fast = self.filter_time_constants(item)
 
-        def lagging(draft: Draft) -> None:
+        def add_lag_filter(draft: Draft) -> None:
             for name in draft.joints:
-                motor = draft.motor(name)
+                motor = draft.find_motor(name)
                 motor.dyntype = mujoco.mjtDyn.mjDYN_FILTEREXACT
                 # The filter's at the step's end: a command is half a step old, and so is the velocity of a servo.
                 motor.dynprm[0], motor.actearly = slow, True
 
-        notes = () if fast is None else (self.noted(replace(item, values={"before": fast})),)
-        return Form(elements=lagging, notes=notes)
+        notes = () if fast is None else (self.make_note(replace(item, values={"before": fast})),)
+        return Form(elements=add_lag_filter, notes=notes)
 
-    def filters(self, item: Sizes) -> tuple[float, float | None]:
+    def filter_time_constants(self, item: Sizes) -> tuple[float, float | None]:
         """Time constants of the motors' filter and of one before it [s]; None where there is no other."""
-        return item.value("time_constant"), None
+        return item.value_of("time_constant"), None
 
 
 class SecondOrderLag(ActuatorLag):
@@ -135,20 +135,20 @@ class SecondOrderLag(ActuatorLag):
     linear = (*ActuatorLag.linear, Parameter("second_order", "s²", 0.0, 0.1))
 
     @property
-    def richer(self) -> tuple[Effect, ...]:
+    def extended_forms(self) -> tuple[Effect, ...]:
         return ()
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
         samples = context.baseline.samples
         first = super().shape(context, location, theta).columns
         stacked = np.column_stack([first[j][:, 0] for j in sorted(first)])
-        second = [np.gradient(t, axis=0) * samples.rate_hz for t in samples.split(stacked)]
+        second = [np.gradient(t, axis=0) * samples.rate_hz for t in samples.by_trial(stacked)]
         rate = np.concatenate(second)
         return Shape({j: np.column_stack([first[j][:, 0], rate[:, j]]) for j in first})
 
-    def filters(self, item: Sizes) -> tuple[float, float | None]:
+    def filter_time_constants(self, item: Sizes) -> tuple[float, float | None]:
         """``T₂² τ̈ + T τ̇ + τ = u`` as two filters in series, as like as they can be where it rings."""
-        total, square = item.value("time_constant"), item.value("second_order")
+        total, square = item.value_of("time_constant"), item.value_of("second_order")
         root = float(np.sqrt(max(0.25 * total**2 - square, 0.0)))
         return 0.5 * total + root, 0.5 * total - root if square > 0.0 else None
 
@@ -160,7 +160,7 @@ _SMALL = 2e-3
 
 
 @dataclass(frozen=True)
-class LoggedAlone(Note):
+class OffsetNote(Note):
     """An offset of the log's positions that the servo does not have.
 
     Attributes:
@@ -169,7 +169,7 @@ class LoggedAlone(Note):
 
     in_log_only: float
 
-    beyond = Beyond.READING
+    beyond = Absence.READING
     every_step = False
 
     @property
@@ -186,7 +186,7 @@ class EncoderOffset(Effect):
 
     name = "encoder_offset"
     belief = Belief(chance=0.04, width=0.05)
-    told_by = frozenset({Doubt.POSITION, Doubt.GRAVITY})
+    observed_by = frozenset({Doubt.POSITION, Doubt.GRAVITY})
     linear = (Parameter("offset", "rad", -0.5, 0.5),)
     searched = (Parameter("secant", "1", math.exp(-_WIDEST), math.exp(_WIDEST)),)
     confusable_with = ("torque_bias", "base_tilt", "joint_spring")
@@ -194,35 +194,35 @@ class EncoderOffset(Effect):
     mujoco = "joint ref"
     moves = True
     by_motion = True
-    note = LoggedAlone
+    note = OffsetNote
 
-    def grid(self, context: Context, location: str) -> list[Theta]:
+    def search_grid(self, context: Context, location: str) -> list[Theta]:
         return [(1.0,)]
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
         j, secant = context.row(location), math.log(theta[0])
         if abs(secant) < _SMALL:
-            columns = -context.gradient(j, "q")
+            columns = -context.torque_gradient(j, "q")
         else:
             still = context.baseline.rigid - context.baseline.added
-            columns = (context.turned(j, -secant) - still) / secant
+            columns = (context.perturbed_torques(j, -secant) - still) / secant
         return Shape({k: columns[:, [k]] for k in range(columns.shape[1])})
 
-    def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
+    def is_admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
         # A secant much wider than the offset is another function: with 0.3 rad for 0.017 one fits constants of a drive.
         secant, offset = math.log(theta[0]), float(beta[0])
         near = abs(secant - offset) <= abs(offset) + _SMALL
-        return near and super().admissible(context, location, theta, beta)
+        return near and super().is_admissible(context, location, theta, beta)
 
-    def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
+    def to_estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
         value, std = float(fit.extra[0]), float(fit.extra_std[0])
         return {"offset": Estimate(value, std if np.isfinite(std) else None, "rad")}
 
     def in_mujoco(self, item: Sizes) -> Form:
-        def turned(draft: Draft) -> None:
-            draft.joint(item.location).ref = item.value("offset")
+        def shift_reference(draft: Draft) -> None:
+            draft.find_joint(item.location).ref = item.value_of("offset")
 
-        return Form(elements=turned)
+        return Form(elements=shift_reference)
 
 
 # A torque channel that is logged late.
@@ -236,7 +236,7 @@ _SURELY = 2.0
 
 
 @dataclass(frozen=True)
-class Late(Note):
+class DelayNote(Note):
     """A torque channel that is logged late: its torque is that of a later time.
 
     Attributes:
@@ -245,7 +245,7 @@ class Late(Note):
 
     delay: float
 
-    beyond = Beyond.CHANNEL
+    beyond = Absence.CHANNEL
     every_step = False
 
     @property
@@ -253,20 +253,20 @@ class Late(Note):
         return self.delay
 
 
-def late(baseline: Baseline, delay: float) -> Array:
+def delay_change(baseline: Baseline, delay: float) -> Array:
     """By how much torques that come late, or early where ``delay`` is negative, differ from those predicted.
 
     ``(n_samples, n_joints)`` [N·m].
     """
     samples, parts = baseline.samples, []
-    for trial, torque in zip(samples.trials, samples.split(baseline.total), strict=True):
+    for trial, torque in zip(samples.trials, samples.by_trial(baseline.total), strict=True):
         parts.append(
             np.column_stack([np.interp(trial.time - delay, trial.time, column) for column in torque.T])
         )
     return np.concatenate(parts) - baseline.total
 
 
-def _said_later(baseline: Baseline, delay: float) -> Array:
+def _logged_change(baseline: Baseline, delay: float) -> Array:
     """By how much the log's torques a while later differ from those now, ``(n_samples, n_joints)`` [N·m].
 
     Cubic splines leave the power of the noise in the rows' band; lines between samples would take a part of it.
@@ -274,7 +274,7 @@ def _said_later(baseline: Baseline, delay: float) -> Array:
     parts = []
     for trial in baseline.samples.trials:
         later = np.minimum(trial.time + delay, trial.time[-1])
-        parts.append(trial.spline(later) - trial.measured)
+        parts.append(trial.torque_spline(later) - trial.measured_torque)
     return np.concatenate(parts)
 
 
@@ -286,7 +286,7 @@ class TimeDelay(Effect):
 
     name = "time_delay"
     belief = Belief(group="timing")
-    told_by = frozenset({Doubt.CLOCK, Doubt.DELAY})
+    observed_by = frozenset({Doubt.CLOCK, Doubt.DELAY})
     linear: ClassVar[tuple[Parameter, ...]] = (Parameter("delay", "s", 0.0, 0.15),)
     searched: ClassVar[tuple[Parameter, ...]] = (Parameter("secant", "s", 4e-4, 0.15),)
     confusable_with = ("actuator_lag", "viscous_friction", "load_dependent_friction")
@@ -295,32 +295,32 @@ class TimeDelay(Effect):
     timing = True
     of_channel = True
     stands_in = True
-    note = Late
+    note = DelayNote
 
     def locations(self, context: Context) -> tuple[str, ...]:
         return ("torque",)
 
-    def grid(self, context: Context, location: str) -> list[Theta]:
+    def search_grid(self, context: Context, location: str) -> list[Theta]:
         grid = (0.0007, 0.0015, 0.003, 0.006, 0.012, 0.025, 0.05, 0.09)
         # Bristles would take what is left of a delay between two of these, and keep it.
         late = context.baseline.late
         return [(d,) for d in (grid if late == 0.0 else sorted({*grid, late}))]
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
-        column = late(context.baseline, theta[0]) / theta[0]
+        column = delay_change(context.baseline, theta[0]) / theta[0]
         return Shape({j: column[:, [j]] for j in range(column.shape[1])})
 
-    def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
+    def is_admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
         least = _SAMPLE / context.baseline.samples.rate_hz
         same = theta[0] / _ALIKE <= beta[0] <= theta[0] * _ALIKE
-        return same and beta[0] >= least and super().admissible(context, location, theta, beta)
+        return same and beta[0] >= least and super().is_admissible(context, location, theta, beta)
 
     @property
-    def closer(self) -> Effect | None:
+    def refined_form(self) -> Effect | None:
         return WholeDelay()
 
     def in_mujoco(self, item: Sizes) -> Form:
-        return Form(notes=(self.noted(item),))
+        return Form(notes=(self.make_note(item),))
 
 
 class WholeDelay(TimeDelay):
@@ -336,20 +336,20 @@ class WholeDelay(TimeDelay):
     stands_in = False
 
     @property
-    def closer(self) -> Effect | None:
+    def refined_form(self) -> Effect | None:
         return None
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
-        early = -_said_later(context.baseline, theta[0])
+        early = -_logged_change(context.baseline, theta[0])
         return Shape(offset={j: early[:, j] for j in range(early.shape[1])})
 
-    def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
+    def is_admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
         return theta[0] >= _SAMPLE / context.baseline.samples.rate_hz
 
-    def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
+    def to_estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
         """Its length as rows between reversals tell it, where they surely tell another than all rows do; else that."""
-        found = super().estimates(context, location, theta, fit)
-        told = told_delay(context.baseline.updated(fit), theta[0], late)
+        found = super().to_estimates(context, location, theta, fit)
+        told = estimate_delay(context.baseline.with_fit(fit), theta[0], delay_change)
         if told is None:
             return found
         off = abs(told.size - theta[0])
@@ -358,9 +358,9 @@ class WholeDelay(TimeDelay):
         # Where they agree, all rows may still be off by what these cannot tell.
         return found | {"delay": Estimate(theta[0], float(np.hypot(off, told.std)), "s")}
 
-    def sizes(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, float]:
-        value = self.estimates(context, location, theta, fit)["delay"].value
-        return super().sizes(context, location, theta, fit) | {"delay": value}
+    def to_sizes(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, float]:
+        value = self.to_estimates(context, location, theta, fit)["delay"].value
+        return super().to_sizes(context, location, theta, fit) | {"delay": value}
 
 
 # A constant added to a torque channel.
@@ -374,7 +374,7 @@ class TorqueBias(Effect):
     """``τ_logged = τ + b``."""
 
     name = "torque_bias"
-    told_by = frozenset({Doubt.GRAVITY})
+    observed_by = frozenset({Doubt.GRAVITY})
     linear = (Parameter("bias", "N·m"),)
     confusable_with = ("coulomb_asymmetry", "encoder_offset", "base_tilt", "joint_spring")
     separating_motion = "a reading at zero torque"
@@ -383,16 +383,16 @@ class TorqueBias(Effect):
     term = CONSTANT
     spans = ("1",)
 
-    def signals(self, context: Context, location: str, theta: Theta) -> Array:
+    def unit_torques(self, context: Context, location: str, theta: Theta) -> Array:
         return np.ones((len(context.v), 1))
 
     def in_mujoco(self, item: Sizes) -> Form:
-        return Form(bias=item.value("bias"))
+        return Form(bias=item.value_of("bias"))
 
     def second_name(self, baseline: Baseline, location: str, fit: Fit) -> str | None:
         """No larger than the Coulomb level, it may be friction that differs between directions."""
-        if not COULOMB.asked(baseline.modelled):
+        if not COULOMB.is_modelled(baseline.modelled):
             return None
-        own = baseline.fit.own[baseline.samples.joints.index(location)]
+        own = baseline.fit.own_coefs[baseline.samples.joints.index(location)]
         level = abs(coulomb_level(baseline.modelled, own))
         return _ASYMMETRY if abs(float(fit.extra[0])) <= _OF_LEVEL * level else None

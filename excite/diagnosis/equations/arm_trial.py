@@ -63,11 +63,11 @@ class ArmTrial:
     beyond: NDArray[np.bool_] | None = None
 
     @cached_property
-    def spline(self) -> CubicSpline:
+    def torque_spline(self) -> CubicSpline:
         """Unfiltered torque as it was measured, between its samples too."""
-        return CubicSpline(self.time, self.measured)
+        return CubicSpline(self.time, self.measured_torque)
 
     @property
-    def measured(self) -> Array:
+    def measured_torque(self) -> Array:
         """Unfiltered torque as it was measured, as ``tau`` [N·m]."""
         return self.tau if self.known is None else self.tau + self.known

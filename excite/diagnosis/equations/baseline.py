@@ -80,18 +80,18 @@ class Baseline:
         if self.derived.trials is not self.samples.trials or self.derived.phi is not self.phi:
             object.__setattr__(self, "derived", Derived(self.samples.trials, self.phi))
 
-    def updated(self, fit: Fit) -> Baseline:
+    def with_fit(self, fit: Fit) -> Baseline:
         """The same equations with another fit and predictions at its parameters."""
         s = self.samples
         rigid, phi = self.rigid, self.phi
         if self.free:
             n = self.basis.shape[1]
             phi = phi + self.basis @ (fit.shared[:n] - self.fit.shared[:n])
-            rigid = s.torques(phi) + self.added
+            rigid = s.rigid_torques(phi) + self.added
         terms = own_terms(self.modelled)
         own = [
             own_signals(s, terms, j, sign) @ o
-            for j, (sign, o) in enumerate(zip(self.signs, fit.own, strict=True))
+            for j, (sign, o) in enumerate(zip(self.signs, fit.own_coefs, strict=True))
         ]
         total = rigid + np.column_stack(own) + self.added_drive
         return replace(self, fit=fit, phi=phi, rigid=rigid, total=total)
@@ -107,19 +107,19 @@ class Baseline:
 
     def bristle_damping(self, joint: int) -> float:
         """Damping of a joint's bristles as fitted, not negative; 0 where they have none [N·m·s]."""
-        return max(float(self.fit.own[joint][-1]), 0.0) if self.signs[joint].damped else 0.0
+        return max(float(self.fit.own_coefs[joint][-1]), 0.0) if self.signs[joint].has_damping else 0.0
 
-    def plain(self, residual: Array) -> Array:
+    def plain_residual(self, residual: Array) -> Array:
         """Residuals without the weights, ``(n_joints, n_rows)`` [N·m]; none in rows that hold no known torque."""
         return np.where(self.strict > 0.0, residual / self.root_weight, 0.0)
 
-    def judged(self, residual: Array) -> Array:
+    def judging_residual(self, residual: Array) -> Array:
         """Residuals with the weights that hypotheses are judged by, ``(n_joints, n_rows)`` [N·m]."""
         return residual / self.root_weight * self.strict
 
-    def gap(self, residual: Array, scale: Array) -> float:
+    def relative_gap(self, residual: Array, scale: Array) -> float:
         """RMS of residuals ``(n_joints, n_rows)`` in the rows that judge, over scales of the joints ``(n_joints,)``."""
-        squares = self.samples.squares(self.plain(residual))[:, self.samples.judging]
+        squares = self.samples.squared_residuals(self.plain_residual(residual))[:, self.samples.judging_rows]
         return float(np.sqrt(np.mean(squares.mean(axis=1) / scale**2)))
 
     def with_signs(self, signs: Sequence[SignChange]) -> Baseline:

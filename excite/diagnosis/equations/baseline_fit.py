@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.diagnosis.equations.baseline import Baseline
-from excite.diagnosis.equations.dry_friction.fitted_signs import first_signs
+from excite.diagnosis.equations.dry_friction.fitted_signs import fit_first_signs
 from excite.diagnosis.equations.dry_friction.friction_sign import WIDTHS, SignChange
 from excite.diagnosis.equations.joint_torque import Equations, Solver
 from excite.diagnosis.equations.own_columns import COULOMB, own_rows, own_signals, own_terms
@@ -31,7 +31,6 @@ def fit_baseline(
     """Fit what ``modelled`` names; what the motion does not show of the inertial parameters stays nominal.
 
     Args:
-        samples: the samples.
         modelled: words of ``modelled`` in ``log.yaml``.
         floor: ``(n_joints,)`` noise in the rows' band [N·m].
         late: whether friction that seems to remember may be friction without memory beside torques that are late; not
@@ -44,29 +43,29 @@ def fit_baseline(
     """
     joints = range(len(samples.joints))
     free = "rigid_body" in modelled
-    tau, nominal = samples.rows([t.tau for t in samples.trials], joints), samples.nominal
+    tau, nominal = samples.to_rows([t.tau for t in samples.trials], joints), samples.nominal_torques
     root, strict = standstill_weights(samples, 2.0, 0.35), standstill_weights(samples, 3.0, 0.02)
-    if (told := samples.told) is not None:
+    if (told := samples.known_torque_rows) is not None:
         root, strict = within_range(root, told, _NOTHING), within_range(strict, told, 0.0)
-    y = (tau - samples.rows(nominal, joints)).T * root
+    y = (tau - samples.to_rows(nominal, joints)).T * root
     phi = model_phi(samples)
     if free and like is not None and like.free:
         shared, basis = like.solver.equations.shared, like.basis
     elif free:
-        shared, basis = _shared(samples, phi)
+        shared, basis = _inertial_columns(samples, phi)
         shared = shared * root[:, :, None]
     else:
         shared, basis = np.zeros((len(joints), y.shape[1], 0)), np.zeros((len(phi), 0))
     terms = own_terms(modelled)
     sign = SignChange(WIDTHS[2])
     own = tuple(own_rows(samples, terms, j, [sign])[0] * root[j][:, None] for j in joints)
-    solver = Solver(Equations(shared, own, y, samples.identification, samples.trial_of_row, floor))
-    fit = solver.fit()
+    solver = Solver(Equations(shared, own, y, samples.identification_rows, samples.trial_of_row, floor))
+    fit = solver.fit_columns()
     phi_hat = phi + basis @ fit.shared
-    torque = samples.torques(phi_hat) if free else nominal
-    friction = np.column_stack([own_signals(samples, terms, j, sign) @ fit.own[j] for j in joints])
+    torque = samples.rigid_torques(phi_hat) if free else nominal
+    friction = np.column_stack([own_signals(samples, terms, j, sign) @ fit.own_coefs[j] for j in joints])
     nothing = np.zeros_like(torque)
-    known = _known(samples, nothing)
+    known = _known_torque(samples, nothing)
     total = torque + friction + known
     baseline = Baseline(
         samples,
@@ -87,12 +86,12 @@ def fit_baseline(
     if COULOMB not in terms:
         return baseline
     if like is None:
-        return first_signs(baseline, late=late)
+        return fit_first_signs(baseline, late=late)
     moved = baseline.with_signs(like.signs)
-    return moved.updated(moved.solver.fit())
+    return moved.with_fit(moved.solver.fit_columns())
 
 
-def _known(samples: ArmSamples, nothing: Array) -> Array:
+def _known_torque(samples: ArmSamples, nothing: Array) -> Array:
     """Full-rate torque of what is known of the drives, ``(n_samples, n_joints)``; ``nothing`` where that is none."""
     parts = [trial.known for trial in samples.trials if trial.known is not None]
     return np.concatenate(parts) if parts else nothing
@@ -105,7 +104,6 @@ def standstill_weights(samples: ArmSamples, slope: float, least: float) -> Array
     standstill weigh little. A fit that gave them no weight at all would leave the change of sign to chance.
 
     Args:
-        samples: the samples.
         slope: loss of weight with the share of standstill in a row.
         least: least root of a weight before normalisation.
     """
@@ -131,7 +129,7 @@ def model_phi(samples: ArmSamples) -> Array:
     return np.concatenate([model.inertias[k].toDynamicParameters() for k in range(1, model.njoints)])
 
 
-def _shared(samples: ArmSamples, phi: Array) -> tuple[Array, Array]:
+def _inertial_columns(samples: ArmSamples, phi: Array) -> tuple[Array, Array]:
     """Columns of the inertial parameters in units of their prior spread, in a basis without blind directions."""
     rows = samples.body_rows() * prior_spread(phi)
     flat = np.concatenate([block / max(block.std(), 1e-9) for block in rows])

@@ -78,7 +78,7 @@ class Fit:
         return rest if self.offset is None else rest - self.offset
 
     @cached_property
-    def own(self) -> tuple[Array, ...]:
+    def own_coefs(self) -> tuple[Array, ...]:
         """Coefficients of the joints' own columns, one ``(n_own,)`` a joint."""
         if self.held is not None:
             return self.held
@@ -92,7 +92,7 @@ class Fit:
     def residual(self) -> Array:
         """Residual of all rows, ``(n_joints, n_rows)`` [N·m]."""
         rest = self.before_own.copy()
-        for j, o in enumerate(self.own):
+        for j, o in enumerate(self.own_coefs):
             rest[j] -= self.equations.own[j] @ o
         return rest
 
@@ -118,13 +118,13 @@ class Solver:
         self._q, self._a, self._y = ([empty] * e.n_joints for _ in range(3))
         self._gram, self._cross = np.zeros((e.n_joints, n, n)), np.zeros((e.n_joints, n))
         for j in range(e.n_joints):
-            self._prepare(j)
+            self._project_joint(j)
 
-    def _prepare(self, j: int) -> None:
+    def _project_joint(self, j: int) -> None:
         e = self.equations
         own = e.own[j][e.use]
         q = np.linalg.qr(own / np.maximum(np.linalg.norm(own, axis=0), 1e-12))[0] if own.shape[1] else own
-        self._q[j], self._a[j], self._y[j] = q, _project(q, e.shared[j][e.use]), _project(q, e.y[j][e.use])
+        self._q[j], self._a[j], self._y[j] = (q, _project(q, e.shared[j][e.use]), _project(q, e.y[j][e.use]))
         self._gram[j] = self._a[j].T @ self._a[j]
         self._cross[j] = self._a[j].T @ self._y[j]
 
@@ -135,10 +135,10 @@ class Solver:
         new.equations = replace(self.equations, own=columns)
         new._q, new._a, new._y = list(self._q), list(self._a), list(self._y)
         new._gram, new._cross = self._gram.copy(), self._cross.copy()
-        new._prepare(joint)
+        new._project_joint(joint)
         return new
 
-    def fit(
+    def fit_columns(
         self,
         extra: Array | None = None,
         offset: Array | None = None,
@@ -222,11 +222,11 @@ class Solver:
         if fit.columns is None:
             return fit.extra_std
         few = len(np.unique(self.equations.trial[self.equations.use])) < TRIALS
-        std = fit.extra_std if few else np.maximum(self._between(fit, fit.columns, widths), fit.extra_std)
+        std = fit.extra_std if few else np.maximum(self._sandwich(fit, fit.columns, widths), fit.extra_std)
         prior = np.full(len(std), np.inf) if widths is None else widths
         return np.where(fit.columns.any(axis=(0, 1)), std, prior)
 
-    def _between(self, fit: Fit, columns: Array, widths: Array | None = None) -> Array:
+    def _sandwich(self, fit: Fit, columns: Array, widths: Array | None = None) -> Array:
         """The sandwich for columns ``(n_joints, n_rows, n)`` beside all that the fit has."""
         e, n = self.equations, self.equations.shared.shape[2]
         size = np.sqrt((columns[:, e.use] ** 2).sum(axis=(0, 1)))

@@ -35,10 +35,10 @@ def known_terms(samples: ArmSamples, modelled: Sequence[str]) -> tuple[KnownTerm
     zero = np.zeros(len(names))
     stated = {VISCOUS: block.viscous, COULOMB: block.coulomb, ARMATURE: block.armature}
     known = [KnownTerm(term, per_joint(said, names, zero)) for term, said in stated.items()]
-    return tuple(item for item in known if item.values.any() and not item.term.asked(modelled))
+    return tuple(item for item in known if item.values.any() and not item.term.is_modelled(modelled))
 
 
-def less_known(samples: ArmSamples, modelled: tuple[str, ...], floor: Array) -> ArmSamples:
+def subtract_known_torques(samples: ArmSamples, modelled: tuple[str, ...], floor: Array) -> ArmSamples:
     """The samples with torques less those of the terms that are known.
 
     How dry friction changes sign is the record's: a fit with these terms free, thrown away, tells it.
@@ -61,6 +61,6 @@ def less_known(samples: ArmSamples, modelled: tuple[str, ...], floor: Array) -> 
     )
     trials = tuple(
         replace(trial, tau=trial.tau - part, known=part)
-        for trial, part in zip(samples.trials, samples.split(torque), strict=True)
+        for trial, part in zip(samples.trials, samples.by_trial(torque), strict=True)
     )
     return replace(led, trials=trials)

@@ -13,7 +13,7 @@ from excite.diagnosis.equations.arm_trial import ArmTrial, Bands
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.dry_friction.friction_sign import of_velocity
 from excite.diagnosis.equations.own_columns import ARMATURE, COULOMB, VISCOUS, own_terms
-from excite.diagnosis.equations.repeats import on_the_clock_of_the_first
+from excite.diagnosis.equations.repeats import align_repeat
 from excite.diagnosis.equations.samples import ArmSamples
 from excite.logs.log import Log, Trial
 from excite.logs.signals.butterworth import Derivatives, central_differences, lowpass, noise_bandwidth
@@ -31,7 +31,7 @@ def spectral_floor(samples: ArmSamples) -> Array:
     The median over Welch's segments of the density between 1.5 and 3 times the band's end, so that single
     jumps do not count, times the band.
     """
-    return _floor(samples, [_ABOVE])
+    return _band_floor(samples, [_ABOVE])
 
 
 def white_floor(samples: ArmSamples) -> Array:
@@ -41,10 +41,10 @@ def white_floor(samples: ArmSamples) -> Array:
     """
     low, width = _ABOVE[0], _ABOVE[1] - _ABOVE[0]
     count = int((0.45 * samples.rate_hz / samples.bands.rows_hz - low) / width)
-    return _floor(samples, [(low + width * k, low + width * (k + 1)) for k in range(max(count, 1))])
+    return _band_floor(samples, [(low + width * k, low + width * (k + 1)) for k in range(max(count, 1))])
 
 
-def _floor(samples: ArmSamples, bands: Sequence[tuple[float, float]]) -> Array:
+def _band_floor(samples: ArmSamples, bands: Sequence[tuple[float, float]]) -> Array:
     """From the lowest of the densities in several bands, given in multiples of the rows' band."""
     rate = samples.rate_hz
     width = noise_bandwidth(rate, samples.bands.rows_hz)
@@ -55,9 +55,9 @@ def _floor(samples: ArmSamples, bands: Sequence[tuple[float, float]]) -> Array:
     floors = []
     for j in range(len(samples.joints)):
         densities = []
-        for trial, v in zip(samples.trials, samples.split(samples.motion("v")), strict=True):
+        for trial, v in zip(samples.trials, samples.by_trial(samples.motor_signal("v")), strict=True):
             still = np.abs(v[:, j]) < samples.standstill[j]
-            for tau in _stretches(trial, j, still, max(_SHORTEST, int(needed) + 1)):
+            for tau in _moving_stretches(trial, j, still, max(_SHORTEST, int(needed) + 1)):
                 f, p = welch_spectrum(np.diff(tau), rate, min(256, len(tau) // 2), median=True)
                 found = []
                 for bottom, top in zip(low, high, strict=True):
@@ -69,14 +69,13 @@ def _floor(samples: ArmSamples, bands: Sequence[tuple[float, float]]) -> Array:
     return np.maximum(np.array(floors), 1e-9)
 
 
-def _stretches(trial: ArmTrial, joint: int, still: NDArray[np.bool_], least: int) -> list[Array]:
+def _moving_stretches(trial: ArmTrial, joint: int, still: NDArray[np.bool_], least: int) -> list[Array]:
     """Torques of a joint in the stretches in which it moves and they were measured, those that are long enough.
 
     A motor at rest is quiet: its controller sees no noise of velocities, and rows at rest are hardly judged. Where no
     stretch of motion tells a spectrum, those in which torques were measured do, or the trial.
 
     Args:
-        trial: the trial.
         joint: its column.
         still: ``(n,)`` where the joint may as well stand.
         least: samples that tell a spectrum.
@@ -84,19 +83,19 @@ def _stretches(trial: ArmTrial, joint: int, still: NDArray[np.bool_], least: int
     tau = trial.tau[:, joint]
     told = np.ones(len(tau), dtype=np.bool_) if trial.beyond is None else ~trial.beyond[:, joint]
     moving = told.copy()
-    for first, last in _runs(still):
+    for first, last in _find_runs(still):
         # What is shorter is no rest but a turn of the motion, where friction jumps.
         if last - first >= least:
             moving[first:last] = False
     for use in (moving, told):
-        runs = [tau[first:last] for first, last in _runs(use)]
+        runs = [tau[first:last] for first, last in _find_runs(use)]
         longest = max((len(run) for run in runs), default=0)
         if longest >= least:
             return [run for run in runs if len(run) >= min(least if use is moving else longest, _LONG)]
     return [tau]
 
 
-def _runs(use: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def _find_runs(use: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """Stretches of samples that are used, first and one past the last."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], use, [False]]).astype(np.int8)))
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
@@ -108,7 +107,7 @@ def repeat_floor(samples: ArmSamples, residual: Array) -> Array | None:
     Differences of residuals, not of torques: the same command does not give quite the same motion.
     """
     values = [residual[:, samples.trial_of_row == k] for k in range(len(samples.trials))]
-    both = [on_the_clock_of_the_first(repeat, samples.trials, values) for repeat in samples.repeats]
+    both = [align_repeat(repeat, samples.trials, values) for repeat in samples.repeat_pairs]
     squares = np.concatenate([0.5 * (again - first) ** 2 for first, again in both], axis=1) if both else None
     return None if squares is None or not squares.size else np.sqrt(squares.mean(axis=1))
 
@@ -119,29 +118,27 @@ def without_drift(samples: ArmSamples, residual: Array, columns: Sequence[Array]
     A joint that warms up between two runs of a command differs by another friction or constant: that is no noise.
 
     Args:
-        samples: the samples.
         residual: ``(n_joints, n_rows)`` [N·m].
         columns: by joint, ``(n_rows, n)`` of its friction and constant.
     """
     left = residual.copy()
-    for k in {k for repeat in samples.repeats for k in (repeat.first, repeat.again)}:
+    for k in {k for repeat in samples.repeat_pairs for k in (repeat.first, repeat.again)}:
         rows = samples.trial_of_row == k
         for j, block in enumerate(columns):
             left[j, rows] -= block[rows] @ np.linalg.lstsq(block[rows], residual[j, rows], rcond=None)[0]
     return left
 
 
-def unrepeated(samples: ArmSamples, noise: Array, rows: NDArray[np.bool_] | None = None) -> Array:
+def unrepeated_noise_power(samples: ArmSamples, noise: Array, rows: NDArray[np.bool_] | None = None) -> Array:
     """Power of a known noise less what it has in the repeated trials, ``(n_joints,)`` [(N·m)²].
 
     Where noise grows with the posture's inertia, repeats of one trial do not show that of all.
 
     Args:
-        samples: the samples.
         noise: ``(n_joints, n_rows)`` a draw of it [N·m].
         rows: which rows to tell it of; all by default.
     """
-    pairs = [(repeat.first, repeat.again) for repeat in samples.repeats]
+    pairs = [(repeat.first, repeat.again) for repeat in samples.repeat_pairs]
     if not pairs:
         return np.zeros(len(noise))
     power, shown = noise**2, np.isin(samples.trial_of_row, np.unique(pairs))
@@ -188,38 +185,37 @@ def kinematic_noise(baseline: Baseline, sigma: Array, rng: np.random.Generator) 
         rng: source of the draw.
     """
     samples, terms = baseline.samples, own_terms(baseline.modelled)
-    drawn = _drawn(samples, sigma, rng)
+    drawn = _draw_position_noise(samples, sigma, rng)
     more = np.concatenate([d.second for d in drawn])
-    faster = samples.tree._replace(a=samples.tree.a + more)
-    change = samples.torques(baseline.phi, faster) - samples.torques(baseline.phi)
-    first, second = samples.motors(np.concatenate([d.first for d in drawn])), samples.motors(more)
-    for j, v in enumerate(samples.motion("v").T):
-        own = dict(zip(terms, baseline.fit.own[j], strict=False))
+    faster = samples.tree_motion._replace(a=samples.tree_motion.a + more)
+    change = samples.rigid_torques(baseline.phi, faster) - samples.rigid_torques(baseline.phi)
+    first, second = samples.motor_values(np.concatenate([d.first for d in drawn])), samples.motor_values(more)
+    for j, v in enumerate(samples.motor_signal("v").T):
+        own = dict(zip(terms, baseline.fit.own_coefs[j], strict=False))
         change[:, j] += own.get(ARMATURE, 0.0) * second[:, j]
         change[:, j] += own.get(VISCOUS, 0.0) * first[:, j]
-        if not (sign := baseline.signs[j]).bent:
+        if not (sign := baseline.signs[j]).has_bristles:
             change[:, j] += own.get(COULOMB, 0.0) * (
                 of_velocity(v + first[:, j], sign) - of_velocity(v, sign)
             )
-    return samples.rows(change, range(len(samples.joints))).T
+    return samples.to_rows(change, range(len(samples.joints))).T
 
 
 def noisy_motion(samples: ArmSamples, sigma: Array, rng: np.random.Generator) -> ArmSamples:
     """The samples with as much noise again in their positions, and what the filter and differences make of it.
 
     Args:
-        samples: the samples.
         sigma: ``(n_joints,)`` standard deviation of the positions' noise [rad].
         rng: source of the noise.
     """
     trials = [
         replace(trial, q=trial.q + d.value, v=trial.v + d.first, a=trial.a + d.second)
-        for trial, d in zip(samples.trials, _drawn(samples, sigma, rng), strict=True)
+        for trial, d in zip(samples.trials, _draw_position_noise(samples, sigma, rng), strict=True)
     ]
     return replace(samples, trials=tuple(trials))
 
 
-def _drawn(samples: ArmSamples, sigma: Array, rng: np.random.Generator) -> list[Derivatives]:
+def _draw_position_noise(samples: ArmSamples, sigma: Array, rng: np.random.Generator) -> list[Derivatives]:
     """White noise of each trial's positions on its way through the filter and the differences, and through the tree."""
     made, rate, index = [], samples.rate_hz, list(samples.index)
     for k, trial in enumerate(samples.trials):
@@ -227,7 +223,8 @@ def _drawn(samples: ArmSamples, sigma: Array, rng: np.random.Generator) -> list[
         e[:, index] = sigma * rng.standard_normal((len(e), len(index)))
         d = central_differences(lowpass(e, rate, samples.bands.kinematics_hz), rate)
         if samples.robot.mechanism is not None:
-            maps = samples.maps if len(samples.maps) == 1 else samples.split(samples.maps)[k]
+            maps = samples.motion_maps
+            maps = maps if len(maps) == 1 else samples.by_trial(maps)[k]
             parts = (d.value, d.first, d.second)
             d = Derivatives(*((maps @ x[:, index, None])[:, :, 0] for x in parts))
         made.append(d)
@@ -282,7 +279,6 @@ def bands_by_noise(log: Log, trials: Sequence[Trial]) -> Bands:
     at any of them has no say.
 
     Args:
-        log: the log.
         trials: repaired trials.
     """
     bands = Bands()
@@ -296,7 +292,7 @@ def bands_by_noise(log: Log, trials: Sequence[Trial]) -> Bands:
     tried = [bands.rows_hz]
     while tried[-1] / _STEP >= least:
         tried.append(tried[-1] / _STEP)
-    f, seen = _accelerations(positions, rate)
+    f, seen = _acceleration_spectrum(positions, rate)
     false = (2.0 * np.pi * f[:, None]) ** 4 * noise
     seconds = sum(len(q) for q, t in zip(positions, trials, strict=True) if t.role == "identification") / rate
     feigned = np.empty((len(tried), len(noise)))
@@ -314,7 +310,7 @@ def bands_by_noise(log: Log, trials: Sequence[Trial]) -> Bands:
     return replace(bands, rows_hz=end, kinematics_hz=bands.kinematics_hz * end / bands.rows_hz)
 
 
-def _accelerations(positions: Sequence[Array], rate_hz: float) -> tuple[Array, Array]:
+def _acceleration_spectrum(positions: Sequence[Array], rate_hz: float) -> tuple[Array, Array]:
     """Frequencies ``(m,)`` [Hz] and density of accelerations ``(m, n)`` there, over all trials, noise included.
 
     The least of what positions and their differences show: slow motion leaks upwards in the ones, noise downwards in

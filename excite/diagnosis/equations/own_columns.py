@@ -46,25 +46,27 @@ class OwnTerm:
     column: Callable[[ArmSamples, int, SignChange], Array]
     by_sign: bool = False
 
-    def asked(self, modelled: Sequence[str]) -> bool:
+    def is_modelled(self, modelled: Sequence[str]) -> bool:
         """Whether ``modelled`` asks for it."""
         return any(word in modelled for word in self.words)
 
 
-VISCOUS = OwnTerm(DRIVE_TERMS["viscous"].effects, lambda samples, motor, sign: samples.motion("v")[:, motor])
+VISCOUS = OwnTerm(
+    DRIVE_TERMS["viscous"].effects, lambda samples, motor, sign: samples.motor_signal("v")[:, motor]
+)
 COULOMB = OwnTerm(DRIVE_TERMS["coulomb"].effects, sign_of_motion, by_sign=True)
 ARMATURE = OwnTerm(
-    DRIVE_TERMS["armature"].effects, lambda samples, motor, sign: samples.motion("a")[:, motor]
+    DRIVE_TERMS["armature"].effects, lambda samples, motor, sign: samples.motor_signal("a")[:, motor]
 )
-CONSTANT = OwnTerm(DRIVE_TERMS["offset"].effects, lambda samples, motor, sign: np.ones(len(samples.starts)))
+CONSTANT = OwnTerm(DRIVE_TERMS["offset"].effects, lambda samples, motor, sign: np.ones(len(samples.is_start)))
 # A word that no log says: what its currents are in torques was estimated from the bodies, roughly.
 SCALED = "torque_scale"
-SCALE = OwnTerm((SCALED,), lambda samples, motor, sign: samples.nominal[:, motor])
+SCALE = OwnTerm((SCALED,), lambda samples, motor, sign: samples.nominal_torques[:, motor])
 
 
 def own_terms(modelled: Sequence[str]) -> tuple[OwnTerm, ...]:
     """Terms of each joint's own that ``modelled`` asks for, in order."""
-    return tuple(term for term in (VISCOUS, COULOMB, ARMATURE, CONSTANT, SCALE) if term.asked(modelled))
+    return tuple(term for term in (VISCOUS, COULOMB, ARMATURE, CONSTANT, SCALE) if term.is_modelled(modelled))
 
 
 def coulomb_level(modelled: Sequence[str], own: Array) -> float:
@@ -78,8 +80,8 @@ def own_signals(samples: ArmSamples, terms: Sequence[OwnTerm], joint: int, sign:
 
     Last the damping of its bristles, where dry friction has some.
     """
-    columns = [make() for make in _columns(samples, terms, joint, sign).values()]
-    return np.column_stack(columns) if columns else np.zeros((len(samples.stacked("v")), 0))
+    columns = [make() for make in _column_makers(samples, terms, joint, sign).values()]
+    return np.column_stack(columns) if columns else np.zeros((len(samples.stack_trials("v")), 0))
 
 
 def own_rows(
@@ -90,15 +92,15 @@ def own_rows(
     All go through it side by side, and what was asked for before does not go again: what does not follow the sign is
     kept with the motion, and so are the sign changes of the search's grid.
     """
-    asked = [_columns(samples, terms, joint, sign) for sign in signs]
-    known = dict(samples.kept)
+    asked = [_column_makers(samples, terms, joint, sign) for sign in signs]
+    known = dict(samples.motion_cache)
     missing = {key: make for columns in asked for key, make in columns.items() if key not in known}
     if missing:
-        filtered = samples.rows(np.stack([make() for make in missing.values()]).T, [joint] * len(missing))
+        filtered = samples.to_rows(np.stack([make() for make in missing.values()]).T, [joint] * len(missing))
         for key, rows in zip(missing, np.ascontiguousarray(filtered.T), strict=True):
             known[key] = rows
             if key.sign is None or key.sign in SIGNS:
-                samples.kept[key] = rows
+                samples.motion_cache[key] = rows
     count = sum(len(trial.rows) for trial in samples.trials)
     return [
         np.stack([known[key] for key in columns]).T if columns else np.zeros((count, 0)) for columns in asked
@@ -119,7 +121,7 @@ class _Key(NamedTuple):
     sign: SignChange | None
 
 
-def _columns(
+def _column_makers(
     samples: ArmSamples, terms: Sequence[OwnTerm], joint: int, sign: SignChange
 ) -> dict[_Key, Callable[[], Array]]:
     """What makes the columns of :func:`own_signals`, in their order."""
@@ -128,7 +130,7 @@ def _columns(
         _Key(term.words, joint, bend if term.by_sign else None): partial(term.column, samples, joint, bend)
         for term in terms
     }
-    if sign.damped and COULOMB in terms:
+    if sign.has_damping and COULOMB in terms:
         made[_Key((), joint, sign)] = partial(damping_of_bristles, samples, joint, sign)
     return made
 
@@ -145,9 +147,9 @@ def best_sign(
         kept: index of the sign change so far.
     """
     losses = np.array(
-        [_loss(target, c, positive=sign.damped) for c, sign in zip(columns, tried, strict=True)]
+        [_squares_left(target, c, positive=sign.has_damping) for c, sign in zip(columns, tried, strict=True)]
     )
-    kinds = np.array([int(sign.bent) + int(sign.damped) for sign in tried])
+    kinds = np.array([int(sign.has_bristles) + int(sign.has_damping) for sign in tried])
     found = int(np.argmin(np.where(kinds == 0, losses, np.inf)))
     # The plainer one unless what it lacks is seen.
     for kind in (1, 2):
@@ -156,7 +158,7 @@ def best_sign(
     return found if kept is None or losses[found] < _CHANGED * losses[kept] else kept
 
 
-def refined(
+def refine_number(
     target: Array,
     rows_at: Callable[[float], Array],
     value: float,
@@ -178,14 +180,14 @@ def refined(
         The value.
     """
     low, high = bounds
-    best, step = _loss(target[use], columns[use]), FIRST_STEP
+    best, step = _squares_left(target[use], columns[use]), FIRST_STEP
     while step > _LAST_STEP:
         moved = False
         for way in (step, 1.0 / step):
             if not low <= value * way <= high:
                 continue
             new = rows_at(value * way)
-            loss = _loss(target[use], new[use])
+            loss = _squares_left(target[use], new[use])
             if loss < best:
                 value, best, moved = value * way, loss, True
                 break
@@ -193,7 +195,7 @@ def refined(
     return value
 
 
-def _loss(target: Array, columns: Array, *, positive: bool = False) -> float:
+def _squares_left(target: Array, columns: Array, *, positive: bool = False) -> float:
     """Sum of squares that is left; infinite where the last coefficient has to be positive and is not."""
     x = np.linalg.lstsq(columns, target, rcond=None)[0]
     return np.inf if positive and x[-1] <= 0.0 else float(((target - columns @ x) ** 2).sum())

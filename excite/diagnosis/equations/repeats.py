@@ -47,7 +47,7 @@ class Repeat:
     lag_s: float
 
 
-def repeats_of(trials: Sequence[ArmTrial], rate_hz: float) -> tuple[Repeat, ...]:
+def find_repeats(trials: Sequence[ArmTrial], rate_hz: float) -> tuple[Repeat, ...]:
     """The pairs of trials that say that they repeat each other, with their lags.
 
     Args:
@@ -56,10 +56,10 @@ def repeats_of(trials: Sequence[ArmTrial], rate_hz: float) -> tuple[Repeat, ...]
     """
     names = [trial.name for trial in trials]
     pairs = [(names.index(t.repeats), k) for k, t in enumerate(trials) if t.repeats in names]
-    return tuple(Repeat(i, k, lag_of(trials[i], trials[k], rate_hz)) for i, k in pairs)
+    return tuple(Repeat(i, k, estimate_lag(trials[i], trials[k], rate_hz)) for i, k in pairs)
 
 
-def lag_of(first: Moving, again: Moving, rate_hz: float) -> float:
+def estimate_lag(first: Moving, again: Moving, rate_hz: float) -> float:
     """How much later the second moves: where the velocities of both correlate most [s].
 
     To a fraction of a sample by Gauss and Newton.
@@ -80,7 +80,7 @@ def lag_of(first: Moving, again: Moving, rate_hz: float) -> float:
     return lag if abs(lag) > _NONE / rate_hz else 0.0
 
 
-def on_the_clock_of_the_first(repeat: Repeat, trials: Sequence[ArmTrial], values: Sequence[Array]) -> Array:
+def align_repeat(repeat: Repeat, trials: Sequence[ArmTrial], values: Sequence[Array]) -> Array:
     """Rows of both trials at the same instants of the command, ``(2, n_joints, n)``.
 
     Args:

@@ -63,11 +63,13 @@ def arm_samples(robot: Robot, log: Log, trials: Sequence[Trial], bands: Bands | 
     samples = ArmSamples(robot, joints, index, tuple(made), rate, bands, coupling, still)
     if all(trial.beyond is None for trial in made):
         return samples
-    nominal = samples.split(samples.nominal)
-    return replace(samples, trials=tuple(_bridged(t, part) for t, part in zip(made, nominal, strict=True)))
+    nominal = samples.by_trial(samples.nominal_torques)
+    return replace(
+        samples, trials=tuple(_bridge_lost_torques(t, part) for t, part in zip(made, nominal, strict=True))
+    )
 
 
-def _bridged(trial: ArmTrial, nominal: Array) -> ArmTrial:
+def _bridge_lost_torques(trial: ArmTrial, nominal: Array) -> ArmTrial:
     """A trial whose lost torques are guessed by nominal ones."""
     return (
         trial

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array, Moved, widen_flags
 from excite.diagnosis.equations.arm_trial import ArmTrial, Bands
-from excite.diagnosis.equations.repeats import Repeat, repeats_of
+from excite.diagnosis.equations.repeats import Repeat, find_repeats
 from excite.logs.signals.butterworth import both_ways, butterworth_sections
 from excite.regressor.kernels import inverse_dynamics, joint_torque_regressor
 from excite.robot.robot import Robot
@@ -69,21 +69,21 @@ class ArmSamples:
     sticking: frozenset[int] = frozenset()
 
     @property
-    def coupled(self) -> bool:
+    def is_coupled(self) -> bool:
         """Whether a motor turns with more than its own joint."""
         return self.robot.mechanism is not None or not np.array_equal(self.coupling, np.eye(len(self.joints)))
 
     @property
-    def tree(self) -> Moved:
+    def tree_motion(self) -> Moved:
         """Motion of all joints of the tree at full rate, ``(n_samples, nv)`` each; not to be written to."""
-        return Moved(*(self.stacked(name) for name in ("q", "v", "a")))
+        return Moved(*(self.stack_trials(name) for name in ("q", "v", "a")))
 
     @cached_property
-    def maps(self) -> Array:
+    def motion_maps(self) -> Array:
         """``G``: velocities of the tree per velocity of each motor, ``(n_samples or 1, nv, n_joints)``."""
-        return self._maps(self.stacked("q"))
+        return self._maps_at(self.stack_trials("q"))
 
-    def _maps(self, q: Array) -> Array:
+    def _maps_at(self, q: Array) -> Array:
         mechanism = self.robot.mechanism
         if mechanism is None:
             maps = np.zeros((1, self.robot.model.nv, len(self.joints)))
@@ -94,7 +94,7 @@ class ArmSamples:
         return mechanism.motion_maps(q)[:, :, np.searchsorted(mechanism.driven, self.index)]
 
     @cached_property
-    def followers(self) -> dict[str, int]:
+    def follower_indices(self) -> dict[str, int]:
         """Joints that no motor of the log turns alone, by name their index into ``v``.
 
         Of a gear that two motors drive what it drives, as ``NAME.link``; else the motor has the name.
@@ -105,34 +105,34 @@ class ArmSamples:
             found = {f"{self.joints[k]}.link": self.index[k] for k in shared}
         else:
             found = {self.robot.joint_names[column]: int(column) for column in mechanism.passive}
-        return {name: column for name, column in found.items() if self.maps[:, column].any()}
+        return {name: column for name, column in found.items() if self.motion_maps[:, column].any()}
 
-    def motors(self, values: Array) -> Array:
+    def motor_values(self, values: Array) -> Array:
         """The motors' positions, velocities or accelerations, ``(n, n_joints, …)``, of the tree's ``(n, nv, …)``."""
         own = values if self.index == tuple(range(values.shape[1])) else values[:, list(self.index)]
-        return own if self.robot.mechanism is not None or not self.coupled else own @ self.coupling.T
+        return own if self.robot.mechanism is not None or not self.is_coupled else own @ self.coupling.T
 
-    def motion(self, name: str) -> Array:
-        """:meth:`motors` of a channel of all trials, ``q``, ``v`` or ``a``; not to be written to."""
+    def motor_signal(self, name: str) -> Array:
+        """:meth:`motor_values` of a channel of all trials, ``q``, ``v`` or ``a``; not to be written to."""
         key = "motors", name
-        if key not in self.kept:
-            self.kept[key] = self.motors(self.stacked(name))
-        return np.asarray(self.kept[key])
+        if key not in self.motion_cache:
+            self.motion_cache[key] = self.motor_values(self.stack_trials(name))
+        return np.asarray(self.motion_cache[key])
 
     def on_motors(self, forces: Array, maps: Array | None = None) -> Array:
         """The tree's forces ``(n, nv, …)`` as its motors have to exert them, ``(n, n_joints, …)``.
 
         Args:
             forces: in the samples' configurations, or in those of ``maps``.
-            maps: of other configurations, as :attr:`maps`.
+            maps: of other configurations, as :attr:`motion_maps`.
         """
-        if not self.coupled:
-            return self.motors(forces)
-        maps = self.maps if maps is None else maps
+        if not self.is_coupled:
+            return self.motor_values(forces)
+        maps = self.motion_maps if maps is None else maps
         flat = forces.reshape(*forces.shape[:2], -1)
         return (maps.transpose(0, 2, 1) @ flat).reshape(len(forces), -1, *forces.shape[2:])
 
-    def torques(
+    def rigid_torques(
         self,
         phi: Array | None = None,
         motion: Moved | None = None,
@@ -144,41 +144,43 @@ class ArmSamples:
         Args:
             phi: ``(10·n_segments,)`` inertial parameters; the model's own if None.
             motion: of the tree, closed; the samples' own if None.
-            maps: in its configurations, as :attr:`maps`; None where these are the samples'.
+            maps: in its configurations, as :attr:`motion_maps`; None where these are the samples'.
             model: with another gravity; the robot's own if None.
         """
-        return self.on_motors(inverse_dynamics(model or self.robot.model, *(motion or self.tree), phi), maps)
+        return self.on_motors(
+            inverse_dynamics(model or self.robot.model, *(motion or self.tree_motion), phi), maps
+        )
 
-    def regressor(self) -> Array:
+    def rigid_regressor(self) -> Array:
         """Torques per unit of the inertial parameters, ``(n_samples, n_joints, 10·n_segments)``."""
-        return self.on_motors(joint_torque_regressor(self.robot.model, *self.tree))
+        return self.on_motors(joint_torque_regressor(self.robot.model, *self.tree_motion))
 
     def body_rows(self) -> Array:
         """The same at the rows, ``(n_joints, n_rows, 10·n_segments)``."""
-        regressor, n = self.regressor(), len(self.joints)
+        regressor, n = self.rigid_regressor(), len(self.joints)
         joints = np.repeat(range(n), regressor.shape[2]).tolist()
-        rows = self.rows(regressor.reshape(len(regressor), -1), joints)
+        rows = self.to_rows(regressor.reshape(len(regressor), -1), joints)
         return rows.reshape(len(rows), n, -1).transpose(1, 0, 2)
 
-    def moved(
+    def perturbed_motion(
         self, motor: int, turn: float = 0.0, speed: float = 0.0, more: float = 0.0
     ) -> tuple[Moved, Array]:
         """Motion of the tree where a motor is further by ``turn``, faster by ``speed`` and accelerates ``more``.
 
         And the maps there.
         """
-        q, v, a = self.tree
-        mechanism, along = self.robot.mechanism, self.maps[:, :, motor]
+        q, v, a = self.tree_motion
+        mechanism, along = self.robot.mechanism, self.motion_maps[:, :, motor]
         q, v, a = q + turn * along, v + speed * along, a + more * along
         if mechanism is None or not (turn or speed) or not np.ptp(along, axis=0).any():
-            return Moved(q, v, a), self.maps
+            return Moved(q, v, a), self.motion_maps
         key = "moved", motor, turn, speed, more
-        if key not in self.kept:
+        if key not in self.motion_cache:
             moved = mechanism.following(mechanism.closed(q, near=True) if turn else q, v, a)
-            self.kept[key] = moved, self._maps(moved.q) if turn else self.maps
-        return self.kept[key]
+            self.motion_cache[key] = moved, self._maps_at(moved.q) if turn else self.motion_maps
+        return self.motion_cache[key]
 
-    def rows(self, signals: Array | Sequence[Array], joints: Sequence[int] | None = None) -> Array:
+    def to_rows(self, signals: Array | Sequence[Array], joints: Sequence[int] | None = None) -> Array:
         """Signals at full rate, all trials below each other or one a trial, through the filter, ``(n_rows, …)``.
 
         Ends are held, not mirrored: rows near them are left out.
@@ -186,23 +188,23 @@ class ArmSamples:
         Args:
             signals: ``(n_samples, …)``.
             joints: of the columns, the joint in whose equation each stands: both sides of it are left out where the
-                joint may stick (:attr:`slipping`); None for signals as they are.
+                joint may stick (:attr:`slip_weights`); None for signals as they are.
         """
         values = signals if isinstance(signals, np.ndarray) else np.concatenate(signals)
         weighted = None if joints is None else np.array(joints, dtype=np.int64)
         if self.bands.rows_hz >= 0.5 * self.rate_hz:
             if weighted is not None:
-                values = values * self.slipping[:, weighted].reshape(values.shape)
-            parts = zip(self.split(values), self.trials, strict=True)
+                values = values * self.slip_weights[:, weighted].reshape(values.shape)
+            parts = zip(self.by_trial(values), self.trials, strict=True)
             return np.concatenate([part[trial.rows] for part, trial in parts])
         sections = butterworth_sections(_ORDER, self.rate_hz, self.bands.rows_hz)
         signals = values.reshape(len(values), -1)
-        weights = None if weighted is None else self._weights
-        smooth = both_ways(signals, *self._layout, *sections, weights, weighted)
+        weights = None if weighted is None else self._slip_weights_by_joint
+        smooth = both_ways(signals, *self._trial_layout, *sections, weights, weighted)
         return smooth.reshape(len(smooth), *values.shape[1:])
 
     @cached_property
-    def _layout(self) -> _Layout:
+    def _trial_layout(self) -> _Layout:
         """Where trials are in signals below each other."""
         ends, row_ends = np.cumsum(
             [[len(t.time) for t in self.trials], [len(t.rows) for t in self.trials]], 1
@@ -210,27 +212,27 @@ class ArmSamples:
         return _Layout(ends, np.concatenate([trial.rows for trial in self.trials]), row_ends)
 
     @cached_property
-    def starts(self) -> NDArray[np.bool_]:
-        """Which full-rate samples are the first of a trial, ``(n_samples,)``."""
-        marked = np.zeros(self._layout.ends[-1], dtype=np.bool_)
-        marked[np.concatenate([[0], self._layout.ends[:-1]])] = True
+    def is_start(self) -> NDArray[np.bool_]:
+        """Mask of the full-rate samples that are the first of a trial, ``(n_samples,)``."""
+        marked = np.zeros(self._trial_layout.ends[-1], dtype=np.bool_)
+        marked[np.concatenate([[0], self._trial_layout.ends[:-1]])] = True
         return marked
 
     @cached_property
-    def repeats(self) -> tuple[Repeat, ...]:
+    def repeat_pairs(self) -> tuple[Repeat, ...]:
         """Trials that run one command again."""
-        return repeats_of(self.trials, self.rate_hz)
+        return find_repeats(self.trials, self.rate_hz)
 
     @cached_property
-    def identification(self) -> NDArray[np.bool_]:
-        """Which rows belong to identification trials, ``(n_rows,)``."""
+    def identification_rows(self) -> NDArray[np.bool_]:
+        """Mask of the rows of identification trials, ``(n_rows,)``."""
         return np.concatenate([np.full(len(t.rows), t.identification) for t in self.trials])
 
     @cached_property
-    def judging(self) -> NDArray[np.bool_]:
-        """Which rows judge, ``(n_rows,)``: those of validation trials, all where there are none."""
-        outside = ~self.identification
-        return outside if outside.any() else self.identification
+    def judging_rows(self) -> NDArray[np.bool_]:
+        """Mask of the rows that judge, ``(n_rows,)``: of validation trials; all rows where there are none."""
+        outside = ~self.identification_rows
+        return outside if outside.any() else self.identification_rows
 
     @cached_property
     def trial_of_row(self) -> NDArray[np.int64]:
@@ -238,7 +240,7 @@ class ArmSamples:
         return np.concatenate([np.full(len(t.rows), k) for k, t in enumerate(self.trials)])
 
     @cached_property
-    def told(self) -> NDArray[np.bool_] | None:
+    def known_torque_rows(self) -> NDArray[np.bool_] | None:
         """Which rows hold no torque beyond its range, ``(n_joints, n_rows)``; None where none was."""
         if all(trial.beyond is None for trial in self.trials):
             return None
@@ -248,57 +250,58 @@ class ArmSamples:
             parts.append(~reached_samples(lost, self.rate_hz, self.bands.rows_hz)[trial.rows])
         return np.concatenate(parts).T
 
-    def squares(self, values: Array) -> Array:
+    def squared_residuals(self, values: Array) -> Array:
         """Squares of residuals ``(n_joints, n_rows)``: their means are those of the rows that hold known torques."""
         squares = values**2
-        if self.told is None:
+        if self.known_torque_rows is None:
             return squares
-        for side in (self.identification, ~self.identification):
-            share = self.told[:, side].mean(axis=1, keepdims=True) if side.any() else 1.0
-            squares[:, side] *= self.told[:, side] / np.maximum(share, 1e-9)
+        for side in (self.identification_rows, ~self.identification_rows):
+            share = self.known_torque_rows[:, side].mean(axis=1, keepdims=True) if side.any() else 1.0
+            squares[:, side] *= self.known_torque_rows[:, side] / np.maximum(share, 1e-9)
         return squares
 
     @cached_property
-    def slipping(self) -> Array:
+    def slip_weights(self) -> Array:
         """How far each joint's equation counts, ``(n_samples, n_joints)``: hardly where its motor may stick."""
-        return counted(self.slips(self.sticking))
+        return equation_weights(self.slipping_samples(self.sticking))
 
-    def slips(self, joints: Iterable[int]) -> NDArray[np.bool_]:
+    def slipping_samples(self, joints: Iterable[int]) -> NDArray[np.bool_]:
         """Where some motors surely turn, ``(n_samples, n_joints)``; True for the others."""
-        made, cutoff = np.ones((len(self.starts), len(self.joints)), dtype=np.bool_), self.bands.kinematics_hz
+        made = np.ones((len(self.is_start), len(self.joints)), dtype=np.bool_)
+        cutoff = self.bands.kinematics_hz
         for k in joints:
-            v = self.motion("v")[:, k]
-            made[:, k] = surely_slips(v, self.starts, self.standstill[k], self.rate_hz, cutoff)
+            v = self.motor_signal("v")[:, k]
+            made[:, k] = surely_slips(v, self.is_start, self.standstill[k], self.rate_hz, cutoff)
         return made
 
     @cached_property
-    def _weights(self) -> Array:
+    def _slip_weights_by_joint(self) -> Array:
         # Joint by joint, as the filter lays signals out.
-        return np.ascontiguousarray(self.slipping.T)
+        return np.ascontiguousarray(self.slip_weights.T)
 
-    def unweighed(self, residual: Array) -> Array:
-        """Residuals ``(n_joints, n_rows)`` without what rows weigh more for those that :attr:`slipping` leaves out."""
-        return residual / self.slipping.max(axis=0)[:, None]
+    def without_slip_weights(self, residual: Array) -> Array:
+        """Residuals ``(n_joints, n_rows)`` over the largest of each joint's :attr:`slip_weights`."""
+        return residual / self.slip_weights.max(axis=0)[:, None]
 
     @cached_property
-    def kept(self) -> dict[Hashable, Any]:
+    def motion_cache(self) -> dict[Hashable, Any]:
         """What follows from the motion alone, worked out when it is first asked for; not to be written to."""
         return {}
 
-    def stacked(self, name: str) -> Array:
-        """A channel of all trials at full rate below each other; not to be written to."""
-        if name not in self.kept:
-            self.kept[name] = np.concatenate([getattr(trial, name) for trial in self.trials])
-        return np.asarray(self.kept[name])
+    def stack_trials(self, name: str) -> Array:
+        """A channel of all trials at full rate, concatenated; read-only."""
+        if name not in self.motion_cache:
+            self.motion_cache[name] = np.concatenate([getattr(trial, name) for trial in self.trials])
+        return np.asarray(self.motion_cache[name])
 
     @cached_property
-    def nominal(self) -> Array:
+    def nominal_torques(self) -> Array:
         """Torques of the rigid bodies as the model has them, ``(n_samples, n_joints)`` [N·m]."""
-        return self.torques()
+        return self.rigid_torques()
 
-    def split(self, values: Array) -> list[Array]:
-        """Full-rate values of all trials, back into trials."""
-        return np.split(values, self._layout.ends[:-1])
+    def by_trial(self, values: Array) -> list[Array]:
+        """Split full-rate values of all trials into one array a trial."""
+        return np.split(values, self._trial_layout.ends[:-1])
 
 
 # Where a joint may stick: dry friction is then whatever holds it, and the joint's equation says nothing.
@@ -350,7 +353,7 @@ def surely_slips(
     )
 
 
-def counted(slips: NDArray[np.bool_]) -> Array:
+def equation_weights(slips: NDArray[np.bool_]) -> Array:
     """What each joint's equation is multiplied by, ``(n, n_joints)``; its mean square is 1.
 
     One number where all motors on the joint surely slip, another, next to nothing, where one of them may stick; 1

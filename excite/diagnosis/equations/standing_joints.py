@@ -17,8 +17,8 @@ _LEAST_ROWS = 20
 
 def standing_share(samples: ArmSamples) -> Array:
     """Share of standstill that the filter mixes into each row, ``(n_joints, n_rows)``, 0…1."""
-    v = samples.motion("v")
-    return samples.rows(samples.standstill**2 / (v**2 + samples.standstill**2)).T
+    v = samples.motor_signal("v")
+    return samples.to_rows(samples.standstill**2 / (v**2 + samples.standstill**2)).T
 
 
 def held_power(samples: ArmSamples, residual: Array, floor: Array, rows: NDArray[np.bool_]) -> Array:
@@ -29,7 +29,6 @@ def held_power(samples: ArmSamples, residual: Array, floor: Array, rows: NDArray
     asking what explains it.
 
     Args:
-        samples: the samples.
         residual: ``(n_joints, n_rows)`` what the model leaves before any effect [N·m].
         floor: ``(n_joints,)`` noise [N·m].
         rows: ``(n_rows,)`` which rows to tell it of.
@@ -62,11 +61,10 @@ def with_held(samples: ArmSamples, residual: Array, floor: Array) -> Array:
     they do not explain is its friction's, whatever that is.
 
     Args:
-        samples: the samples.
         residual: ``(n_joints, n_rows)`` what a model with all effects leaves, weighted [N·m].
         floor: ``(n_joints,)`` noise [N·m].
     """
-    fitted = samples.identification
+    fitted = samples.identification_rows
     parts = [np.square(residual[:, rows]).mean(axis=1) for rows in (fitted, ~fitted) if rows.any()]
     left = np.sqrt(np.max(parts, axis=0))
     return np.asarray(np.where(stands_throughout(samples), np.maximum(floor, left), floor))

@@ -130,7 +130,6 @@ def fit_where_slipping(samples: ArmSamples, modelled: tuple[str, ...], floor: Ar
     A first fit, to all of the motion, tells which joints stick; where none does it is the baseline.
 
     Args:
-        samples: the samples.
         modelled: words of ``modelled`` in ``log.yaml``.
         floor: ``(n_joints,)`` noise in the rows' band [N·m].
     """
@@ -151,26 +150,26 @@ def sticking_joints(baseline: Baseline) -> frozenset[int]:
     Args:
         baseline: fitted, friction with it.
     """
-    samples, use = baseline.samples, baseline.samples.identification
-    residual = samples.unweighed(baseline.plain(baseline.fit.residual))
-    later = samples.rows([np.gradient(t.tau, t.time, axis=0) for t in samples.trials]).T
-    slips, joints = samples.slips(range(len(residual))), set[int]()
-    for j, mixed in enumerate(samples.rows(np.where(slips, 0.0, 1.0)).T):
+    samples, use = baseline.samples, baseline.samples.identification_rows
+    residual = samples.without_slip_weights(baseline.plain_residual(baseline.fit.residual))
+    later = samples.to_rows([np.gradient(t.tau, t.time, axis=0) for t in samples.trials]).T
+    slips, joints = samples.slipping_samples(range(len(residual))), set[int]()
+    for j, mixed in enumerate(samples.to_rows(np.where(slips, 0.0, 1.0)).T):
         near, inside, outside = use & (mixed >= _FAST), mixed > _SLOW, use & (mixed < _FAST)
         if not (near & inside).any() or not outside.any():
             continue
-        left = _less(residual[j], later[j], outside)
-        friction = coulomb_level(baseline.modelled, baseline.fit.own[j])
-        least = max(_WORSE * _rms(left[outside]), _SHARE * abs(friction))
-        if _rms(left[near & inside]) < least:
+        left = _subtract_column(residual[j], later[j], outside)
+        friction = coulomb_level(baseline.modelled, baseline.fit.own_coefs[j])
+        least = max(_WORSE * _root_mean_square(left[outside]), _SHARE * abs(friction))
+        if _root_mean_square(left[near & inside]) < least:
             continue
         beside = left[near] - _of_velocity(samples, j, left, near)
-        if _rms(beside[inside[near]]) >= least:
+        if _root_mean_square(beside[inside[near]]) >= least:
             joints.add(j)
     return frozenset(joints)
 
 
-def _less(left: Array, column: Array, rows: NDArray[np.bool_]) -> Array:
+def _subtract_column(left: Array, column: Array, rows: NDArray[np.bool_]) -> Array:
     """What is left without as much of a column as some rows ask for, ``(n_rows,)``."""
     size = float(column[rows] @ left[rows]) / max(float(column[rows] @ column[rows]), 1e-300)
     return left - size * column
@@ -178,12 +177,12 @@ def _less(left: Array, column: Array, rows: NDArray[np.bool_]) -> Array:
 
 def _of_velocity(samples: ArmSamples, joint: int, left: Array, rows: NDArray[np.bool_]) -> Array:
     """What functions of a joint's velocity explain of what is left in some rows of its equation."""
-    v, still = samples.motion("v")[:, joint], samples.standstill[joint]
+    v, still = samples.motor_signal("v")[:, joint], samples.standstill[joint]
     columns = [np.sign(v) * np.exp(-np.abs(v) / (width * still)) for width in _WIDTHS]
     columns += [np.exp(-np.abs(v) / (width * still)) for width in _EVEN]
-    design = samples.rows(np.column_stack(columns))[rows]
+    design = samples.to_rows(np.column_stack(columns))[rows]
     return np.asarray(design @ np.linalg.lstsq(design, left[rows])[0])
 
 
-def _rms(values: Array) -> float:
+def _root_mean_square(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2)))

@@ -22,7 +22,7 @@ _OF_SLIDES = {
 }
 
 
-def slides(robot: Robot, joint: str | None) -> bool:
+def is_sliding_joint(robot: Robot, joint: str | None) -> bool:
     """Whether a place is a joint that slides."""
     if joint is None or not robot.model.existJointName(joint):
         return False
@@ -31,7 +31,7 @@ def slides(robot: Robot, joint: str | None) -> bool:
 
 def unit_at(robot: Robot, joint: str | None, unit: str) -> str:
     """Unit at a joint of what has ``unit`` at joints that turn."""
-    return _OF_SLIDES.get(unit, unit) if slides(robot, joint) else unit
+    return _OF_SLIDES.get(unit, unit) if is_sliding_joint(robot, joint) else unit
 
 
 def force_unit(robot: Robot, joint: str) -> str:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.diagnosis.answer.gap import ChannelGap, Curves, Gap, Where, share_closed
-from excite.diagnosis.floating.hypotheses import Fitted, columns_of, explained_state, nominal_fit, refine
+from excite.diagnosis.floating.hypotheses import Fitted, columns_of, explained_state, nominal_fit, refine_fit
 from excite.diagnosis.floating.problem import Problem, noise_floor, noise_level
 from excite.diagnosis.floating.record import FloatingRecord
 from excite.diagnosis.floating.spectrum import BAND_HZ, in_band
@@ -24,19 +24,18 @@ def trial_curves(problem: Problem, before: Fitted, after: Fitted) -> Curves:
     """The wrench on the base in the first validation trial, in the first trial where there is none.
 
     Args:
-        problem: the problem.
         before: the baseline's fit.
         after: the fit with the effects.
     """
     record = problem.record
     chosen = next((k for k, outside in enumerate(record.validation) if outside), 0)
     span = record.spans[chosen]
-    measured = problem.nominal.measured[span]
+    measured = problem.nominal.measured_forces[span]
     return Curves(
         trial=record.trials[chosen],
         validation=record.validation[chosen],
-        channels=tuple(problem.nominal.channels),
-        units=tuple(problem.nominal.channels.values()),
+        channels=tuple(problem.nominal.channel_units),
+        units=tuple(problem.nominal.channel_units.values()),
         time=np.arange(len(measured)) / record.rate_hz,
         measured=measured,
         before=measured - explained_state(problem, before).residual[span],
@@ -56,7 +55,6 @@ def gap_of(problem: Problem, before: Fitted, after: Fitted, rng: np.random.Gener
     """Gap of the baseline and of the accepted effects, both fitted to the identification trials.
 
     Args:
-        problem: the problem.
         before: the baseline's fit.
         after: the fit with the effects.
         rng: of the block bootstrap that gives the interval of the share closed.
@@ -64,7 +62,7 @@ def gap_of(problem: Problem, before: Fitted, after: Fitted, rng: np.random.Gener
     record = problem.record
     held_out = record.validation_samples()
     rows = held_out if held_out.any() else ~held_out
-    measured = in_band(record, problem.nominal.measured)
+    measured = in_band(record, problem.nominal.measured_forces)
     train = measured[~held_out] if (~held_out).any() else measured
     scale = np.maximum(train.std(axis=0), 1e-9)
     residuals = (residual_of(problem, before), residual_of(problem, after))
@@ -74,7 +72,7 @@ def gap_of(problem: Problem, before: Fitted, after: Fitted, rng: np.random.Gener
     level = noise.likely
     loud, least = (float(((x / scale) ** 2).mean()) for x in (level, noise.least))
     # Noise happens to be a little less, or more, than it is on average.
-    left = what_is_left(problem, residuals, after, scale, rows, rng) if after.placed else None
+    left = describe_residual(problem, residuals, after, scale, rows, rng) if after.placed else None
     quiet = min(loud, last) if left is None else max(min(least, last), last - left.power)
     floor = level * np.sqrt(quiet / loud)
     start, end, noise_size = (float(np.sqrt(power)) for power in (first, last, quiet))
@@ -90,7 +88,7 @@ def gap_of(problem: Problem, before: Fitted, after: Fitted, rng: np.random.Gener
             float(floor[i]),
             unit,
         )
-        for i, (axis, unit) in enumerate(problem.nominal.channels.items())
+        for i, (axis, unit) in enumerate(problem.nominal.channel_units.items())
     }
     return Gap(start, end, noise_size, share, channels, interval)
 
@@ -105,7 +103,7 @@ _ONE_SIDED_STD = 1.64
 
 
 @dataclass(frozen=True)
-class Left:
+class GapResidual:
     """What effects leave of a gap.
 
     Attributes:
@@ -117,14 +115,14 @@ class Left:
     interval: tuple[float, float]
 
 
-def what_is_left(
+def describe_residual(
     problem: Problem,
     residuals: tuple[Array, Array],
     after: Fitted,
     scale: Array,
     judged: NDArray[np.bool_],
     rng: np.random.Generator,
-) -> Left:
+) -> GapResidual:
     """What effects leave on the trials that a gap is judged on, looked for where they explain something.
 
     Where it is told from noise, a block bootstrap over time and over the noise's level gives an interval of two
@@ -132,7 +130,6 @@ def what_is_left(
     to leave what is left, and the interval has one side: nothing, and what nine draws of ten stay below.
 
     Args:
-        problem: the problem.
         residuals: before and after, ``(n, 6)`` each, in band [N, N·m].
         after: the effects' fit.
         scale: ``(6,)`` of the channels.
@@ -150,18 +147,18 @@ def what_is_left(
     quiet = least + rng.uniform(size=_DRAWS) * (likely - least)
     quiet *= np.maximum(0.0, 1.0 + noise.spread * rng.standard_normal(_DRAWS))
     left, opened = now[pick].mean(axis=1) - quiet, np.maximum(was[pick].mean(axis=1) - quiet, 1e-12)
-    by_parameters = left_by_parameters(problem, after, scale, judged, rng, _DRAWS)
+    by_parameters = draw_residual_power(problem, after, scale, judged, rng, _DRAWS)
     share = np.minimum(1.0, np.maximum(left, by_parameters) / opened)
     if np.quantile(left, _ONE_SIDE) > 0.0 and _louder_than_noise(problem, after):
         low, high = np.quantile(share, [_ONE_SIDE, 1.0 - _ONE_SIDE])
-        return Left(max(float(left.mean()), float(by_parameters.mean())), (float(low), float(high)))
-    return Left(float(by_parameters.mean()), (0.0, float(np.quantile(share, 1.0 - 2.0 * _ONE_SIDE))))
+        return GapResidual(max(float(left.mean()), float(by_parameters.mean())), (float(low), float(high)))
+    return GapResidual(float(by_parameters.mean()), (0.0, float(np.quantile(share, 1.0 - 2.0 * _ONE_SIDE))))
 
 
 def _louder_than_noise(problem: Problem, after: Fitted) -> bool:
     """Whether whitened numbers of the judged trials, too, are larger than independent ones of unit variance."""
-    white = problem.rows(explained_state(problem, after))
-    judged = white[problem.validation] if problem.validation.any() else white
+    white = problem.residual_rows(explained_state(problem, after))
+    judged = white[problem.validation_rows] if problem.validation_rows.any() else white
     return float((judged**2).mean()) > 1.0 + _ONE_SIDED_STD * np.sqrt(2.0 / len(judged))
 
 
@@ -182,7 +179,7 @@ def _explained_below(record: FloatingRecord, explained: Array) -> float:
 # What errors of the fitted parameters leave of a gap, noise or not.
 
 
-def left_by_parameters(
+def draw_residual_power(
     problem: Problem,
     fitted: Fitted,
     scale: Array,
@@ -196,7 +193,6 @@ def left_by_parameters(
     (MacKay 1992, eq. 2.8); what that does to the residual of other trials is linear in it.
 
     Args:
-        problem: the problem.
         fitted: a fit to its identification trials, with effects.
         scale: ``(6,)`` of the channels [N, N·m].
         samples: ``(n,)`` which samples are looked at.
@@ -208,7 +204,7 @@ def left_by_parameters(
     """
     seen = problem.identification_only
     columns = np.hstack([seen.columns, columns_of(seen, fitted)])
-    noise = (seen.rows(explained_state(seen, fitted)) ** 2).sum() / max(
+    noise = (seen.residual_rows(explained_state(seen, fitted)) ** 2).sum() / max(
         1, int((columns != 0.0).any(axis=1).sum())
     )
     precision = columns.T @ columns / max(1.0, float(noise)) + np.eye(columns.shape[1])
@@ -226,11 +222,11 @@ def left_by_parameters(
 def _in_samples(problem: Problem, fitted: Fitted) -> Array:
     """``(n, 6, p + k)`` minus the derivative of the residual by the baseline's and the effects' scaled parameters."""
     parts = [problem.error_columns]
-    state = problem.state(fitted.delta)
+    state = problem.state_with_errors(fitted.delta)
     for item, theta in zip(fitted.placed, fitted.theta, strict=True):
         effect, place = item.effect, item.location
-        parts.append(effect.columns(state, place, theta) * effect.scales(state, place))
-        state = effect.apply(state, place, theta)
+        parts.append(effect.residual_columns(state, place, theta) * effect.parameter_scales(state, place))
+        state = effect.apply_to(state, place, theta)
     return np.concatenate(parts, axis=2)
 
 
@@ -244,12 +240,12 @@ def held_out_gain(problem: Problem, without: Fitted, candidate: Fitted) -> float
     few trials leave open of all parameters is no reproach to either model. Positive infinity where there are no
     validation trials: nothing speaks against it.
     """
-    if not problem.validation.any() or problem.validation.all():
+    if not problem.validation_rows.any() or problem.validation_rows.all():
         return float("inf")
     restricted = problem.identification_only
     baseline, nats = nominal_fit(restricted), []
     for fitted in (without, candidate):
-        alone = refine(restricted, fitted.placed, fitted.theta, fitted) if fitted.placed else baseline
+        alone = refine_fit(restricted, fitted.placed, fitted.theta, fitted) if fitted.placed else baseline
         nats.append(0.5 * (alone.power - fitted.power) + alone.price - fitted.price)
     return nats[1] - nats[0]
 
@@ -259,32 +255,32 @@ def held_out_gain(problem: Problem, without: Fitted, candidate: Fitted) -> float
 _LEAST = 0.02
 
 
-def locate(problem: Problem, fitted: Fitted) -> tuple[Where, ...]:
+def locate_gap(problem: Problem, fitted: Fitted) -> tuple[Where, ...]:
     """Map of what a fit leaves, largest share first; ``depends_on`` names what explains most of a component."""
     record = problem.record
     state = explained_state(problem, fitted)
     residual, floor = in_band(record, state.residual), noise_floor(problem)
-    scale = np.maximum(in_band(record, problem.nominal.measured).std(axis=0), 1e-9)
+    scale = np.maximum(in_band(record, problem.nominal.measured_forces).std(axis=0), 1e-9)
     power = np.maximum((residual**2).mean(axis=0) - floor**2, 0.0) / scale**2
     total = max(float(power.sum()), 1e-300)
-    features = _features(problem, state)
+    features = _dependence_features(problem, state)
     lines = []
-    for i, axis in enumerate(problem.nominal.channels):
-        dependence = {what: _explained(columns, residual[:, i]) for what, columns in features.items()}
+    for i, axis in enumerate(problem.nominal.channel_units):
+        dependence = {what: _explained_share(columns, residual[:, i]) for what, columns in features.items()}
         best = max(dependence, key=lambda what: dependence[what])
         lines.append(
             Where(
                 channel=axis,
                 share=float(power[i] / total),
                 depends_on=best if dependence[best] > _LEAST else "nothing known",
-                band_hz=_band(residual[:, i], record.rate_hz),
+                band_hz=_power_band(residual[:, i], record.rate_hz),
                 dependence=dependence,
             )
         )
     return tuple(sorted(lines, key=lambda line: -line.share))
 
 
-def _features(problem: Problem, state: State) -> dict[str, Array]:
+def _dependence_features(problem: Problem, state: State) -> dict[str, Array]:
     record = problem.record
     base_a, base_v = state.a[:, :6], state.v[:, :6]
     start = np.concatenate([np.full(s.stop - s.start, i) for i, s in enumerate(record.spans)])
@@ -300,14 +296,14 @@ def _features(problem: Problem, state: State) -> dict[str, Array]:
     }
 
 
-def _explained(columns: Array, residual: Array) -> float:
+def _explained_share(columns: Array, residual: Array) -> float:
     size = np.linalg.norm(columns, axis=0)
     columns = columns[:, size > 1e-9] / size[size > 1e-9]
     rest = residual - columns @ np.linalg.lstsq(columns, residual, rcond=1e-8)[0]
     return max(0.0, 1.0 - float(rest @ rest) / max(float(residual @ residual), 1e-300) - 0.005)
 
 
-def _band(residual: Array, rate_hz: float) -> tuple[float, float]:
+def _power_band(residual: Array, rate_hz: float) -> tuple[float, float]:
     f, p = welch_spectrum(residual, rate_hz, min(256, len(residual)), centred=False)
     growth = np.cumsum(p) / max(float(p.sum()), 1e-300)
     low, high = (float(f[min(int(np.searchsorted(growth, x)), len(f) - 1)]) for x in (0.1, 0.9))

@@ -12,17 +12,17 @@ from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Estimate
 from excite.diagnosis.floating.effect import (
     POINT,
-    Beyond,
+    Absence,
     FloatingEffect,
     Parameter,
     Part,
     Reads,
     joint_of,
-    joints,
-    links,
+    link_names,
     segment_of,
+    visible_joints,
 )
-from excite.diagnosis.floating.state import State, cross, joint_turn
+from excite.diagnosis.floating.state import State, cross_rows, joint_turn
 from excite.doctor.doubt import Doubt
 
 # A link's inertial parameters are wrong, or it carries a body that the model lacks.
@@ -36,16 +36,16 @@ class LinkInertia(FloatingEffect):
 
     name = "link_inertia"
     seen_by = frozenset(Reads)
-    told_by = frozenset({Doubt.POSITION, Doubt.GRAVITY, Doubt.CLOCK, Doubt.SIZE})
+    observed_by = frozenset({Doubt.POSITION, Doubt.GRAVITY, Doubt.CLOCK, Doubt.SIZE})
     reads_as = "constant sensor bias, and the neighbouring links where they move as one"
     confusable_with = ("sensor_bias",)
     says = Part.BODIES
 
     def locations(self, state: State) -> tuple[str, ...]:
         """Links with mass, where the inertial parameters are not identified anyway."""
-        return () if state.record.inertials_free else links(state)
+        return () if state.record.inertials_free else link_names(state)
 
-    def parameters(self, state: State, location: str) -> tuple[Parameter, ...]:
+    def parameters_at(self, state: State, location: str) -> tuple[Parameter, ...]:
         """The ten parameters' errors about the joint's frame."""
         mass = 0.05 * state.record.tree.phi[::10].sum()
         own = state.record.tree.phi[10 * segment_of(state, location)]
@@ -53,19 +53,19 @@ class LinkInertia(FloatingEffect):
         scales = (mass,) + (0.1 * mass,) * 3 + (0.01 * mass,) * 6
         return tuple(Parameter(n, u, s, 0.1 * s) for n, u, s in zip(_NAMES, _UNITS, scales, strict=True))
 
-    def apply(self, state: State, location: str, theta: Array) -> State:
+    def apply_to(self, state: State, location: str, theta: Array) -> State:
         """Change the parameters."""
         first = 10 * segment_of(state, location)
         phi = state.phi.copy()
         phi[first : first + 10] += theta
         return state.replace(phi=phi)
 
-    def columns(self, state: State, location: str, theta: Array) -> Array:
+    def residual_columns(self, state: State, location: str, theta: Array) -> Array:
         """Columns of the regressor."""
         first = 10 * segment_of(state, location)
         return np.asarray(state.regressor[:, :, first : first + 10])
 
-    def report(self, state: State, location: str, theta: Array, std: Array) -> dict[str, Estimate]:
+    def report_parameters(self, state: State, location: str, theta: Array, std: Array) -> dict[str, Estimate]:
         """The ten errors, and the centre of mass of what is too much."""
         mass = float(theta[0])
         extra = {
@@ -73,9 +73,9 @@ class LinkInertia(FloatingEffect):
             for i, axis in enumerate("xyz")
             if mass
         }
-        return super().report(state, location, theta, std) | extra
+        return super().report_parameters(state, location, theta, std) | extra
 
-    def called(self, theta: Array) -> str:
+    def effect_name(self, theta: Array) -> str:
         """A payload is what adds mass."""
         return "payload" if theta[0] > 0.0 else self.name
 
@@ -99,45 +99,47 @@ class JointElasticity(FloatingEffect):
     reads_as = "encoder offset, where the joint's load hardly changes"
     confusable_with = ("encoder_offset",)
     leaves = ("encoder_offset",)
-    says = Beyond.MOTION
+    says = Absence.MOTION
     least_shrink = 0.15
 
-    places = staticmethod(joints)
+    places = staticmethod(visible_joints)
     # Compliance of the unloaded joint, one over its stiffness, and how that changes with load.
     own = (
         Parameter("compliance", "rad/(N·m)", 3e-3, 1e-4),
         Parameter("stiffening", "rad/(N·m)", 1e-3, 1e-4),
     )
 
-    def apply(self, state: State, location: str, theta: Array) -> State:
+    def apply_to(self, state: State, location: str, theta: Array) -> State:
         """Bend the joint, with the rates that this brings."""
         if not theta.any():
             return state
         joint = joint_of(state, location)
-        bend = self.bend(state, joint, theta)[0]
-        rate = state.record.rates(bend)
-        return state.moved(joint, q=bend, v=rate, a=state.record.rates(rate))
+        bend = self.joint_bend(state, joint, theta)[0]
+        rate = state.record.differentiate_signal(bend)
+        return state.move_joint(joint, q=bend, v=rate, a=state.record.differentiate_signal(rate))
 
-    def columns(self, state: State, location: str, theta: Array) -> Array:
+    def residual_columns(self, state: State, location: str, theta: Array) -> Array:
         """The joint's columns along what each parameter lets it yield."""
         joint = joint_of(state, location)
-        yields = self.bend(state, joint, theta)[1]
-        rates = state.record.rates(yields)
-        bent = self.apply(state, location, theta)
-        return joint_turn(bent, joint).columns(state.readings, yields, rates, state.record.rates(rates))
+        yields = self.joint_bend(state, joint, theta)[1]
+        rates = state.record.differentiate_signal(yields)
+        bent = self.apply_to(state, location, theta)
+        return joint_turn(bent, joint).residual_columns(
+            state.readings, yields, rates, state.record.differentiate_signal(rates)
+        )
 
-    def report(self, state: State, location: str, theta: Array, std: Array) -> dict[str, Estimate]:
+    def report_parameters(self, state: State, location: str, theta: Array, std: Array) -> dict[str, Estimate]:
         """Stiffness of the unloaded joint, and the parameters."""
         if not theta[0]:
-            return super().report(state, location, theta, std)
+            return super().report_parameters(state, location, theta, std)
         stiffness = 1.0 / float(theta[0])
         spread = abs(stiffness * float(std[0] / theta[0]))
         return {
             "stiffness": Estimate(stiffness, spread, "N·m/rad"),
-            **super().report(state, location, theta, std),
+            **super().report_parameters(state, location, theta, std),
         }
 
-    def bend(self, state: State, joint: int, theta: Array) -> tuple[Array, Array]:
+    def joint_bend(self, state: State, joint: int, theta: Array) -> tuple[Array, Array]:
         """What a joint yields, ``(n,)`` [rad], and its derivative by each parameter, ``(n, 2)``.
 
         A bent joint leans further, which changes its torque: to first order by what a turn of the joint alone makes
@@ -182,7 +184,7 @@ def loads_of(state: State, joint: int) -> Loads:
 def leaning_of(state: State, joint: int) -> Array:
     """``(n,)`` change of a joint's torque by its own turn [N·m/rad]."""
     iv = state.tree.idx_v[joint]
-    return (state.moved(joint, q=_TURN).smooth_torque(iv) - state.smooth_torques[:, iv]) / _TURN
+    return (state.move_joint(joint, q=_TURN).smooth_torque(iv) - state.smooth_torques[:, iv]) / _TURN
 
 
 # A joint does not sit where the model says.
@@ -193,16 +195,16 @@ class LinkLengthError(FloatingEffect):
 
     name = "link_length_error"
     seen_by = frozenset(Reads)
-    told_by = frozenset({Doubt.POSITION, Doubt.GRAVITY, Doubt.CLOCK, Doubt.SIZE})
+    observed_by = frozenset({Doubt.POSITION, Doubt.GRAVITY, Doubt.CLOCK, Doubt.SIZE})
     reads_as = "sensor frame at the leg's end; inertia of what the joint carries"
     confusable_with = ("sensor_frame_offset", "link_inertia")
     says = Part.LENGTHS
-    places = staticmethod(joints)
+    places = staticmethod(visible_joints)
     # Displacement of the joint's origin; the contract counts the model's placement less the true one.
-    own = Parameter.each("xyz", "m", 0.015, 1e-3)
+    own = Parameter.of_names("xyz", "m", 0.015, 1e-3)
     counts = -1.0
 
-    def apply(self, state: State, location: str, theta: Array) -> State:
+    def apply_to(self, state: State, location: str, theta: Array) -> State:
         """Move the joint."""
         translations = state.tree.translations.copy()
         translations[joint_of(state, location)] += theta
@@ -222,54 +224,53 @@ class SoftTissue(FloatingEffect):
     """
 
     name = "soft_tissue"
-    told_by = frozenset({Doubt.CLOCK, Doubt.DELAY})
+    observed_by = frozenset({Doubt.CLOCK, Doubt.DELAY})
     reads_as = "elasticity, where the joint's load is the segment's own inertia"
     confusable_with = ("joint_elasticity",)
-    says = Beyond.MOTION
+    says = Absence.MOTION
     least_shrink = 0.3
 
     def locations(self, state: State) -> tuple[str, ...]:
         """Links with mass; joints through massless links belong to the next link with mass."""
-        return tuple(dict.fromkeys(self._link(state, name) for name in joints(state)))
+        return tuple(dict.fromkeys(self._next_massive_link(state, name) for name in visible_joints(state)))
 
-    def parameters(self, state: State, location: str) -> tuple[Parameter, ...]:
+    def parameters_at(self, state: State, location: str) -> tuple[Parameter, ...]:
         """Each joint's angle by acceleration in the world's axes; the tissue's damper and inertia."""
-        names = [f"{name}_by_{axis}" for name in self._joints(state, location) for axis in "xyz"]
+        names = [f"{name}_by_{axis}" for name in self._joints_of_link(state, location) for axis in "xyz"]
         tissue = (Parameter("lag", "s", 0.015, 1e-3), Parameter("inertia", "s²", 1e-3, 1e-4))
-        return Parameter.each(names, "rad·s²/m", 0.03, 1e-3) + tissue
+        return Parameter.of_names(names, "rad·s²/m", 0.03, 1e-3) + tissue
 
-    def apply(self, state: State, location: str, theta: Array) -> State:
+    def apply_to(self, state: State, location: str, theta: Array) -> State:
         """Turn the joints, with the rates that this brings."""
-        turned = [joint_of(state, name) for name in self._joints(state, location)]
-        turns = self._wobble(state, turned[0], theta[-2:])
+        turned = [joint_of(state, name) for name in self._joints_of_link(state, location)]
+        turns = self._tissue_motion(state, turned[0], theta[-2:])
         for joint, by in zip(turned, theta[:-2].reshape(-1, 3), strict=True):
             turn, rate, again = turns @ by
-            state = state.moved(joint, q=turn, v=rate, a=again)
+            state = state.move_joint(joint, q=turn, v=rate, a=again)
         return state
 
-    def columns(self, state: State, location: str, theta: Array) -> Array:
+    def residual_columns(self, state: State, location: str, theta: Array) -> Array:
         """The joints' columns along what each parameter makes them do."""
-        turned = [joint_of(state, name) for name in self._joints(state, location)]
-        there = self.apply(state, location, theta) if theta.any() else state
-        here, each, tissue = self._wobble(state, turned[0], theta[-2:]), theta[:-2].reshape(-1, 3), []
-        for i, parameter in enumerate(self.parameters(state, location)[-2:]):
+        turned = [joint_of(state, name) for name in self._joints_of_link(state, location)]
+        there = self.apply_to(state, location, theta) if theta.any() else state
+        here, each, tissue = self._tissue_motion(state, turned[0], theta[-2:]), theta[:-2].reshape(-1, 3), []
+        for i, parameter in enumerate(self.parameters_at(state, location)[-2:]):
             ahead = theta[-2:].copy()
             ahead[i] += parameter.step
-            moved = self._wobble(state, turned[0], ahead) - here if each.any() else np.zeros_like(here)
+            moved = self._tissue_motion(state, turned[0], ahead) - here if each.any() else np.zeros_like(here)
             tissue.append(moved / parameter.step)
         own, shared = [], np.zeros((len(state.q), 6, len(tissue)))
         for joint, by in zip(turned, each, strict=True):
             changes = np.concatenate([here, *((moved @ by)[..., None] for moved in tissue)], axis=2)
-            columns = joint_turn(there, joint).columns(state.readings, *changes)
+            columns = joint_turn(there, joint).residual_columns(state.readings, *changes)
             own.append(columns[:, :, :3])
             shared = shared + columns[:, :, 3:]
         return np.concatenate([*own, shared], axis=2)
 
-    def _wobble(self, state: State, joint: int, tissue: Array) -> Array:
+    def _tissue_motion(self, state: State, joint: int, tissue: Array) -> Array:
         """``(3, n, 3)`` angle, velocity and acceleration for each axis' unit of angle by acceleration.
 
         Args:
-            state: the state.
             joint: index in the tree.
             tissue: ``lag`` and ``inertia``.
         """
@@ -287,11 +288,11 @@ class SoftTissue(FloatingEffect):
                 out[order, span] = np.fft.irfft(turn * (1j * omega[:, None]) ** order, n, axis=0)
         return out
 
-    def _joints(self, state: State, link: str) -> tuple[str, ...]:
+    def _joints_of_link(self, state: State, link: str) -> tuple[str, ...]:
         """The joints that belong to a link."""
-        return tuple(name for name in joints(state) if self._link(state, name) == link)
+        return tuple(name for name in visible_joints(state) if self._next_massive_link(state, name) == link)
 
-    def _link(self, state: State, joint: str) -> str:
+    def _next_massive_link(self, state: State, joint: str) -> str:
         """The next link with mass at or after a joint, along single children."""
         record, index = state.record, joint_of(state, joint)
         while record.tree.phi[10 * (index - 1)] == 0.0:
@@ -320,27 +321,27 @@ class SwingingJoint(JointElasticity):
 
     form = "swinging_joint"
 
-    def bend(self, state: State, joint: int, theta: Array) -> tuple[Array, Array]:
+    def joint_bend(self, state: State, joint: int, theta: Array) -> tuple[Array, Array]:
         """What a joint yields, ``(n,)`` [rad], and its derivative by each parameter, ``(n, 2)``."""
         at = loads_of(state, joint)
         torque, loads, softer = at.torque, at.by_parameter, at.per_torque
         if not theta.any():
             return np.zeros(len(torque)), -loads
-        leaning, faster = leaning_of(state, joint), state.moved(joint, a=_ACCELERATION)
+        leaning, faster = leaning_of(state, joint), state.move_joint(joint, a=_ACCELERATION)
         inertia = float((faster.smooth_torque(state.tree.idx_v[joint]) - torque).mean()) / _ACCELERATION
 
-        def bend(theta: Array) -> Array:
+        def bend_at(theta: Array) -> Array:
             compliance = softer @ theta
             held = 1.0 + np.maximum(compliance * leaning, -MOST_ADDED)
             ratio = inertia * float(compliance.mean()) / float(held.mean())
-            return _swung(state, -(loads @ theta) / held, ratio)
+            return _bend_with_inertia(state, -(loads @ theta) / held, ratio)
 
-        here = bend(theta)
+        here = bend_at(theta)
         steps = np.diag(_STEPS)
-        return here, np.column_stack([(bend(theta + step) - here) / step.sum() for step in steps])
+        return here, np.column_stack([(bend_at(theta + step) - here) / step.sum() for step in steps])
 
 
-def _swung(state: State, static: Array, ratio: float) -> Array:
+def _bend_with_inertia(state: State, static: Array, ratio: float) -> Array:
     """``(n,)`` bend with inertia, ``b + ratio b'' = static``, smooth as motion is: no free oscillation is in it.
 
     Args:
@@ -389,7 +390,7 @@ class WobblingMass(FloatingEffect):
     form = "wobbling_mass"
     reads_as = "an external force, and elasticity of the joints that carry the segment"
     confusable_with = ("external_force", "joint_elasticity")
-    says = Beyond.FORCES
+    says = Absence.FORCES
     least_shrink = 0.3
     # A resonance is narrow.
     rough_steps = 10
@@ -397,9 +398,9 @@ class WobblingMass(FloatingEffect):
     def locations(self, state: State) -> tuple[str, ...]:
         """Links with a good part of the whole mass."""
         whole = state.record.tree.phi[::10].sum()
-        return tuple(link for link in links(state) if self._own_mass(state, link) > _LEAST_SHARE * whole)
+        return tuple(link for link in link_names(state) if self._own_mass(state, link) > _LEAST_SHARE * whole)
 
-    def parameters(self, state: State, location: str) -> tuple[Parameter, ...]:
+    def parameters_at(self, state: State, location: str) -> tuple[Parameter, ...]:
         """Mass, where it rests, and how it wobbles: logarithms, so that neither can be negative."""
         return (
             Parameter("mass", "kg", 0.5 * self._own_mass(state, location), _MASS_STEP),
@@ -408,56 +409,56 @@ class WobblingMass(FloatingEffect):
             Parameter("log_damping", "", 0.7, 1e-2),
         )
 
-    def beginnings(self, state: State, location: str) -> tuple[Array, ...]:
+    def fit_starts(self, state: State, location: str) -> tuple[Array, ...]:
         """No mass, at several frequencies: a resonance is found from near it alone."""
         slowest = _slowest_hz(state)
         logs = (float(np.log(hertz / slowest - 1.0)) for hertz in _BEGINNINGS_HZ if hertz > slowest)
         return tuple(np.array([0.0, 0.0, 0.0, 0.0, log, 0.0]) for log in logs)
 
-    def allows(self, theta: Array) -> bool:
+    def is_allowed(self, theta: Array) -> bool:
         """Masses are positive."""
         return bool(theta[0] > 0.0)
 
-    def apply(self, state: State, location: str, theta: Array) -> State:
+    def apply_to(self, state: State, location: str, theta: Array) -> State:
         """Let it wobble; it is a part of the segment's mass, and nothing below zero."""
-        mass = self._mass(state, location, theta)
+        mass = self._bounded_mass(state, location, theta)
         if not mass:
             return state
         segment = segment_of(state, location)
         held = state.on_unit_mass(segment, theta[1:4])
-        displaced, further = self._wobble(state, segment + 1, theta, held)
+        displaced, further = self._mass_motion(state, segment + 1, theta, held)
         wrench = state.at_base(-mass * further, state.poses.point(segment + 1, theta[1:4]))
-        moment = cross(displaced, -mass * (held + further))
+        moment = cross_rows(displaced, -mass * (held + further))
         wrench[:, 3:] += np.einsum("nji,nj->ni", state.poses.rotation[:, 1], moment)
         return state.replace(extra=state.extra + wrench)
 
-    def columns(self, state: State, location: str, theta: Array) -> Array:
+    def residual_columns(self, state: State, location: str, theta: Array) -> Array:
         """Where there is no mass, how it would wobble does not matter."""
         if theta[0] > 0.0:
-            return super().columns(state, location, theta)
+            return super().residual_columns(state, location, theta)
         ahead = theta.copy()
         ahead[0] = _MASS_STEP
         columns = np.zeros((len(state.q), 6, len(theta)))
-        columns[:, :, 0] = (state.residual - self.apply(state, location, ahead).residual) / _MASS_STEP
+        columns[:, :, 0] = (state.residual - self.apply_to(state, location, ahead).residual) / _MASS_STEP
         return columns
 
-    def report(self, state: State, location: str, theta: Array, std: Array) -> dict[str, Estimate]:
+    def report_parameters(self, state: State, location: str, theta: Array, std: Array) -> dict[str, Estimate]:
         """Mass and place as they are; frequency and damping ratio for their logarithms."""
-        hertz, ratio = _frequency(state, theta), _damping_ratio(theta)
+        hertz, ratio = _natural_frequency(state, theta), _damping_ratio(theta)
         spread = (hertz - _slowest_hz(state)) * float(std[4])
-        theta = np.array([self._mass(state, location, theta), *theta[1:]])
-        straight = list(super().report(state, location, theta, std).items())[:4]
+        theta = np.array([self._bounded_mass(state, location, theta), *theta[1:]])
+        straight = list(super().report_parameters(state, location, theta, std).items())[:4]
         return dict(straight) | {
             "frequency": Estimate(hertz, spread, "Hz"),
             "damping_ratio": Estimate(ratio, ratio * float(std[5]), ""),
         }
 
-    def _wobble(self, state: State, joint: int, theta: Array, held: Array) -> tuple[Array, Array]:
+    def _mass_motion(self, state: State, joint: int, theta: Array, held: Array) -> tuple[Array, Array]:
         """Displacement from where it rests and the acceleration of that, each ``(n, 3)``, world.
 
         A trial begins with the mass where its load holds it.
         """
-        omega, ratio = 2.0 * np.pi * _frequency(state, theta), _damping_ratio(theta)
+        omega, ratio = 2.0 * np.pi * _natural_frequency(state, theta), _damping_ratio(theta)
         rotation = state.poses.rotation[:, joint]
         upright = np.einsum("nji,j->i", rotation, -state.tree.gravity)
         upright *= np.linalg.norm(state.tree.gravity) / np.linalg.norm(upright)
@@ -468,7 +469,7 @@ class WobblingMass(FloatingEffect):
         # scipy.signal takes 0.4 s to load, and an arm's diagnosis, which loads this module too, needs none of it.
         from scipy.signal import lfilter
 
-        filters = _filters(omega, ratio, 1.0 / state.record.rate_hz)
+        filters = _mass_filters(omega, ratio, 1.0 / state.record.rate_hz)
         displaced, further = np.empty_like(load), np.empty_like(load)
         for span in state.record.spans:
             change = load[span] - load[span][0]
@@ -477,7 +478,7 @@ class WobblingMass(FloatingEffect):
             displaced[span] += load[span][0] / omega**2
         return displaced, further
 
-    def _mass(self, state: State, location: str, theta: Array) -> float:
+    def _bounded_mass(self, state: State, location: str, theta: Array) -> float:
         return float(np.clip(theta[0], 0.0, self._own_mass(state, location)))
 
     def _own_mass(self, state: State, link: str) -> float:
@@ -489,7 +490,7 @@ def _slowest_hz(state: State) -> float:
     return float(np.sqrt(np.linalg.norm(state.tree.gravity) / _MOST_SAG) / (2.0 * np.pi))
 
 
-def _frequency(state: State, theta: Array) -> float:
+def _natural_frequency(state: State, theta: Array) -> float:
     """Natural frequency [Hz], above the slowest one whatever the parameter."""
     return _slowest_hz(state) * float(1.0 + np.exp(np.clip(theta[4], -20.0, 5.0)))
 
@@ -500,7 +501,7 @@ def _damping_ratio(theta: Array) -> float:
 
 
 @lru_cache(maxsize=32)
-def _filters(omega: float, ratio: float, step: float) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+def _mass_filters(omega: float, ratio: float, step: float) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
     """Numerator and denominator of the displacement and of its acceleration, the load changing linearly in a step."""
     # As lfilter above.
     from scipy.signal import cont2discrete

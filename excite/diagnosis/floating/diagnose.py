@@ -12,9 +12,9 @@ from excite.arrays import Array
 from excite.diagnosis.answer.answer import Diagnosis, NextExperiment, Verdict
 from excite.diagnosis.answer.candidate import Candidate
 from excite.diagnosis.answer.gap import Gap
-from excite.diagnosis.floating.answer import gap_of, locate, trial_curves
-from excite.diagnosis.floating.effect import links, segment_of
-from excite.diagnosis.floating.hypotheses import Fitted, Placed, explained_state, nominal_fit, refine
+from excite.diagnosis.floating.answer import gap_of, locate_gap, trial_curves
+from excite.diagnosis.floating.effect import link_names, segment_of
+from excite.diagnosis.floating.hypotheses import Fitted, Placed, explained_state, nominal_fit, refine_fit
 from excite.diagnosis.floating.problem import NOISE_SLACK, Problem, build_problem, noise_floor
 from excite.diagnosis.floating.record import prepare_record
 from excite.diagnosis.floating.registry import NAMELESS
@@ -24,13 +24,13 @@ from excite.diagnosis.floating.search import (
     Ranked,
     Ranker,
     Step,
-    rivals,
-    search,
+    find_tied_rivals,
+    search_effects,
     tied_places,
 )
-from excite.diagnosis.floating.simulator import NO_ROLLOUTS, simulated
+from excite.diagnosis.floating.simulator import NO_ROLLOUTS, simulate_effects
 from excite.diagnosis.floating.spectrum import BAND_HZ, NOT_NOISE, in_band, repeat_levels
-from excite.diagnosis.floating.state import State, cross
+from excite.diagnosis.floating.state import State, cross_rows
 from excite.logs.columns import WRENCH_AXES
 from excite.logs.log import Log
 from excite.robot.robot import Robot
@@ -68,40 +68,40 @@ class Attribution:
     explained: float
 
     @property
-    def accepted(self) -> Fitted:
+    def accepted_fit(self) -> Fitted:
         """The fit with all accepted effects."""
         return self.steps[-1][0].fitted if self.steps else self.baseline
 
 
-def attribute(problem: Problem) -> Attribution:
+def attribute_gap(problem: Problem) -> Attribution:
     """Find effects until the noise is reached or nothing explains what is left, and judge what they leave."""
     baseline = nominal_fit(problem)
     n = len(problem.nominal_rows)
-    steps = search(Ranker(problem), baseline)
+    steps = search_effects(Ranker(problem), baseline)
     current = steps[-1][0].fitted if steps else baseline
     over = max(1.0, current.power / n)
     open_power = baseline.power - n
     explained = 0.0 if open_power <= 0.0 else 1.0 - max(0.0, current.power - n) / open_power
     tied = tuple(tied_places(step, n) for step in steps)
-    close = rivals(steps[0], n) if steps else ()
-    verdict = _verdict(problem, baseline, steps, close, explained, n)
-    if verdict in {"effect", "ambiguous"} and _nameless(problem, current):
+    close = find_tied_rivals(steps[0], n) if steps else ()
+    verdict = _decide_verdict(problem, baseline, steps, close, explained, n)
+    if verdict in {"effect", "ambiguous"} and _has_nameless_rival(problem, current):
         verdict = "unknown"
     wrong = problem.record.robot.sensors and steps and current.power > _WRONG_FORM * n
-    patched = current.power > NOISE_SLACK * n and _patches(steps, tied)
+    patched = current.power > NOISE_SLACK * n and _has_tied_namesakes(steps, tied)
     if patched or (wrong and misread_channels(problem, baseline)):
         verdict = "unknown"
-    return Attribution(verdict, baseline, steps, _partial(problem, current), close, tied, over, explained)
+    return Attribution(verdict, baseline, steps, _fit_partial(problem, current), close, tied, over, explained)
 
 
-def _partial(problem: Problem, full: Fitted) -> tuple[Fitted, ...]:
+def _fit_partial(problem: Problem, full: Fitted) -> tuple[Fitted, ...]:
     """Fits of the first effects of a fit, one more each; the last is the fit itself."""
     counts = range(1, len(full.placed))
-    first = tuple(refine(problem, full.placed[:k], full.theta[:k], full) for k in counts)
+    first = tuple(refine_fit(problem, full.placed[:k], full.theta[:k], full) for k in counts)
     return (*first, full) if full.placed else ()
 
 
-def _verdict(
+def _decide_verdict(
     problem: Problem,
     baseline: Fitted,
     steps: tuple[Step, ...],
@@ -113,14 +113,14 @@ def _verdict(
     if not steps:
         return "none" if quiet else "unknown"
     accepted = steps[-1][0].fitted
-    if (accepted.power > NOISE_SLACK * n and explained < EXPLAINED) or not _repeats(problem, accepted):
+    if (accepted.power > NOISE_SLACK * n and explained < EXPLAINED) or not _is_repeatable(problem, accepted):
         return "unknown"
     return "ambiguous" if len(close) > 1 else "effect"
 
 
-def _patches(steps: tuple[Step, ...], tied: tuple[tuple[str, ...], ...]) -> bool:
+def _has_tied_namesakes(steps: tuple[Step, ...], tied: tuple[tuple[str, ...], ...]) -> bool:
     """Whether two effects of one name are at places that the data cannot tell apart: one thing of another form."""
-    names = [step[0].last.effect.name for step in steps]
+    names = [step[0].last_placed.effect.name for step in steps]
     return any(
         names[i] == names[k] and bool(set(tied[i]) & set(tied[k]))
         for k in range(len(steps))
@@ -128,19 +128,19 @@ def _patches(steps: tuple[Step, ...], tied: tuple[tuple[str, ...], ...]) -> bool
     )
 
 
-def _nameless(problem: Problem, fitted: Fitted) -> bool:
+def _has_nameless_rival(problem: Problem, fitted: Fitted) -> bool:
     """Whether an effect may as well be something that no word is for."""
     over = max(1.0, fitted.power / len(problem.nominal_rows))
     for k, item in enumerate(fitted.placed):
-        if item.effect.word in NAMELESS:
-            other = Placed(NAMELESS[item.effect.word], item.location)
+        if item.effect.form_name in NAMELESS:
+            other = Placed(NAMELESS[item.effect.form_name], item.location)
             placed = (*fitted.placed[:k], other, *fitted.placed[k + 1 :])
-            if refine(problem, placed, fitted.theta, fitted).power < fitted.power + 2.0 * DECISIVE * over:
+            if refine_fit(problem, placed, fitted.theta, fitted).power < fitted.power + 2.0 * DECISIVE * over:
                 return True
     return False
 
 
-def _repeats(problem: Problem, fitted: Fitted) -> bool:
+def _is_repeatable(problem: Problem, fitted: Fitted) -> bool:
     """Whether repeated trials differ by no more than noise once a fit's effects are taken out."""
     white = problem.whitening(explained_state(problem, fitted).residual)
     levels = repeat_levels(problem.whitening, white)
@@ -180,7 +180,7 @@ class _Open:
     columns: Array
     colour: Array
 
-    def beside(self, arms: Array) -> tuple[Array, Array]:
+    def fit_wrenches(self, arms: Array) -> tuple[Array, Array]:
         """What wrenches of any size along ``arms (k, 6, m)`` leave, ``(k, 6 − m)``, and the parameters ``(r,)``."""
         # Directions that no such wrench has.
         others = np.linalg.qr(np.linalg.solve(self.colour, arms), mode="complete")[0][:, :, arms.shape[2] :]
@@ -194,7 +194,7 @@ class _Open:
     def beside_force(self, link: str, lever: Array) -> tuple[Array, Array]:
         """What a free force at a point of a link leaves, ``(k, 3)``, and the parameters beside it."""
         point = self.state.poses.point(segment_of(self.state, link) + 1, lever)
-        return self.beside(self.state.at_base(np.tile(np.eye(3), (len(point), 1, 1)), point))
+        return self.fit_wrenches(self.state.at_base(np.tile(np.eye(3), (len(point), 1, 1)), point))
 
 
 def unknown_places(problem: Problem, fitted: Fitted) -> tuple[str, ...]:
@@ -204,16 +204,16 @@ def unknown_places(problem: Problem, fitted: Fitted) -> tuple[str, ...]:
     makes three. The moment must be that of the force about a point of the link, which is near its joint, or the
     joint itself: links are listed that either leaves untold from the best.
     """
-    left = _open(problem, fitted)
-    channels = _misread(problem, fitted, left)
+    left = _open_residual(problem, fitted)
+    channels = _find_misread_sensors(problem, fitted, left)
     if channels:
         return channels
     at_joint, near = {}, {}
-    for link in links(left.state):
+    for link in link_names(left.state):
         at_joint[link], delta = left.beside_force(link, np.zeros(3))
-        lever = _lever(left.state, link, (left.white - left.columns @ delta) @ left.colour.T)
+        lever = _estimate_force_point(left.state, link, (left.white - left.columns @ delta) @ left.colour.T)
         near[link], _ = left.beside_force(link, lever)
-    return tuple(dict.fromkeys(_untold(near, _LEAST_MARGIN) + _untold(at_joint, FORM_DOUBT)))
+    return tuple(dict.fromkeys(_tied_places(near, _LEAST_MARGIN) + _tied_places(at_joint, FORM_DOUBT)))
 
 
 def misread_channels(problem: Problem, fitted: Fitted) -> tuple[str, ...]:
@@ -221,21 +221,21 @@ def misread_channels(problem: Problem, fitted: Fitted) -> tuple[str, ...]:
 
     The likeliest first; none where each leaves more.
     """
-    return _misread(problem, fitted, _open(problem, fitted))
+    return _find_misread_sensors(problem, fitted, _open_residual(problem, fitted))
 
 
-def _misread(problem: Problem, fitted: Fitted, left: _Open) -> tuple[str, ...]:
+def _find_misread_sensors(problem: Problem, fitted: Fitted, left: _Open) -> tuple[str, ...]:
     state = explained_state(problem, fitted)
     rest = {
-        f"{name}.{axis}": left.beside(arms[left.few][:, :, [k]])[0]
-        for name, arms in state.levers.items()
+        f"{name}.{axis}": left.fit_wrenches(arms[left.few][:, :, [k]])[0]
+        for name, arms in state.reading_levers.items()
         for k, axis in enumerate(WRENCH_AXES)
     }
-    found = _untold(rest, _LEAST_MARGIN)
+    found = _tied_places(rest, _LEAST_MARGIN)
     return found if _beside_reading(problem, fitted, found[0]) < _NOISE else ()
 
 
-def _open(problem: Problem, fitted: Fitted) -> _Open:
+def _open_residual(problem: Problem, fitted: Fitted) -> _Open:
     record, state = problem.record, explained_state(problem, fitted)
     few = slice(None, None, max(1, int(record.rate_hz / (2.0 * BAND_HZ))))
     colour = np.asarray(np.linalg.cholesky(problem.nominal.white_noise), dtype=float)
@@ -261,17 +261,17 @@ def _beside_reading(problem: Problem, fitted: Fitted, channel: str) -> float:
     record, state = problem.record, explained_state(problem, fitted)
     name, _, axis = channel.partition(".")
     scale = noise_floor(problem)
-    arm = state.levers[name][:, :, WRENCH_AXES.index(axis)] / scale
+    arm = state.reading_levers[name][:, :, WRENCH_AXES.index(axis)] / scale
     arm /= np.linalg.norm(arm, axis=1, keepdims=True)
 
-    def across(values: Array) -> Array:
+    def project_across(values: Array) -> Array:
         white = values / scale[:, None]
         white = white - arm[:, :, None] * np.einsum("ni,nij->nj", arm, white)[:, None, :]
         return in_band(record, white.reshape(len(white), -1)).reshape(white.shape)
 
-    left = across(state.residual[:, :, None])[:, :, 0].ravel()
+    left = project_across(state.residual[:, :, None])[:, :, 0].ravel()
     if record.inertials_free:
-        design = across(problem.error_columns)
+        design = project_across(problem.error_columns)
         left = left + (design @ (fitted.delta[problem.index] / problem.scales)).ravel()
         rows = design.reshape(len(left), -1)
         gram = rows.T @ rows + np.eye(rows.shape[1])
@@ -280,7 +280,7 @@ def _beside_reading(problem: Problem, fitted: Fitted, channel: str) -> float:
     return float((left**2).sum()) / (5.0 * record.n_samples)
 
 
-def _untold(rest: dict[str, Array], margin: float) -> tuple[str, ...]:
+def _tied_places(rest: dict[str, Array], margin: float) -> tuple[str, ...]:
     """Places that leave hardly more than the best place, by a share ``margin`` at least, best first."""
     left = {place: float((values**2).sum()) for place, values in rest.items()}
     order = sorted(left, key=lambda name: left[name])
@@ -291,7 +291,7 @@ def _untold(rest: dict[str, Array], margin: float) -> tuple[str, ...]:
     return tuple(place for place in order if left[place] <= limit)
 
 
-def _lever(state: State, link: str, residual: Array) -> Array:
+def _estimate_force_point(state: State, link: str, residual: Array) -> Array:
     """``(3,)`` point of a link, in its joint's frame, about which residual wrenches ``(n, 6)`` turn least [m].
 
     What is left beside a force r × f is taken for noise, and a point is looked for near the joint.
@@ -300,11 +300,11 @@ def _lever(state: State, link: str, residual: Array) -> Array:
     base, own = state.poses.rotation[:, 1], state.poses.rotation[:, joint]
     to_link = np.einsum("nji,njk->nik", own, base)
     origin = np.einsum("nji,nj->ni", base, state.poses.translation[:, joint] - state.poses.translation[:, 1])
-    moment = residual[:, 3:] - cross(origin, residual[:, :3])
+    moment = residual[:, 3:] - cross_rows(origin, residual[:, :3])
     force, moment = (np.einsum("nij,nj->ni", to_link, x) for x in (residual[:, :3], moment))
     # Σ |m − r × f|² has the normal equations Σ (f·f − f fᵀ) r = Σ f × m.
     gram = (force**2).sum() * np.eye(3) - force.T @ force
-    right = cross(force, moment).sum(axis=0)
+    right = cross_rows(force, moment).sum(axis=0)
     noise = float((moment**2).sum()) / (3.0 * len(moment))
     return np.linalg.solve(gram + noise / _REACH_M**2 * np.eye(3), right)
 
@@ -331,16 +331,16 @@ class Analysis:
     after: Fitted
 
 
-def analyse(log: Log, robot: Robot | None = None) -> Analysis:
+def analyse_log(log: Log, robot: Robot | None = None) -> Analysis:
     """Prepare a log and find what explains it, without the validation trials.
 
     Args and errors as of :func:`diagnose_floating`.
     """
     record = prepare_record(log, robot)
-    learnt = build_problem(record.learnt())
+    learnt = build_problem(record.learning_trials())
     problem = learnt if learnt.record is record else build_problem(record)
-    found = attribute(learnt)
-    accepted = found.accepted if found.verdict in {"effect", "ambiguous"} else found.baseline
+    found = attribute_gap(learnt)
+    accepted = found.accepted_fit if found.verdict in {"effect", "ambiguous"} else found.baseline
     return Analysis(problem, learnt, found, found.baseline, accepted)
 
 
@@ -353,7 +353,6 @@ def diagnose_floating(
     """Diagnose a log with base pose, joints and contact wrenches.
 
     Args:
-        log: the log.
         robot: its nominal robot with the log's sensors; None reads the one that the log names.
         rng: of the bootstrap and of the roll-outs' replicas; None is seeded with zero.
         out: folder for the augmented simulator; none is written without it.
@@ -361,7 +360,7 @@ def diagnose_floating(
     Raises:
         LogError: the log lacks base pose or wrenches, or a trial is too short.
     """
-    return diagnosis_of(analyse(log, robot), rng, out)
+    return diagnosis_of(analyse_log(log, robot), rng, out)
 
 
 def diagnosis_of(
@@ -370,7 +369,7 @@ def diagnosis_of(
     """What an analysis says, with the gap's interval from a bootstrap, and roll-outs; arguments as above."""
     problem, learnt, found = analysis.problem, analysis.learnt, analysis.found
     rng = rng or np.random.default_rng(0)
-    accepted = found.accepted if found.verdict in {"effect", "ambiguous"} else found.baseline
+    accepted = found.accepted_fit if found.verdict in {"effect", "ambiguous"} else found.baseline
     gap = gap_of(problem, analysis.before, analysis.after, rng)
     first = found.steps[0] if found.steps and accepted.placed else ()
     tied = found.tied[0] if first else ()
@@ -379,68 +378,68 @@ def diagnosis_of(
     return Diagnosis(
         robot=problem.record.robot.name,
         verdict=found.verdict,
-        effect=_name(first[0]) if first else None,
-        location=first[0].last.location if first else (tied[0] if tied else None),
+        effect=_effect_name(first[0]) if first else None,
+        location=first[0].last_placed.location if first else (tied[0] if tied else None),
         tied_locations=tied,
-        candidates=_candidates(learnt, found, gap),
-        effects=_effects(learnt, found, gap) if accepted.placed else (),
+        candidates=_make_candidates(learnt, found, gap),
+        effects=_accepted_effects(learnt, found, gap) if accepted.placed else (),
         gap=gap,
-        where=locate(learnt, found.baseline),
-        simulation=simulated(problem, analysis.before, analysis.after, rng, out)
+        where=locate_gap(learnt, found.baseline),
+        simulation=simulate_effects(problem, analysis.before, analysis.after, rng, out)
         if problem.record.robot.sensors
         else NO_ROLLOUTS,
         n_tied=len(found.rivals) if found.verdict == "ambiguous" else 0,
-        next_experiment=_next(found),
-        warnings=_warnings(problem, found),
+        next_experiment=_next_experiment(found),
+        warnings=_collect_warnings(problem, found),
         curves=trial_curves(problem, analysis.before, analysis.after),
     )
 
 
-def _name(item: Ranked) -> str:
-    return item.last.effect.called(item.fitted.theta[-1])
+def _effect_name(item: Ranked) -> str:
+    return item.last_placed.effect.effect_name(item.fitted.theta[-1])
 
 
-def _candidates(problem: Problem, found: Attribution, gap: Gap) -> tuple[Candidate, ...]:
+def _make_candidates(problem: Problem, found: Attribution, gap: Gap) -> tuple[Candidate, ...]:
     """The leading hypotheses for the first effect, those that cannot be told apart first."""
     if not found.steps:
         return ()
     step = found.steps[0]
     chosen = _one_each(found.rivals, step)
-    weights = _probabilities(chosen)
+    weights = _hypothesis_probabilities(chosen)
     return tuple(
-        _candidate(problem, found, item, step, gap, float(weight))
+        _make_candidate(problem, found, item, step, gap, float(weight))
         for item, weight in list(zip(chosen, weights, strict=True))[:_N_CANDIDATES]
     )
 
 
 def _one_each(first: Sequence[Ranked], step: Sequence[Ranked]) -> list[Ranked]:
     """The hypotheses ``first``, then those of a step whose effects are not among them, each at its likeliest place."""
-    chosen, seen = list(first), {item.last.effect.name for item in first}
+    chosen, seen = list(first), {item.last_placed.effect.name for item in first}
     for item in step:
-        if item.last.effect.name not in seen:
-            seen.add(item.last.effect.name)
+        if item.last_placed.effect.name not in seen:
+            seen.add(item.last_placed.effect.name)
             chosen.append(item)
     return chosen
 
 
-def _probabilities(chosen: Sequence[Ranked]) -> Array:
+def _hypothesis_probabilities(chosen: Sequence[Ranked]) -> Array:
     """Of hypotheses of which one is true, ``(n,)``."""
     evidence = np.array([item.evidence for item in chosen])
     weights = np.exp(np.maximum(evidence - evidence.max(), -700.0))
     return np.asarray(weights / weights.sum())
 
 
-def _candidate(
+def _make_candidate(
     problem: Problem, found: Attribution, item: Ranked, step: tuple[Ranked, ...], gap: Gap, weight: float
 ) -> Candidate:
-    own = [other for other in step if other.last.effect.name == item.last.effect.name]
-    close = tuple(other.last.location for other in own if other.evidence > item.evidence - DECISIVE)
+    own = [other for other in step if other.last_placed.effect.name == item.last_placed.effect.name]
+    close = tuple(other.last_placed.location for other in own if other.evidence > item.evidence - DECISIVE)
     tied = found.tied[0] if found.tied and item is step[0] else close
-    closed = _closed(problem, found, item.fitted, gap)
-    return _reported(problem, item.fitted, -1, item.evidence, closed, tied, weight)
+    closed = _closed_share(problem, found, item.fitted, gap)
+    return _report_effect(problem, item.fitted, -1, item.evidence, closed, tied, weight)
 
 
-def _reported(
+def _report_effect(
     problem: Problem,
     fitted: Fitted,
     k: int,
@@ -452,9 +451,9 @@ def _reported(
     """An effect of a fit, by its place among them, with its parameters there."""
     placed, theta = fitted.placed[k], fitted.theta[k]
     return Candidate(
-        effect=placed.effect.called(theta),
+        effect=placed.effect.effect_name(theta),
         location=placed.location,
-        parameters=placed.effect.report(problem.nominal, placed.location, theta, fitted.std[k]),
+        parameters=placed.effect.report_parameters(problem.nominal, placed.location, theta, fitted.std[k]),
         evidence=float(evidence),
         gap_after=closed[1],
         share_closed=closed[0],
@@ -463,7 +462,7 @@ def _reported(
     )
 
 
-def _closed(problem: Problem, found: Attribution, fitted: Fitted, gap: Gap) -> tuple[float, float]:
+def _closed_share(problem: Problem, found: Attribution, fitted: Fitted, gap: Gap) -> tuple[float, float]:
     """Share of the power above the noise that a fit closes, whitened, and the gap that this leaves."""
     n = len(problem.nominal_rows)
     open_power = found.baseline.power - n
@@ -472,25 +471,27 @@ def _closed(problem: Problem, found: Attribution, fitted: Fitted, gap: Gap) -> t
     return share, float(np.sqrt(gap.noise_floor**2 + left))
 
 
-def _effects(problem: Problem, found: Attribution, gap: Gap) -> tuple[Candidate, ...]:
+def _accepted_effects(problem: Problem, found: Attribution, gap: Gap) -> tuple[Candidate, ...]:
     """The accepted effects in the order in which they were added, at the parameters of the joint fit."""
-    weights = [float(_probabilities(_one_each((), step))[0]) for step in found.steps]
-    closed = [_closed(problem, found, fitted, gap) for fitted in found.partial]
+    weights = [float(_hypothesis_probabilities(_one_each((), step))[0]) for step in found.steps]
+    closed = [_closed_share(problem, found, fitted, gap) for fitted in found.partial]
     return tuple(
-        _reported(problem, found.accepted, k, step[0].evidence, closed[k], found.tied[k], weights[k])
+        _report_effect(problem, found.accepted_fit, k, step[0].evidence, closed[k], found.tied[k], weights[k])
         for k, step in enumerate(found.steps)
     )
 
 
-def _next(found: Attribution) -> NextExperiment | None:
+def _next_experiment(found: Attribution) -> NextExperiment | None:
     if found.verdict != "ambiguous":
         return None
-    rivals = tuple(f"{_name(item)}@{item.last.location}" for item in found.rivals)
-    reasons = "; ".join(sorted({f"{_name(item)}: {item.last.effect.reads_as}" for item in found.rivals}))
+    rivals = tuple(f"{_effect_name(item)}@{item.last_placed.location}" for item in found.rivals)
+    reasons = "; ".join(
+        sorted({f"{_effect_name(item)}: {item.last_placed.effect.reads_as}" for item in found.rivals})
+    )
     return NextExperiment(why=f"tell {' from '.join(rivals)} ({reasons})", separates=rivals)
 
 
-def _warnings(problem: Problem, found: Attribution) -> tuple[str, ...]:
+def _collect_warnings(problem: Problem, found: Attribution) -> tuple[str, ...]:
     notes = []
     if problem.record.inertials_free:
         notes.append(

@@ -28,7 +28,7 @@ class Part(StrEnum):
     SENSORS = "pos and quat of the site that is the sensor"
 
 
-class Beyond(StrEnum):
+class Absence(StrEnum):
     """Why a model cannot have an effect by itself: what its runner then applies to the record."""
 
     MOTION = "the recorded motion that it is led through is no part of a model"
@@ -52,9 +52,9 @@ class StandingNote:
     location: str
     parameters: Mapping[str, float]
     holds: Mapping[str, Any]
-    beyond: Beyond
+    beyond: Absence
 
-    def text(self) -> str:
+    def to_json(self) -> str:
         """Parameters and all else as JSON."""
         return json.dumps({"parameters": dict(self.parameters), **self.holds})
 
@@ -87,7 +87,7 @@ class Parameter:
     step: float
 
     @classmethod
-    def each(cls, names: Sequence[str], unit: str, scale: float, step: float) -> tuple[Parameter, ...]:
+    def of_names(cls, names: Sequence[str], unit: str, scale: float, step: float) -> tuple[Parameter, ...]:
         """Parameters that differ by their names alone."""
         return tuple(cls(name, unit, scale, step) for name in names)
 
@@ -101,7 +101,7 @@ class FloatingEffect(ABC):
         reads_as: what it is confused with, and what tells it apart.
         confusable_with: effects that can look alike, by name.
         leaves: effects as which an approximate form of it leaves its own rest, at the same place.
-        told_by: quantities of a log that it is measured by: where these are in doubt it cannot be named.
+        observed_by: quantities of a log that it is measured by: where these are in doubt it cannot be named.
         says: the part of a MuJoCo model that has it, or why none can.
         places: where it can sit.
         own: its parameters, where they are the same at all places.
@@ -120,8 +120,8 @@ class FloatingEffect(ABC):
     reads_as: ClassVar[str]
     confusable_with: ClassVar[tuple[str, ...]] = ()
     leaves: ClassVar[tuple[str, ...]] = ()
-    told_by: ClassVar[frozenset[Doubt]] = frozenset()
-    says: ClassVar[Part | Beyond]
+    observed_by: ClassVar[frozenset[Doubt]] = frozenset()
+    says: ClassVar[Part | Absence]
     places: ClassVar[staticmethod[[State], tuple[str, ...]]]
     own: ClassVar[tuple[Parameter, ...]]
     counts: ClassVar[float] = 1.0
@@ -132,8 +132,8 @@ class FloatingEffect(ABC):
     price: float = 0.0
 
     @property
-    def word(self) -> str:
-        """What the library calls this form."""
+    def form_name(self) -> str:
+        """Name of this form in the library."""
         return self.form or self.name
 
     def is_seen(self, record: FloatingRecord) -> bool:
@@ -141,88 +141,87 @@ class FloatingEffect(ABC):
         return (Reads.WRENCHES if record.robot.sensors else Reads.TORQUES) in self.seen_by
 
     @property
-    def mujoco(self) -> str:
+    def mujoco_part(self) -> str:
         """What of a MuJoCo model it is, in words; empty where it is noted beside the model."""
         return str(self.says) if isinstance(self.says, Part) else ""
 
     @property
     def changes_readings(self) -> bool:
         """Whether it says something else of what the sensors read."""
-        return self.says is Beyond.READINGS
+        return self.says is Absence.READINGS
 
     def locations(self, state: State) -> tuple[str, ...]:
         """Places where it can sit."""
         return self.places(state)
 
-    def parameters(self, state: State, location: str) -> tuple[Parameter, ...]:
+    def parameters_at(self, state: State, location: str) -> tuple[Parameter, ...]:
         """Its parameters there."""
         return self.own
 
-    def beginnings(self, state: State, location: str) -> tuple[Array, ...]:
+    def fit_starts(self, state: State, location: str) -> tuple[Array, ...]:
         """Parameters with which it is absent and from which a fit may begin; by default zeros alone."""
-        return (np.zeros(len(self.parameters(state, location))),)
+        return (np.zeros(len(self.parameters_at(state, location))),)
 
-    def holds(self, record: FloatingRecord) -> dict[str, Any]:
-        """What it has learnt beside its parameters, ready for JSON; by default nothing."""
+    def stored_data(self, record: FloatingRecord) -> dict[str, Any]:
+        """What it stores beside its parameters, ready for JSON; empty by default."""
         return {}
 
-    def holding(self, said: Mapping[str, Any], record: FloatingRecord) -> FloatingEffect:
-        """The effect that holds what :meth:`holds` said."""
+    def with_stored_data(self, said: Mapping[str, Any], record: FloatingRecord) -> FloatingEffect:
+        """The effect that holds what :meth:`stored_data` said."""
         return self
 
-    def allows(self, theta: Array) -> bool:
-        """Whether there can be such a thing, as far as a linearised fit tells."""
+    def is_allowed(self, theta: Array) -> bool:
+        """Whether linearly fitted parameters are physically possible."""
         return True
 
     @abstractmethod
-    def apply(self, state: State, location: str, theta: Array) -> State:
-        """What is true if it is there with parameters ``theta``, given all else in ``state``."""
+    def apply_to(self, state: State, location: str, theta: Array) -> State:
+        """The true state if the effect is there with parameters ``theta``."""
 
     def in_mujoco(self, state: State, location: str, theta: Array) -> Part | StandingNote:
-        """What of a model has it, written from what :meth:`apply` makes of a state, or the note beside the model.
+        """What of a model has it, written from what :meth:`apply_to` makes of a state, or the note beside the model.
 
         Args:
             state: the nominal state.
-            location: its place.
             theta: its parameters.
         """
         if isinstance(self.says, Part):
             return self.says
-        names = [p.name for p in self.parameters(state, location)]
+        names = [p.name for p in self.parameters_at(state, location)]
         values = dict(zip(names, theta.tolist(), strict=True))
-        return StandingNote(self.word, location, values, self.holds(state.record), self.says)
+        return StandingNote(self.form_name, location, values, self.stored_data(state.record), self.says)
 
-    def columns(self, state: State, location: str, theta: Array) -> Array:
+    def residual_columns(self, state: State, location: str, theta: Array) -> Array:
         """Minus the derivative of the residual with respect to ``theta``, ``(n, 6, k)``.
 
         Forward differences: the fit is iterated, and its steps are evaluated in full.
         """
         columns, here = [], state.residual
         if theta.any():
-            here = self.apply(state, location, theta).residual
-        for i, parameter in enumerate(self.parameters(state, location)):
+            here = self.apply_to(state, location, theta).residual
+        for i, parameter in enumerate(self.parameters_at(state, location)):
             ahead = theta.copy()
             ahead[i] += parameter.step
-            columns.append((here - self.apply(state, location, ahead).residual) / parameter.step)
+            columns.append((here - self.apply_to(state, location, ahead).residual) / parameter.step)
         return np.stack(columns, axis=2)
 
-    def report(self, state: State, location: str, theta: Array, std: Array) -> dict[str, Estimate]:
-        """Parameters by name, as the contract defines the effect; by default those of :meth:`parameters`."""
+    def report_parameters(self, state: State, location: str, theta: Array, std: Array) -> dict[str, Estimate]:
+        """Parameters by name, as the contract defines the effect; by default those of :meth:`parameters_at`."""
         return {
             p.name: Estimate(self.counts * float(value), float(spread), p.unit)
-            for p, value, spread in zip(self.parameters(state, location), theta, std, strict=True)
+            for p, value, spread in zip(self.parameters_at(state, location), theta, std, strict=True)
         }
 
-    def called(self, theta: Array) -> str:
-        """The contract's name for it at these parameters."""
+    def effect_name(self, theta: Array) -> str:
+        """Name of the effect at these parameters."""
         return self.name
 
-    def scales(self, state: State, location: str) -> Array:
+    def parameter_scales(self, state: State, location: str) -> Array:
         """``(k,)`` expected size of each parameter."""
-        return np.array([p.scale for p in self.parameters(state, location)])
+        return np.array([p.scale for p in self.parameters_at(state, location)])
 
 
-def links(state: State) -> tuple[str, ...]:
+def link_names(state: State) -> tuple[str, ...]:
     """Names of the measured links that have mass, one a segment."""
     phi, unmeasured = state.record.tree.phi, state.record.unmeasured
     return tuple(
@@ -233,10 +232,10 @@ def links(state: State) -> tuple[str, ...]:
 
 
 # A point of a link, in its joint's frame; the same for all links, so that large ones pay no more.
-POINT = Parameter.each(("at_x", "at_y", "at_z"), "m", _REACH, 1e-5)
+POINT = Parameter.of_names(("at_x", "at_y", "at_z"), "m", _REACH, 1e-5)
 
 
-def sensors(state: State) -> tuple[str, ...]:
+def sensor_names(state: State) -> tuple[str, ...]:
     """Names of what is read."""
     return tuple(state.readings)
 
@@ -246,7 +245,7 @@ def segment_of(state: State, link: str) -> int:
     return [segment.link for segment in state.record.robot.segments].index(link)
 
 
-def joints(state: State) -> tuple[str, ...]:
+def visible_joints(state: State) -> tuple[str, ...]:
     """Joints whose motion or placement shows in the base's equation: all but those beyond every sensor."""
     record = state.record
     beyond = {segment + 1 for segment in record.unmeasured}

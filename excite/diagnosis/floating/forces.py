@@ -13,11 +13,11 @@ import numpy as np
 from excite.arrays import Array
 from excite.diagnosis.floating.effect import (
     POINT,
-    Beyond,
+    Absence,
     FloatingEffect,
     Parameter,
     Reads,
-    links,
+    link_names,
     segment_of,
 )
 from excite.diagnosis.floating.record import FloatingRecord
@@ -32,18 +32,18 @@ class PointForce(FloatingEffect):
         at: the three parameters that are the point's coordinates in the frame of the link's joint.
     """
 
-    says = Beyond.FORCES
-    places = staticmethod(links)
+    says = Absence.FORCES
+    places = staticmethod(link_names)
     at = slice(3, 6)
 
     @abstractmethod
-    def force(self, state: State, point: Array, theta: Array) -> Array:
+    def force_at(self, state: State, point: Array, theta: Array) -> Array:
         """``(n, 3)`` world [N], where the point is at ``point (n, 3)``, world [m]."""
 
-    def apply(self, state: State, location: str, theta: Array) -> State:
+    def apply_to(self, state: State, location: str, theta: Array) -> State:
         """Add it."""
         point = state.poses.point(segment_of(state, location) + 1, theta[self.at])
-        return state.replace(extra=state.extra + state.at_base(self.force(state, point, theta), point))
+        return state.replace(extra=state.extra + state.at_base(self.force_at(state, point, theta), point))
 
 
 # Something pulls at a link: a cable, a tether, a hand.
@@ -67,7 +67,7 @@ class ExternalForce(PointForce):
     seen_by = frozenset(Reads)
     # Mean force in the world, stiffness across it, the point in the link's frame, and what is added along it.
     own = (
-        *Parameter.each(_AXES, "N", 15.0, 1e-2),
+        *Parameter.of_names(_AXES, "N", 15.0, 1e-2),
         Parameter("stiffness", "N/m", 30.0, 1.0),
         *POINT,
         Parameter("further_stiffness_along", "N/m", 30.0, 1.0),
@@ -77,9 +77,9 @@ class ExternalForce(PointForce):
     def locations(self, state: State) -> tuple[str, ...]:
         """Links; the base alone, if its feet hold it, where joints' torques would carry it as well."""
         robot = state.record.robot
-        return links(state) if robot.sensors else links(state)[: bool(robot.feet)]
+        return link_names(state) if robot.sensors else link_names(state)[: bool(robot.feet)]
 
-    def force(self, state: State, point: Array, theta: Array) -> Array:
+    def force_at(self, state: State, point: Array, theta: Array) -> Array:
         """Less where the point is further along it."""
         away = point - point.mean(axis=0)
         # Shorter than one where there is hardly any force.
@@ -109,7 +109,7 @@ class Surface:
     depth: float
     rounded: bool
 
-    def share(self, along: Array, raised: float = 0.0, deeper: float = 0.0) -> Array:
+    def force_share(self, along: Array, raised: float = 0.0, deeper: float = 0.0) -> Array:
         """Share of its largest force at positions ``along`` the normal.
 
         Args:
@@ -136,7 +136,7 @@ class PressedContact(PointForce):
     confusable_with = ("external_force",)
     # The largest force, world frame; the point in the link's frame; what the first guess is off by.
     own = (
-        *Parameter.each(_AXES, "N", 25.0, 1e-2),
+        *Parameter.of_names(_AXES, "N", 25.0, 1e-2),
         *POINT,
         Parameter("raised", "m", 0.05, 1e-5),
         Parameter("deeper", "1", 0.7, 1e-4),
@@ -147,22 +147,22 @@ class PressedContact(PointForce):
     def __init__(self, surface: Surface):
         self.surface = surface
 
-    def holds(self, record: FloatingRecord) -> dict[str, Any]:
+    def stored_data(self, record: FloatingRecord) -> dict[str, Any]:
         """The surface."""
         return {"surface": asdict(self.surface)}
 
-    def holding(self, said: Mapping[str, Any], record: FloatingRecord) -> PressedContact:
+    def with_stored_data(self, said: Mapping[str, Any], record: FloatingRecord) -> PressedContact:
         """That is pressed on the surface which is said."""
         surface = said["surface"]
         return PressedContact(Surface(**{**surface, "normal": tuple(surface["normal"])}))
 
-    def force(self, state: State, point: Array, theta: Array) -> Array:
+    def force_at(self, state: State, point: Array, theta: Array) -> Array:
         """As deep as the point has sunk."""
         normal = np.array(self.surface.normal)
-        share = self.surface.share(point @ normal, theta[6], theta[7])
+        share = self.surface.force_share(point @ normal, theta[6], theta[7])
         force = share[:, None] * theta[:3]
         if theta[8:].any():
-            speed = state.record.rates(point)
+            speed = state.record.differentiate_signal(point)
             sinking = -(speed @ normal)
             sliding = speed + sinking[:, None] * normal
             smooth = np.sqrt((sliding**2).sum(axis=1) + _STANDSTILL_M_S**2)
@@ -185,20 +185,20 @@ class UnloggedContact(PointForce):
     reads_as = "any force that comes and goes; two levels, and the same link each time"
     confusable_with = ("external_force",)
     # The force while in contact, world frame, and the point in the link's frame.
-    own = (*Parameter.each(_AXES, "N", 25.0, 1e-2), *POINT)
+    own = (*Parameter.of_names(_AXES, "N", 25.0, 1e-2), *POINT)
 
     def __init__(self, share: Array | None = None, coarse: Array | None = None, price: float = 0.0):
         self.share, self.coarse, self.price = share, coarse, price
 
-    def holds(self, record: FloatingRecord) -> dict[str, Any]:
+    def stored_data(self, record: FloatingRecord) -> dict[str, Any]:
         """When it lasts: by trial, how many samples in a row have which share."""
         spells = {}
         for trial, span in zip(record.trials, record.spans, strict=True):
-            values = [round(float(x), 4) for x in self._share(record.n_samples)[span]]
+            values = [round(float(x), 4) for x in self._contact_share(record.n_samples)[span]]
             spells[trial] = [[len(list(run)), share] for share, run in groupby(values)]
         return {"spells": spells}
 
-    def holding(self, said: Mapping[str, Any], record: FloatingRecord) -> UnloggedContact:
+    def with_stored_data(self, said: Mapping[str, Any], record: FloatingRecord) -> UnloggedContact:
         """The contact that lasts as is said."""
         share = np.zeros(record.n_samples)
         for trial, span in zip(record.trials, record.spans, strict=True):
@@ -209,13 +209,13 @@ class UnloggedContact(PointForce):
 
     def locations(self, state: State) -> tuple[str, ...]:
         """Links, once it is known when there was a contact."""
-        return () if self.share is None else links(state)
+        return () if self.share is None else link_names(state)
 
-    def force(self, state: State, point: Array, theta: Array) -> Array:
+    def force_at(self, state: State, point: Array, theta: Array) -> Array:
         """While it lasts."""
-        return self._share(len(state.q))[:, None] * theta[:3]
+        return self._contact_share(len(state.q))[:, None] * theta[:3]
 
-    def _share(self, n: int) -> Array:
+    def _contact_share(self, n: int) -> Array:
         """``(n,)`` share of a record with so many samples."""
         known = [share for share in (self.share, self.coarse) if share is not None]
         return next((share for share in known if len(share) == n), np.zeros(n))

@@ -51,23 +51,23 @@ class Fitted:
 def nominal_fit(problem: Problem) -> Fitted:
     """The baseline alone."""
     rows = problem.nominal_rows
-    return Fitted((), (), (), problem.baseline_parameters(rows), problem.power(rows), 0.0, 0.0)
+    return Fitted((), (), (), problem.baseline_parameters(rows), problem.residual_power(rows), 0.0, 0.0)
 
 
 def apply_all(state: State, placed: tuple[Placed, ...], theta: tuple[Array, ...]) -> State:
     """The state with all effects in it, in order."""
     for item, values in zip(placed, theta, strict=True):
-        state = item.effect.apply(state, item.location, values)
+        state = item.effect.apply_to(state, item.location, values)
     return state
 
 
 def explained_state(problem: Problem, fitted: Fitted) -> State:
     """The record's state with a fit's inertials and effects."""
-    state = problem.state(fitted.delta)
+    state = problem.state_with_errors(fitted.delta)
     return apply_all(state, fitted.placed, fitted.theta)
 
 
-def refine(
+def refine_fit(
     problem: Problem,
     placed: tuple[Placed, ...],
     start: tuple[Array, ...],
@@ -77,7 +77,6 @@ def refine(
     """Iterate linearised fits until they gain nothing.
 
     Args:
-        problem: the problem.
         placed: the effects.
         start: their parameters to begin with.
         before: a fit whose inertial parameters to begin with.
@@ -87,25 +86,25 @@ def refine(
         The best point that was evaluated in full.
     """
     counts = [len(values) for values in start]
-    scales = np.concatenate([p.effect.scales(problem.nominal, p.location) for p in placed])
+    scales = np.concatenate([p.effect.parameter_scales(problem.nominal, p.location) for p in placed])
     theta, delta = np.concatenate(start), before.delta
-    state = problem.state(delta)
-    rows = _rows(problem, state, placed, theta, counts)
-    cost = _cost(problem, rows, theta / scales, delta)
+    state = problem.state_with_errors(delta)
+    rows = _residual_rows(problem, state, placed, theta, counts)
+    cost = _penalised_cost(problem, rows, theta / scales, delta)
     price, std = 0.0, np.zeros_like(theta)
     for _ in range(steps):
-        columns = _columns(problem, state, placed, theta, counts)
+        columns = _stack_columns(problem, state, placed, theta, counts)
         target = rows + problem.baseline_rows(delta) + columns @ (theta / scales)
-        fit = problem.fit(target, columns)
+        fit = problem.fit_columns(target, columns)
         price, std = fit.gain - fit.evidence, scales * np.sqrt(np.diag(fit.covariance))
         step, best = 1.0, None
         aim = scales * fit.theta
         aim_delta = problem.baseline_parameters(target - columns @ fit.theta)
         while step > 0.05:
             trial, trial_delta = theta + step * (aim - theta), delta + step * (aim_delta - delta)
-            trial_state = problem.state(trial_delta)
-            trial_rows = _rows(problem, trial_state, placed, trial, counts)
-            trial_cost = _cost(problem, trial_rows, trial / scales, trial_delta)
+            trial_state = problem.state_with_errors(trial_delta)
+            trial_rows = _residual_rows(problem, trial_state, placed, trial, counts)
+            trial_cost = _penalised_cost(problem, trial_rows, trial / scales, trial_delta)
             if trial_cost < cost:
                 best = (trial, trial_delta, trial_state, trial_rows, trial_cost)
                 break
@@ -118,8 +117,10 @@ def refine(
             break
     null = nominal_fit(problem).power
     price += sum(item.effect.price for item in placed)
-    parts = _split(theta, counts)
-    return Fitted(placed, parts, _split(std, counts), delta, cost, 0.5 * (null - cost) - price, price)
+    parts = _split_parameters(theta, counts)
+    return Fitted(
+        placed, parts, _split_parameters(std, counts), delta, cost, 0.5 * (null - cost) - price, price
+    )
 
 
 class Linearised(NamedTuple):
@@ -136,15 +137,15 @@ class Linearised(NamedTuple):
     rows: Array
 
 
-def linearised(problem: Problem, fitted: Fitted) -> Linearised:
+def linearise_fit(problem: Problem, fitted: Fitted) -> Linearised:
     """What a further effect is to be fitted to, when those of a fit are free to give way."""
     state = explained_state(problem, fitted)
-    rows = problem.rows(state) + problem.baseline_rows(fitted.delta)
+    rows = problem.residual_rows(state) + problem.baseline_rows(fitted.delta)
     if not fitted.placed:
         return Linearised(problem, state, rows)
     columns, theta = columns_of(problem, fitted), np.concatenate(fitted.theta)
-    scales = np.concatenate([p.effect.scales(problem.nominal, p.location) for p in fitted.placed])
-    return Linearised(problem.beside(columns), state, rows + columns @ (theta / scales))
+    scales = np.concatenate([p.effect.parameter_scales(problem.nominal, p.location) for p in fitted.placed])
+    return Linearised(problem.integrate_out(columns), state, rows + columns @ (theta / scales))
 
 
 def judged_by(problem: Problem, fitted: Fitted) -> Fitted:
@@ -152,40 +153,40 @@ def judged_by(problem: Problem, fitted: Fitted) -> Fitted:
     if not fitted.placed:
         return nominal_fit(problem)
     counts = [len(values) for values in fitted.theta]
-    scales = np.concatenate([p.effect.scales(problem.nominal, p.location) for p in fitted.placed])
+    scales = np.concatenate([p.effect.parameter_scales(problem.nominal, p.location) for p in fitted.placed])
     theta = np.concatenate(fitted.theta)
-    rows = _rows(problem, problem.state(fitted.delta), fitted.placed, theta, counts)
-    return replace(fitted, power=_cost(problem, rows, theta / scales, fitted.delta))
+    rows = _residual_rows(problem, problem.state_with_errors(fitted.delta), fitted.placed, theta, counts)
+    return replace(fitted, power=_penalised_cost(problem, rows, theta / scales, fitted.delta))
 
 
 def columns_of(problem: Problem, fitted: Fitted) -> Array:
     """``(m, k)`` whitened columns of a fit's effects at their parameters, in units of their scales."""
     counts, theta = [len(values) for values in fitted.theta], np.concatenate(fitted.theta)
-    return _columns(problem, problem.state(fitted.delta), fitted.placed, theta, counts)
+    return _stack_columns(problem, problem.state_with_errors(fitted.delta), fitted.placed, theta, counts)
 
 
-def _rows(
+def _residual_rows(
     problem: Problem, state: State, placed: tuple[Placed, ...], theta: Array, counts: list[int]
 ) -> Array:
-    return problem.rows(apply_all(state, placed, _split(theta, counts)))
+    return problem.residual_rows(apply_all(state, placed, _split_parameters(theta, counts)))
 
 
-def _columns(
+def _stack_columns(
     problem: Problem, state: State, placed: tuple[Placed, ...], theta: Array, counts: list[int]
 ) -> Array:
-    columns, parts = [], _split(theta, counts)
+    columns, parts = [], _split_parameters(theta, counts)
     for item, values in zip(placed, parts, strict=True):
         columns.append(effect_columns(problem, state, item.effect, item.location, values))
-        state = item.effect.apply(state, item.location, values)
+        state = item.effect.apply_to(state, item.location, values)
     return np.hstack(columns)
 
 
-def _cost(problem: Problem, rows: Array, scaled: Array, delta: Array) -> float:
+def _penalised_cost(problem: Problem, rows: Array, scaled: Array, delta: Array) -> float:
     base = delta[problem.index] / problem.scales if len(problem.index) else np.zeros(0)
     return float(rows @ rows + scaled @ scaled + base @ base)
 
 
-def _split(values: Array, counts: list[int]) -> tuple[Array, ...]:
+def _split_parameters(values: Array, counts: list[int]) -> tuple[Array, ...]:
     return tuple(np.split(values, np.cumsum(counts)[:-1]))
 
 
@@ -208,32 +209,31 @@ class Screened:
     begun: Array
     fit: LinearFit
 
-    def start(self, state: State) -> Array:
+    def start_parameters(self, state: State) -> Array:
         """Its parameters by that fit, in their units."""
-        return self.begun + self.fit.theta * self.effect.scales(state, self.location)
+        return self.begun + self.fit.theta * self.effect.parameter_scales(state, self.location)
 
 
 def effect_columns(
     problem: Problem, state: State, effect: FloatingEffect, location: str, theta: Array
 ) -> Array:
     """Whitened columns of an effect in units of its scales, unloaded sensors included, ``(m, k)``."""
-    base = problem.whitening(effect.columns(state, location, theta))
+    base = problem.whitening(effect.residual_columns(state, location, theta))
     unloaded = np.zeros((6 * len(problem.unloaded.sensors), base.shape[1]))
     if len(unloaded) and effect.changes_readings:
-        here = problem.unloaded.residual(effect.apply(state, location, theta))
-        for i, parameter in enumerate(effect.parameters(state, location)):
+        here = problem.unloaded.scaled_residual(effect.apply_to(state, location, theta))
+        for i, parameter in enumerate(effect.parameters_at(state, location)):
             ahead = theta.copy()
             ahead[i] += parameter.step
-            there = problem.unloaded.residual(effect.apply(state, location, ahead))
+            there = problem.unloaded.scaled_residual(effect.apply_to(state, location, ahead))
             unloaded[:, i] = (here - there) / parameter.step
-    return np.vstack([base, unloaded]) * effect.scales(state, location)
+    return np.vstack([base, unloaded]) * effect.parameter_scales(state, location)
 
 
-def screen(problem: Problem, state: State, rows: Array) -> list[Screened]:
+def screen_effects(problem: Problem, state: State, rows: Array) -> list[Screened]:
     """Linearised fits of all effects at all places from the likeliest of their beginnings, best evidence first.
 
     Args:
-        problem: the problem.
         state: the state to linearise at.
         rows: ``(m,)`` whitened residual there.
     """
@@ -242,7 +242,7 @@ def screen(problem: Problem, state: State, rows: Array) -> list[Screened]:
         for effect in FLOATING_EFFECTS.values()
         if effect.name not in state.record.modelled and effect.is_seen(state.record)
         for location in effect.locations(state)
-        for begun in effect.beginnings(state, location)
+        for begun in effect.fit_starts(state, location)
     ]
     columns = [effect_columns(problem, state, *hypothesis) for hypothesis in hypotheses]
     screened = [
@@ -251,6 +251,6 @@ def screen(problem: Problem, state: State, rows: Array) -> list[Screened]:
     ]
     likeliest: dict[tuple[FloatingEffect, str], Screened] = {}
     for item in sorted(screened, key=lambda item: -item.fit.evidence):
-        if item.effect.allows(item.start(state)):
+        if item.effect.is_allowed(item.start_parameters(state)):
             likeliest.setdefault((item.effect, item.location), item)
     return list(likeliest.values())

@@ -19,7 +19,7 @@ from excite.diagnosis.floating.spectrum import (
     make_whitening,
     scaled_to_repeats,
 )
-from excite.diagnosis.floating.state import State, TorqueState, check_legs, cross, inertial_scales
+from excite.diagnosis.floating.state import State, TorqueState, check_legs, cross_rows, inertial_scales
 from excite.regressor.kernels import base_link_regressor
 from excite.robot.robot import WrenchSensor
 
@@ -57,14 +57,14 @@ class UnloadedRows:
     foot: Array
     scales: Array
 
-    def values(self, readings: dict[str, Array]) -> Array:
+    def mean_readings(self, readings: dict[str, Array]) -> Array:
         """``(n_blocks, 6)`` mean readings; the expected ones are subtracted by the caller."""
         pairs = zip(self.sensors, self.masks, strict=True)
         return np.array([readings[name][mask].mean(axis=0) for name, mask in pairs]).reshape(-1, 6)
 
-    def residual(self, state: State) -> Array:
+    def scaled_residual(self, state: State) -> Array:
         """``(6·n_blocks,)`` mean reading less expected, over its standard deviation."""
-        off = self.values(state.readings) - self.foot @ state.phi
+        off = self.mean_readings(state.readings) - self.foot @ state.phi
         return (off / np.array(self.std).reshape(-1, 6)).ravel()
 
     def foot_columns(self) -> Array:
@@ -93,7 +93,7 @@ def find_unloaded(record: FloatingRecord, state: State) -> UnloadedRows:
             names.append(sensor.name)
             masks.append(mask)
             trials.append(index)
-            stds.append(_std(record.readings[sensor.name][mask], int(mask.sum()), record.rate_hz))
+            stds.append(_mean_deviation(record.readings[sensor.name][mask], int(mask.sum()), record.rate_hz))
             feet.append(_foot_reading(record, state, sensor, mask))
         for segment in sensor.excludes:
             part = slice(10 * segment, 10 * segment + 10)
@@ -109,7 +109,7 @@ def find_unloaded(record: FloatingRecord, state: State) -> UnloadedRows:
     )
 
 
-def _std(readings: Array, n: int, rate_hz: float) -> Array:
+def _mean_deviation(readings: Array, n: int, rate_hz: float) -> Array:
     """Of the mean over ``n`` samples: the readings' own spread, about three independent numbers a second."""
     spread = readings.std(axis=0)
     floor = np.array([_FORCE_FLOOR] * 3 + [_MOMENT_FLOOR] * 3)
@@ -138,7 +138,7 @@ def _foot_reading(
     for segment in sensor.excludes:
         part = slice(10 * segment, 10 * segment + 10)
         force, moment = body[:, :3, part], body[:, 3:, part]
-        moment = moment - cross(point, force)
+        moment = moment - cross_rows(point, force)
         total[:3, part] = -np.einsum("nji,njk->ik", rotation, force) / mask.sum()
         total[3:, part] = -np.einsum("nji,njk->ik", rotation, moment) / mask.sum()
     return total
@@ -192,11 +192,11 @@ class Problem:
     scales: Array
     index: NDArray[np.int64]
 
-    def rows(self, state: State) -> Array:
+    def residual_rows(self, state: State) -> Array:
         """``(m,)`` whitened residual in a state."""
-        return np.concatenate([self.whitening(state.residual), self.unloaded.residual(state)])
+        return np.concatenate([self.whitening(state.residual), self.unloaded.scaled_residual(state)])
 
-    def state(self, delta: Array) -> State:
+    def state_with_errors(self, delta: Array) -> State:
         """The logged state with errors ``delta (10·n_segments,)`` of the inertial parameters.
 
         What the nominal state has computed and does not depend on them is handed on: the regressor in any case.
@@ -222,10 +222,10 @@ class Problem:
     @cached_property
     def nominal_rows(self) -> Array:
         """Those of the nominal state."""
-        return self.rows(self.nominal)
+        return self.residual_rows(self.nominal)
 
     @cached_property
-    def validation(self) -> NDArray[np.bool_]:
+    def validation_rows(self) -> NDArray[np.bool_]:
         """``(m,)`` which rows are of validation trials."""
         held_out = np.array(self.record.validation)
         unloaded = np.repeat(held_out[list(self.unloaded.trial)] if self.unloaded.trial else [], 6)
@@ -249,12 +249,12 @@ class Problem:
                 for std, trial in zip(self.unloaded.std, self.unloaded.trial, strict=True)
             ),
         )
-        columns = np.where(self.validation[:, None], 0.0, self.columns)
+        columns = np.where(self.validation_rows[:, None], 0.0, self.columns)
         return replace(
             self, whitening=whitening, unloaded=unloaded, columns=columns, basis=damped_basis(columns)
         )
 
-    def project(self, rows: Array) -> Array:
+    def project_rows(self, rows: Array) -> Array:
         """``(r, …)`` components that the baseline takes out."""
         return self.basis.T @ rows
 
@@ -278,32 +278,32 @@ class Problem:
         """Factor of the baseline's normal equations, prior included."""
         return scipy.linalg.cho_factor(self.columns.T @ self.columns + np.eye(len(self.index)))
 
-    def beside(self, columns: Array) -> Problem:
+    def integrate_out(self, columns: Array) -> Problem:
         """The problem in which the parameters of ``columns (m, k)``, of unit prior, are integrated out as well."""
-        left = columns - self.basis @ self.project(columns)
+        left = columns - self.basis @ self.project_rows(columns)
         factor = np.linalg.cholesky(np.eye(columns.shape[1]) + columns.T @ left)
         further = scipy.linalg.solve_triangular(factor, left.T, lower=True).T
         return replace(self, basis=np.hstack([self.basis, further]))
 
-    def power(self, rows: Array) -> float:
+    def residual_power(self, rows: Array) -> float:
         """Sum of squares left by the baseline, its prior included."""
-        return float(rows @ rows - (self.project(rows) ** 2).sum())
+        return float(rows @ rows - (self.project_rows(rows) ** 2).sum())
 
-    def fit(self, rows: Array, columns: Array) -> LinearFit:
+    def fit_columns(self, rows: Array, columns: Array) -> LinearFit:
         """Fit ``columns (m, k)``, in units of their scales, to ``rows (m,)``."""
         return self.fit_each(rows, [columns])[0]
 
     def fit_each(self, rows: Array, hypotheses: list[Array]) -> list[LinearFit]:
         """Fit each of several sets of columns, by itself."""
         ends = np.cumsum([columns.shape[1] for columns in hypotheses])[:-1]
-        projected, shadow = self.project(np.hstack(hypotheses)), self.project(rows)
+        projected, shadow = self.project_rows(np.hstack(hypotheses)), self.project_rows(rows)
         return [
-            solve(columns.T @ columns - part.T @ part, columns.T @ rows - part.T @ shadow)
+            solve_ridge(columns.T @ columns - part.T @ part, columns.T @ rows - part.T @ shadow)
             for columns, part in zip(hypotheses, np.split(projected, ends, axis=1), strict=True)
         ]
 
 
-def solve(gram: Array, right: Array) -> LinearFit:
+def solve_ridge(gram: Array, right: Array) -> LinearFit:
     """Ridge solution with unit prior, and its evidence, from normal equations ``gram (k, k)`` and ``right (k,)``."""
     factor = scipy.linalg.cho_factor(np.eye(len(gram)) + gram)
     theta = scipy.linalg.cho_solve(factor, right)
@@ -325,8 +325,8 @@ def damped_basis(columns: Array) -> Array:
 def record_state(record: FloatingRecord) -> State:
     """The logged state of a record, by what is measured."""
     if record.robot.sensors:
-        return State.logged(record)
-    state = TorqueState.logged(record)
+        return State.from_log(record)
+    state = TorqueState.from_log(record)
     check_legs(state)
     return state
 
@@ -391,26 +391,25 @@ def noise_level(
     """Noise as far as the model of it, what a fit leaves of the other trials and repeated trials tell.
 
     Args:
-        problem: the problem.
         residual: ``(n, 6)`` what the fit leaves, in band [N, N·m].
         scale: ``(6,)`` of the channels.
         judged: ``(n,)`` which samples the gap is judged on.
         below_hz: where the noise is asked for.
     """
     record = problem.record
-    louder = _louder(record, residual / scale)
+    louder = _validation_noise_ratio(record, residual / scale)
     slow, learnt = in_band(record, residual, below_hz), noise_floor(problem, below_hz)
     fitted = ~judged if (~judged).any() else judged
     # What is left in the trials that were fitted says how loud the noise is, as far as noise can be that loud.
     seen = np.sqrt((slow[fitted] ** 2).mean(axis=0))
     likely = louder * np.minimum(seen, np.sqrt(NOISE_SLACK) * learnt)
-    least = np.minimum(likely, louder * np.minimum(learnt, _repeated(record, slow)))
+    least = np.minimum(likely, louder * np.minimum(learnt, _repeat_noise(record, slow)))
     powers = [float(((slow[span] / scale) ** 2).mean()) for span in record.spans]
     # Independent numbers that the level is learnt from: a noise of that band in as many channels as carry it.
     share = (likely / scale) ** 2
     channels = float(share.sum() ** 2 / (share**2).sum())
     numbers = 2.0 * below_hz * channels * int(fitted.sum()) / record.rate_hz
-    return NoiseLevel(likely, least, float(np.hypot(_spread(problem, powers), np.sqrt(2.0 / numbers))))
+    return NoiseLevel(likely, least, float(np.hypot(_power_spread(problem, powers), np.sqrt(2.0 / numbers))))
 
 
 def noise_floor(problem: Problem, below_hz: float = BAND_HZ) -> Array:
@@ -426,11 +425,10 @@ def noise_floor(problem: Problem, below_hz: float = BAND_HZ) -> Array:
     return np.sqrt(total / len(problem.record.spans))
 
 
-def _spread(problem: Problem, powers: list[float]) -> float:
+def _power_spread(problem: Problem, powers: list[float]) -> float:
     """How far the noise's power in the validation trials may be from what was learnt, relative.
 
     Args:
-        problem: the problem.
         powers: what a fit leaves of each trial.
     """
     held_out = np.array(problem.record.validation)
@@ -441,14 +439,13 @@ def _spread(problem: Problem, powers: list[float]) -> float:
     return float(np.clip(share, _LEAST_SPREAD, _LARGEST_SPREAD))
 
 
-def _louder(record: FloatingRecord, residual: Array) -> float:
+def _validation_noise_ratio(record: FloatingRecord, residual: Array) -> float:
     """Amplitude of the noise in the validation trials over that in the others, from the band's upper end.
 
     Motion is slower than that, so that what a fit leaves there is noise; other motions carry more or less of the
     kinematics' noise into the equations. 1 where there are no validation trials, or no others.
 
     Args:
-        record: the record.
         residual: ``(n, 6)`` in band, channels of like size.
     """
     powers: tuple[list[float], list[float]] = ([], [])
@@ -465,7 +462,7 @@ def _louder(record: FloatingRecord, residual: Array) -> float:
     return float(np.clip(1.0 + more, *_LOUDER_RANGE))
 
 
-def _repeated(record: FloatingRecord, residual: Array) -> Array:
+def _repeat_noise(record: FloatingRecord, residual: Array) -> Array:
     """``(6,)`` standard deviation of the noise from pairs of repeated trials; infinity where there are none.
 
     What a wrong form leaves is the same in both: of all levels this is the one that holds nothing of it.

@@ -16,14 +16,14 @@ from excite.diagnosis.effects.friction import CoulombFriction, ViscousFriction
 from excite.diagnosis.effects.gears.gear_effect import Armature
 from excite.diagnosis.effects.readings import TorqueBias, TorqueGain
 from excite.diagnosis.floating.effect import (
-    Beyond,
+    Absence,
     FloatingEffect,
     Parameter,
     Part,
     Reads,
     joint_of,
-    joints,
-    sensors,
+    sensor_names,
+    visible_joints,
 )
 from excite.diagnosis.floating.record import TORQUE, FloatingRecord
 from excite.diagnosis.floating.state import State, drive_shapes, joint_turn
@@ -39,12 +39,14 @@ class SensorBias(FloatingEffect):
     name = "sensor_bias"
     reads_as = "constant external force, inertials, base orientation; the unloaded foot tells"
     confusable_with = ("external_force", "link_inertia", "base_orientation_bias")
-    says = Beyond.READINGS
+    says = Absence.READINGS
 
-    places = staticmethod(sensors)
-    own = Parameter.each(WRENCH_AXES[:3], "N", 15.0, 1.0) + Parameter.each(WRENCH_AXES[3:], "N·m", 3.0, 1.0)
+    places = staticmethod(sensor_names)
+    own = Parameter.of_names(WRENCH_AXES[:3], "N", 15.0, 1.0) + Parameter.of_names(
+        WRENCH_AXES[3:], "N·m", 3.0, 1.0
+    )
 
-    def apply(self, state: State, location: str, theta: Array) -> State:
+    def apply_to(self, state: State, location: str, theta: Array) -> State:
         """Subtract it."""
         return state.replace(readings=state.readings | {location: state.readings[location] - theta})
 
@@ -59,12 +61,12 @@ class BaseOrientationBias(FloatingEffect):
     """
 
     name = "base_orientation_bias"
-    told_by = frozenset({Doubt.POSITION, Doubt.GRAVITY})
+    observed_by = frozenset({Doubt.POSITION, Doubt.GRAVITY})
     reads_as = "constant horizontal sensor bias or external force; bending forward and turning"
     confusable_with = ("sensor_bias", "external_force")
-    says = Beyond.MOTION
+    says = Absence.MOTION
 
-    own = Parameter.each(("rx", "ry", "rz"), "rad", 0.03, 1e-3)
+    own = Parameter.of_names(("rx", "ry", "rz"), "rad", 0.03, 1e-3)
     # Logged against true.
     counts = -1.0
 
@@ -72,7 +74,7 @@ class BaseOrientationBias(FloatingEffect):
         """The base."""
         return ("base",)
 
-    def apply(self, state: State, location: str, theta: Array) -> State:
+    def apply_to(self, state: State, location: str, theta: Array) -> State:
         """Turn the base; its rates, logged in the base frame, turn back."""
         turn = pin.exp3(theta)
         x, y, z, w = pin.Quaternion(turn).coeffs()
@@ -93,23 +95,23 @@ class EncoderOffset(FloatingEffect):
 
     name = "encoder_offset"
     seen_by = frozenset(Reads)
-    told_by = frozenset({Doubt.POSITION, Doubt.GRAVITY})
+    observed_by = frozenset({Doubt.POSITION, Doubt.GRAVITY})
     reads_as = "link length and inertia beyond the joint; postures that turn it against gravity"
     confusable_with = ("link_length_error", "link_inertia")
-    says = Beyond.MOTION
+    says = Absence.MOTION
 
-    places = staticmethod(joints)
+    places = staticmethod(visible_joints)
     # The offset, true less logged; the contract counts the opposite.
     own = (Parameter("offset", "rad", 0.05, 1e-3),)
     counts = -1.0
 
-    def apply(self, state: State, location: str, theta: Array) -> State:
+    def apply_to(self, state: State, location: str, theta: Array) -> State:
         """Turn the joint."""
-        return state.moved(joint_of(state, location), q=theta[0])
+        return state.move_joint(joint_of(state, location), q=theta[0])
 
-    def columns(self, state: State, location: str, theta: Array) -> Array:
+    def residual_columns(self, state: State, location: str, theta: Array) -> Array:
         """The joint's own column: it turns, and no more."""
-        turned = self.apply(state, location, theta) if theta.any() else state
+        turned = self.apply_to(state, location, theta) if theta.any() else state
         return -joint_turn(turned, joint_of(state, location)).by_q(state.readings)[:, :, None]
 
 
@@ -122,7 +124,7 @@ class SensorCrosstalk(FloatingEffect):
     name = "sensor_crosstalk"
     reads_as = "a turn of the sensor's frame, which couples A to B and B to A"
     confusable_with = ("sensor_frame_offset",)
-    says = Beyond.READINGS
+    says = Absence.READINGS
 
     def locations(self, state: State) -> tuple[str, ...]:
         """Every ordered pair of axes of every sensor."""
@@ -132,13 +134,13 @@ class SensorCrosstalk(FloatingEffect):
             for source, target in permutations(WRENCH_AXES, 2)
         )
 
-    def parameters(self, state: State, location: str) -> tuple[Parameter, ...]:
+    def parameters_at(self, state: State, location: str) -> tuple[Parameter, ...]:
         """The coefficient."""
         source, target = location.partition(".")[2].split("->")
         kinds = {"ft": ("m", 0.03, 1e-3), "tf": ("1/m", 0.3, 1e-2)}
         return (Parameter("coefficient", *kinds.get(source[0] + target[0], ("1", 0.05, 1e-3))),)
 
-    def apply(self, state: State, location: str, theta: Array) -> State:
+    def apply_to(self, state: State, location: str, theta: Array) -> State:
         """Subtract the leak; the source's channel is right as logged."""
         name, _, pair = location.partition(".")
         source, target = (WRENCH_AXES.index(axis) for axis in pair.split("->"))
@@ -157,11 +159,13 @@ class SensorFrameOffset(FloatingEffect):
     reads_as = "cross-talk between force axes; the last link's length for a foot sensor"
     confusable_with = ("sensor_crosstalk", "link_length_error")
     says = Part.SENSORS
-    places = staticmethod(sensors)
+    places = staticmethod(sensor_names)
     # Translation and rotation vector, in the declared frame.
-    own = Parameter.each("xyz", "m", 0.01, 1e-3) + Parameter.each(("rx", "ry", "rz"), "rad", 0.02, 1e-3)
+    own = Parameter.of_names("xyz", "m", 0.01, 1e-3) + Parameter.of_names(
+        ("rx", "ry", "rz"), "rad", 0.02, 1e-3
+    )
 
-    def apply(self, state: State, location: str, theta: Array) -> State:
+    def apply_to(self, state: State, location: str, theta: Array) -> State:
         """Move the sensor."""
         moved = state.placements[location] * pin.SE3(pin.exp3(theta[3:]), theta[:3])
         return state.replace(placements=state.placements | {location: moved})
@@ -174,25 +178,25 @@ class SensorGain(FloatingEffect):
     """Logged = gain × true, on one axis or on all six."""
 
     name = "sensor_gain"
-    told_by = frozenset({Doubt.CLOCK, Doubt.SIZE})
+    observed_by = frozenset({Doubt.CLOCK, Doubt.SIZE})
     reads_as = "with free inertials a gain common to all sensors is invisible"
     confusable_with = ("link_inertia",)
-    says = Beyond.READINGS
+    says = Absence.READINGS
     own = (Parameter("gain_error", "1", 0.1, 1e-3),)
 
     def locations(self, state: State) -> tuple[str, ...]:
         """Sensors, and each of their axes."""
-        names = sensors(state)
+        names = sensor_names(state)
         return names + tuple(f"{name}.{axis}" for name in names for axis in WRENCH_AXES)
 
-    def apply(self, state: State, location: str, theta: Array) -> State:
+    def apply_to(self, state: State, location: str, theta: Array) -> State:
         """Divide by the gain."""
         name, _, axis = location.partition(".")
         reading = state.readings[name].copy()
         reading[:, WRENCH_AXES.index(axis) if axis else slice(None)] /= 1.0 + theta[0]
         return state.replace(readings=state.readings | {name: reading})
 
-    def report(self, state: State, location: str, theta: Array, std: Array) -> dict[str, Estimate]:
+    def report_parameters(self, state: State, location: str, theta: Array, std: Array) -> dict[str, Estimate]:
         """The gain itself."""
         return {"gain": Estimate(1.0 + float(theta[0]), float(std[0]), "1")}
 
@@ -205,19 +209,19 @@ class TimeDelay(FloatingEffect):
 
     name = "time_delay"
     seen_by = frozenset(Reads)
-    told_by = frozenset({Doubt.CLOCK, Doubt.DELAY})
+    observed_by = frozenset({Doubt.CLOCK, Doubt.DELAY})
     reads_as = "nothing else follows the wrench's rate"
-    says = Beyond.READINGS
+    says = Absence.READINGS
     own = (Parameter("delay", "s", 0.02, 1e-3),)
 
     def locations(self, state: State) -> tuple[str, ...]:
         """The wrench channels, or the torques, as a whole."""
         return ("wrench",) if state.record.robot.sensors else (TORQUE,)
 
-    def apply(self, state: State, location: str, theta: Array) -> State:
+    def apply_to(self, state: State, location: str, theta: Array) -> State:
         """Read ahead, trial by trial, by cubic Hermite interpolation."""
         record = state.record
-        first, u = _ahead(record, float(theta[0]) * record.rate_hz)
+        first, u = _interpolation_points(record, float(theta[0]) * record.rate_hz)
         readings = {}
         for name, logged in record.readings.items():
             rise = logged[first + 1] - logged[first]
@@ -228,7 +232,7 @@ class TimeDelay(FloatingEffect):
         return state.replace(readings=readings)
 
 
-def _ahead(record: FloatingRecord, samples: float) -> tuple[NDArray[np.int64], Array]:
+def _interpolation_points(record: FloatingRecord, samples: float) -> tuple[NDArray[np.int64], Array]:
     """For each sample, the one before where it is read, ``(n,)``, and how far after that, ``(n, 1)`` from 0 to 1.
 
     Beyond a trial's ends nothing is known: there the ends are read.
@@ -259,44 +263,50 @@ class DriveTerm(FloatingEffect):
     """
 
     law: ClassVar[Effect]
-    says = Beyond.READINGS
+    says = Absence.READINGS
     exact = True
     seen_by = frozenset({Reads.TORQUES})
 
     def __init_subclass__(cls) -> None:
         """Name, words and doubts are those of the law."""
-        cls.name, cls.confusable_with, cls.told_by = cls.law.name, cls.law.confusable_with, cls.law.told_by
+        cls.name, cls.confusable_with, cls.observed_by = (
+            cls.law.name,
+            cls.law.confusable_with,
+            cls.law.observed_by,
+        )
         cls.reads_as = f"{', '.join(cls.law.confusable_with)}; {cls.law.separating_motion}"
 
     def locations(self, state: State) -> tuple[str, ...]:
         """Joints."""
         return tuple(state.record.robot.joint_names)
 
-    def parameters(self, state: State, location: str) -> tuple[Parameter, ...]:
+    def parameters_at(self, state: State, location: str) -> tuple[Parameter, ...]:
         """The law's own."""
-        (own,), joint = self.law.linear, _index(state, location)
+        (own,), joint = self.law.linear, _torque_index(state, location)
         load, size = (
             float(np.sqrt((x**2).mean()))
-            for x in (state.readings[TORQUE][:, joint], self._shape(state, joint))
+            for x in (state.readings[TORQUE][:, joint], self._unit_torque(state, joint))
         )
         scale = _SHARE * load / max(size, 1e-6)
         return (Parameter(own.name, own.unit, scale, 1e-3 * scale),)
 
-    def apply(self, state: State, location: str, theta: Array) -> State:
+    def apply_to(self, state: State, location: str, theta: Array) -> State:
         """What the joint carries is what is read less this."""
-        torque, joint = state.readings[TORQUE].copy(), _index(state, location)
-        torque[:, joint] = self._carried(torque[:, joint], self._shape(state, joint), float(theta[0]))
+        torque, joint = state.readings[TORQUE].copy(), _torque_index(state, location)
+        torque[:, joint] = self._carried_torque(
+            torque[:, joint], self._unit_torque(state, joint), float(theta[0])
+        )
         return state.replace(readings={TORQUE: torque})
 
-    def _shape(self, state: State, joint: int) -> Array:
+    def _unit_torque(self, state: State, joint: int) -> Array:
         """``(n,)`` torque of a unit [N·m]."""
         return drive_shapes(state)[self.law.name][:, joint]
 
-    def _carried(self, read: Array, shape: Array, size: float) -> Array:
+    def _carried_torque(self, read: Array, shape: Array, size: float) -> Array:
         return read - size * shape
 
 
-def _index(state: State, joint: str) -> int:
+def _torque_index(state: State, joint: str) -> int:
     """A joint's place among the torques."""
     return int(state.tree.idx_v[joint_of(state, joint)]) - 6
 
@@ -330,12 +340,12 @@ class DriveGain(DriveTerm):
 
     law = TorqueGain()
 
-    def _shape(self, state: State, joint: int) -> Array:
+    def _unit_torque(self, state: State, joint: int) -> Array:
         return state.readings[TORQUE][:, joint]
 
-    def _carried(self, read: Array, shape: Array, size: float) -> Array:
+    def _carried_torque(self, read: Array, shape: Array, size: float) -> Array:
         return read / (1.0 + size)
 
-    def report(self, state: State, location: str, theta: Array, std: Array) -> dict[str, Estimate]:
+    def report_parameters(self, state: State, location: str, theta: Array, std: Array) -> dict[str, Estimate]:
         """The gain itself."""
         return {"gain": Estimate(1.0 + float(theta[0]), float(std[0]), "1")}

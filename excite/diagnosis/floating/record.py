@@ -90,12 +90,12 @@ class FloatingRecord:
         """Indices of every other sample of each trial."""
         return np.concatenate([np.arange(span.start, span.stop, 2) for span in self.spans])
 
-    def thinned(self) -> FloatingRecord:
+    def halve_rate(self) -> FloatingRecord:
         """Every other sample; still more than the band of the likelihood needs."""
         lengths = [(span.stop - span.start + 1) // 2 for span in self.spans]
-        return replace(self._at(self.every_other, lengths), rate_hz=0.5 * self.rate_hz)
+        return replace(self._select_samples(self.every_other, lengths), rate_hz=0.5 * self.rate_hz)
 
-    def _at(self, samples: NDArray[np.int64], lengths: Sequence[int]) -> FloatingRecord:
+    def _select_samples(self, samples: NDArray[np.int64], lengths: Sequence[int]) -> FloatingRecord:
         """Some samples, so many of each trial."""
         return replace(
             self,
@@ -104,10 +104,10 @@ class FloatingRecord:
             a=self.a[samples],
             readings={name: values[samples] for name, values in self.readings.items()},
             readings_rate={name: values[samples] for name, values in self.readings_rate.items()},
-            spans=_spans(lengths),
+            spans=_trial_spans(lengths),
         )
 
-    def learnt(self) -> FloatingRecord:
+    def learning_trials(self) -> FloatingRecord:
         """The trials that are learnt from, of which the last that stands for itself checks each name.
 
         Names and sizes come from this record alone, so that nothing depends on the trials that judge. A trial that
@@ -121,17 +121,17 @@ class FloatingRecord:
         alone = [i for i in range(len(kept)) if not any(i in pair for pair in repeats)]
         check = alone[-1] if len(alone) > 1 else None
         return replace(
-            self._at(np.concatenate(samples), [len(own) for own in samples]),
+            self._select_samples(np.concatenate(samples), [len(own) for own in samples]),
             trials=tuple(self.trials[i] for i in kept),
             validation=tuple(i == check for i in range(len(kept))),
             repeats=repeats,
         )
 
-    def smooth(self, values: Array, cutoff_hz: float) -> Array:
+    def smooth_signal(self, values: Array, cutoff_hz: float) -> Array:
         """``(n, …)`` without what is above a frequency, trial by trial."""
         return np.concatenate([lowpass(values[span], self.rate_hz, cutoff_hz) for span in self.spans])
 
-    def rates(self, values: Array) -> Array:
+    def differentiate_signal(self, values: Array) -> Array:
         """``(n, …)`` derivative with respect to time, by central differences within each trial [1/s]."""
         return np.concatenate([np.gradient(values[span], 1.0 / self.rate_hz, axis=0) for span in self.spans])
 
@@ -143,7 +143,7 @@ class FloatingRecord:
         return mask
 
 
-def _spans(lengths: Sequence[int]) -> tuple[slice, ...]:
+def _trial_spans(lengths: Sequence[int]) -> tuple[slice, ...]:
     """Samples of trials that follow each other."""
     return tuple(slice(int(lo), int(hi)) for lo, hi in pairwise(np.cumsum([0, *lengths])))
 
@@ -178,7 +178,7 @@ def prepare_record(log: Log, robot: Robot | None = None) -> FloatingRecord:
             name: np.concatenate([part.readings[name] for part in parts]) for name in parts[0].readings
         },
         readings_rate={name: np.concatenate([part.rates[name] for part in parts]) for name in parts[0].rates},
-        spans=_spans([len(part.q) for part in parts]),
+        spans=_trial_spans([len(part.q) for part in parts]),
         trials=tuple(names),
         validation=tuple(trial.role == "validation" for trial in log.trials),
         repeats=tuple(
@@ -215,7 +215,7 @@ def _prepare_trial(
             remedy="log it",
         )
     k = trial_kinematics(robot, log.header, trial, settings, filters)
-    raw = _readings(robot, log, trial, settings, filters)
+    raw = _sensor_readings(robot, log, trial, settings, filters)
     raw = {name: forces_on_grid(trial.time, values, k.time) for name, values in raw.items()}
     edge = round(_EDGE_S * k.rate_hz)
     if len(k.time) < 2 * edge + _LEAST_S * k.rate_hz:
@@ -241,7 +241,7 @@ def _prepare_trial(
     )
 
 
-def _readings(
+def _sensor_readings(
     robot: Robot, log: Log, trial: Trial, settings: ProblemSettings, filters: Filters
 ) -> Mapping[str, Array]:
     """Contact wrenches by sensor; where there are no sensors, the torques of all joints."""

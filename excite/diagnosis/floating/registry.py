@@ -28,7 +28,7 @@ from excite.diagnosis.floating.readings import (
 )
 
 FLOATING_EFFECTS: dict[str, FloatingEffect] = {
-    effect.word: effect
+    effect.form_name: effect
     for effect in (
         LinkInertia(),
         LinkLengthError(),
@@ -59,7 +59,7 @@ NAMELESS: dict[str, FloatingEffect] = {WobblingMass.form: WobblingMass(level=Tru
 
 # By form, all that may be noted beside a model; contacts are found by searches of their own.
 EVERY_FORM: dict[str, FloatingEffect] = {
-    effect.word: effect
+    effect.form_name: effect
     for effect in (
         *FLOATING_EFFECTS.values(),
         *(form for forms in FURTHER_FORMS.values() for form in forms),

@@ -10,7 +10,7 @@ import scipy
 
 from excite.arrays import Array
 from excite.diagnosis.floating.answer import held_out_gain
-from excite.diagnosis.floating.effect import FloatingEffect, links, segment_of
+from excite.diagnosis.floating.effect import FloatingEffect, link_names, segment_of
 from excite.diagnosis.floating.forces import PressedContact, Surface, UnloggedContact
 from excite.diagnosis.floating.hypotheses import (
     Fitted,
@@ -20,10 +20,10 @@ from excite.diagnosis.floating.hypotheses import (
     effect_columns,
     explained_state,
     judged_by,
-    linearised,
+    linearise_fit,
     nominal_fit,
-    refine,
-    screen,
+    refine_fit,
+    screen_effects,
 )
 from excite.diagnosis.floating.problem import NOISE_SLACK, Problem, build_problem
 from excite.diagnosis.floating.registry import FLOATING_EFFECTS, FURTHER_FORMS
@@ -56,7 +56,7 @@ class Ranked:
     choice: float = 0.0
 
     @property
-    def last(self) -> Placed:
+    def last_placed(self) -> Placed:
         """The effect that it adds."""
         return self.fitted.placed[-1]
 
@@ -70,7 +70,7 @@ class Ranker:
 
     def __init__(self, problem: Problem):
         self.problem = problem
-        self._coarse = build_problem(problem.record.thinned())
+        self._coarse = build_problem(problem.record.halve_rate())
         self._known: dict[tuple[tuple[FloatingEffect, str], ...], tuple[Ranked, ...]] = {}
 
     def __call__(self, current: Fitted) -> tuple[Ranked, ...]:
@@ -85,23 +85,26 @@ def rank_next(problem: Problem, coarse: Problem, current: Fitted) -> tuple[Ranke
     """All effects at all places added to ``current``: screened by linearised fits, the promising ones refined.
 
     Args:
-        problem: the problem.
         coarse: the same with every other sample, for screening.
         current: what is accepted already.
     """
     n = len(problem.nominal_rows)
     known = {(item.effect.name, item.location) for item in current.placed}
-    screened = [s for s in screen(*linearised(coarse, current)) if (s.effect.name, s.location) not in known]
+    screened = [
+        s for s in screen_effects(*linearise_fit(coarse, current)) if (s.effect.name, s.location) not in known
+    ]
     places = dict(Counter(item.effect.name for item in screened))
-    rough = [_refined(coarse, current, item) for item in _shortlist(screened)]
+    rough = [_refine_candidate(coarse, current, item) for item in _shortlist_effects(screened)]
     top, before = min(rough, key=lambda f: f.power, default=None), judged_by(coarse, current)
-    if top is not None and _worth(top, top.power / n) > _worth(before, top.power / n):
-        rough += [_refined(coarse, current, item) for item in _neighbours(screened, rough, top)]
+    if top is not None and _penalised_gain(top, top.power / n) > _penalised_gain(before, top.power / n):
+        rough += [
+            _refine_candidate(coarse, current, item) for item in _neighbouring_places(screened, rough, top)
+        ]
     open_after = (min(f.power for f in rough) if rough else current.power) / n
     if open_after > NOISE_SLACK or not problem.repeatability.repeatable:
-        rough += _further(coarse, rough)
+        rough += _refine_further_forms(coarse, rough)
         gain = 0.5 * (before.power - min((f.power for f in rough), default=np.inf))
-        rough += _contacts(problem, coarse, current, places, _WORTH_A_LOOK * gain)
+        rough += _fit_contacts(problem, coarse, current, places, _WORTH_A_LOOK * gain)
     fits = _in_full(problem, rough, before)
     fits = [f for f in fits if current.power - f.power > f.placed[-1].effect.least_shrink * n]
     if not fits:
@@ -112,7 +115,7 @@ def rank_next(problem: Problem, coarse: Problem, current: Fitted) -> tuple[Ranke
 
 def by_evidence(fits: list[tuple[Fitted, float]], current: Fitted, problem: Problem) -> tuple[Ranked, ...]:
     """Fits, each with what the number of its places costs, ranked by evidence over ``current``, best first."""
-    over = _overdispersion(problem, min((fit for fit, _ in fits), key=lambda fit: fit.power))
+    over = _estimate_overdispersion(problem, min((fit for fit, _ in fits), key=lambda fit: fit.power))
     ranked = []
     for fit, choice in fits:
         gain = 0.5 * (current.power - fit.power) / over
@@ -120,7 +123,7 @@ def by_evidence(fits: list[tuple[Fitted, float]], current: Fitted, problem: Prob
     return tuple(sorted(ranked, key=lambda item: -item.evidence))
 
 
-def _overdispersion(problem: Problem, fitted: Fitted) -> float:
+def _estimate_overdispersion(problem: Problem, fitted: Fitted) -> float:
     """Variance of what a fit leaves over that of noise, times that by which it is fewer numbers than noise is.
 
     What a wrong form leaves sits in a few frequencies: as many numbers as make its kurtosis that of a Gaussian
@@ -129,7 +132,7 @@ def _overdispersion(problem: Problem, fitted: Fitted) -> float:
     n = len(problem.nominal_rows)
     if fitted.power < NOISE_SLACK * n:
         return max(1.0, fitted.power / n)
-    squares = problem.rows(explained_state(problem, fitted)) ** 2
+    squares = problem.residual_rows(explained_state(problem, fitted)) ** 2
     effective = 3.0 * squares.sum() ** 2 / (squares**2).sum()
     return float(fitted.power / min(n, effective))
 
@@ -139,20 +142,20 @@ def _in_full(problem: Problem, rough: list[Fitted], before: Fitted) -> list[Fitt
     if not rough:
         return []
     over = min(f.power for f in rough) / len(problem.nominal_rows)
-    worth = [_worth(f, over) for f in rough]
-    leading = max(max(worth) - _LEADING * DECISIVE, _worth(before, over))
+    worth = [_penalised_gain(f, over) for f in rough]
+    leading = max(max(worth) - _LEADING * DECISIVE, _penalised_gain(before, over))
     return [
-        refine(problem, fit.placed, fit.theta, fit) if value > leading else judged_by(problem, fit)
+        refine_fit(problem, fit.placed, fit.theta, fit) if value > leading else judged_by(problem, fit)
         for value, fit in zip(worth, rough, strict=True)
     ]
 
 
-def _worth(fit: Fitted, over: float) -> float:
+def _penalised_gain(fit: Fitted, over: float) -> float:
     """What a fit explains less what it costs, but for a constant, where noise is ``over`` times as loud [nats]."""
     return -0.5 * fit.power / max(1.0, over) - fit.price
 
 
-def _shortlist(screened: list[Screened]) -> list[Screened]:
+def _shortlist_effects(screened: list[Screened]) -> list[Screened]:
     """The first few of all, and the best of each effect that explains a good part of what the first does."""
     chosen = [item for item in screened[:_FIRST_LOOK] if item.fit.evidence > 0.0]
     least = _WORTH_A_LOOK * max((item.fit.gain for item in chosen), default=0.0)
@@ -162,25 +165,25 @@ def _shortlist(screened: list[Screened]) -> list[Screened]:
     return chosen
 
 
-def _neighbours(screened: list[Screened], done: list[Fitted], top: Fitted) -> list[Screened]:
+def _neighbouring_places(screened: list[Screened], done: list[Fitted], top: Fitted) -> list[Screened]:
     """Other places of the leading effect that may turn out as good."""
-    seen = {(f.placed[-1].effect.word, f.placed[-1].location) for f in done}
-    word = top.placed[-1].effect.word
-    own = [item for item in screened if item.effect.word == word]
+    seen = {(f.placed[-1].effect.form_name, f.placed[-1].location) for f in done}
+    word = top.placed[-1].effect.form_name
+    own = [item for item in screened if item.effect.form_name == word]
     if not own:
         return []
     close = [item for item in own if item.fit.gain > 0.97 * own[0].fit.gain - 2.0 * DECISIVE]
     return [item for item in close if (word, item.location) not in seen][:_NEIGHBOURS]
 
 
-def _refined(problem: Problem, current: Fitted, item: Screened) -> Fitted:
-    placed, start = Placed(item.effect, item.location), item.start(problem.nominal)
-    return refine(
+def _refine_candidate(problem: Problem, current: Fitted, item: Screened) -> Fitted:
+    placed, start = Placed(item.effect, item.location), item.start_parameters(problem.nominal)
+    return refine_fit(
         problem, (*current.placed, placed), (*current.theta, start), current, item.effect.rough_steps
     )
 
 
-def _further(problem: Problem, rough: list[Fitted]) -> list[Fitted]:
+def _refine_further_forms(problem: Problem, rough: list[Fitted]) -> list[Fitted]:
     """Further forms of effects at the places where these explain most."""
     found = []
     for form, others in FURTHER_FORMS.items():
@@ -189,11 +192,11 @@ def _further(problem: Problem, rough: list[Fitted]) -> list[Fitted]:
             *before, last = fit.placed
             for other in others:
                 placed = (*before, Placed(other, last.location))
-                found.append(refine(problem, placed, fit.theta, fit, other.rough_steps))
+                found.append(refine_fit(problem, placed, fit.theta, fit, other.rough_steps))
     return found
 
 
-def _contacts(
+def _fit_contacts(
     problem: Problem, coarse: Problem, current: Fitted, places: dict[str, int], least: float
 ) -> list[Fitted]:
     """Links with an unlogged contact: its times or a surface paid for, whichever explains more.
@@ -202,9 +205,9 @@ def _contacts(
     """
     if not UnloggedContact().is_seen(problem.record):
         return []
-    places[UnloggedContact.name] = len(links(problem.nominal))
+    places[UnloggedContact.name] = len(link_names(problem.nominal))
     timed = _timed_contacts(problem, coarse, current)
-    soft = [fit for fit in (pressed(coarse, contact) for contact in timed) if fit is not None]
+    soft = [fit for fit in (fit_pressed_contact(coarse, contact) for contact in timed) if fit is not None]
     if min((f.power for f in timed + soft), default=np.inf) > NOISE_SLACK * len(problem.nominal_rows):
         soft += find_surfaces(coarse, current, least, FloatingEffect.rough_steps)
     return max(timed, soft, key=lambda fits: max((f.evidence for f in fits), default=-np.inf))
@@ -216,17 +219,19 @@ def _timed_contacts(problem: Problem, coarse: Problem, current: Fitted) -> list[
     if found is None:
         return []
     effect: FloatingEffect = found.placed[-1].effect
-    beside, state, rows = linearised(coarse, current)
+    beside, state, rows = linearise_fit(coarse, current)
     linear = {
-        link: beside.fit(rows, effect_columns(coarse, state, effect, link, effect.beginnings(state, link)[0]))
+        link: beside.fit_columns(
+            rows, effect_columns(coarse, state, effect, link, effect.fit_starts(state, link)[0])
+        )
         for link in effect.locations(problem.nominal)
     }
     nearest = sorted(linear, key=lambda link: -linear[link].evidence)[: _NEIGHBOURS // 2]
     return [
-        refine(
+        refine_fit(
             coarse,
             (*current.placed, Placed(effect, link)),
-            (*current.theta, linear[link].theta * effect.scales(problem.nominal, link)),
+            (*current.theta, linear[link].theta * effect.parameter_scales(problem.nominal, link)),
             current,
             effect.rough_steps,
         )
@@ -249,10 +254,9 @@ def find_contact(problem: Problem, before: Fitted) -> Fitted | None:
     """Alternate between when and where, from two clusters of the smoothed residual; None if there are not two.
 
     Args:
-        problem: the problem.
         before: what is explained already.
     """
-    residual = problem.record.smooth(explained_state(problem, before).residual, _SMOOTH_HZ)
+    residual = problem.record.smooth_signal(explained_state(problem, before).residual, _SMOOTH_HZ)
     noise = np.sqrt(np.diag(problem.record.sensor_noise))
     centred = (residual - residual.mean(axis=0)) / noise
     direction = np.linalg.svd(centred, full_matrices=False)[2][0]
@@ -264,7 +268,7 @@ def find_contact(problem: Problem, before: Fitted) -> Fitted | None:
         return None
     best: Fitted | None = None
     for raw in ((score - low) / (high - low), (high - score) / (high - low)):
-        found = _alternate(problem, before, _tidy(problem, raw))
+        found = _alternate_contact_fits(problem, before, _remove_short_spells(problem, raw))
         if found is not None and (best is None or found.evidence > best.evidence):
             best = found
         if best is not None and best.power < 2.0 * len(problem.nominal_rows):
@@ -272,17 +276,17 @@ def find_contact(problem: Problem, before: Fitted) -> Fitted | None:
     return best
 
 
-def _alternate(problem: Problem, before: Fitted, share: Array) -> Fitted | None:
+def _alternate_contact_fits(problem: Problem, before: Fitted, share: Array) -> Fitted | None:
     best: Fitted | None = None
-    beside, state, rows = linearised(problem, before)
+    beside, state, rows = linearise_fit(problem, before)
     for _ in range(_ROUNDS):
         price = _PRICE_OF_A_SWITCH * float((np.abs(np.diff(share > 0.5))).sum())
         effect = UnloggedContact(share, share[problem.record.every_other], price)
         ranked = sorted(
             (
                 (
-                    beside.fit(
-                        rows, effect_columns(problem, state, effect, link, effect.beginnings(state, link)[0])
+                    beside.fit_columns(
+                        rows, effect_columns(problem, state, effect, link, effect.fit_starts(state, link)[0])
                     ),
                     link,
                 )
@@ -291,10 +295,10 @@ def _alternate(problem: Problem, before: Fitted, share: Array) -> Fitted | None:
             key=lambda item: -item[0].evidence,
         )[:2]
         fits = [
-            refine(
+            refine_fit(
                 problem,
                 (*before.placed, Placed(effect, link)),
-                (*before.theta, fit.theta * effect.scales(state, link)),
+                (*before.theta, fit.theta * effect.parameter_scales(state, link)),
                 before,
             )
             for fit, link in ranked
@@ -303,26 +307,26 @@ def _alternate(problem: Problem, before: Fitted, share: Array) -> Fitted | None:
         if best is not None and found.evidence <= best.evidence + 1.0:
             return best
         best = found
-        share = _tidy(problem, pulled(problem, found))
+        share = _remove_short_spells(problem, estimate_contact_share(problem, found))
         if not 0.01 < share.mean() < 0.99:
             return best
     return best
 
 
-def pulled(problem: Problem, fitted: Fitted) -> Array:
+def estimate_contact_share(problem: Problem, fitted: Fitted) -> Array:
     """Share of the fitted force that acts at each instant, ``(n,)``, by weighted projection."""
     *_, place = fitted.placed
     *_, force = fitted.theta
-    state = problem.state(fitted.delta)
+    state = problem.state_with_errors(fitted.delta)
     state = apply_all(state, fitted.placed[:-1], fitted.theta[:-1])
-    always = UnloggedContact(np.ones(problem.record.n_samples)).apply(state, place.location, force)
+    always = UnloggedContact(np.ones(problem.record.n_samples)).apply_to(state, place.location, force)
     pull = state.residual - always.residual
     weight = np.linalg.inv(problem.record.sensor_noise)
-    residual = problem.record.smooth(state.residual, 5.0)
+    residual = problem.record.smooth_signal(state.residual, 5.0)
     return np.einsum("ni,ij,nj->n", residual, weight, pull) / np.einsum("ni,ij,nj->n", pull, weight, pull)
 
 
-def _tidy(problem: Problem, raw: Array) -> Array:
+def _remove_short_spells(problem: Problem, raw: Array) -> Array:
     """On and off with the shortest spells removed; near a change, the measured share itself."""
     width = 2 * max(1, round(0.5 * _SHORTEST_S * problem.record.rate_hz)) + 1
     share = np.empty_like(raw)
@@ -355,11 +359,10 @@ _HEIGHTS, _DEPTHS_M = 25, (0.005, 0.01, 0.02, 0.035, 0.06, 0.1, 0.17, 0.3)
 _LINKS = 6
 
 
-def pressed(problem: Problem, contact: Fitted) -> Fitted | None:
+def fit_pressed_contact(problem: Problem, contact: Fitted) -> Fitted | None:
     """A contact that was found in time, as one with a surface; None where no surface explains the times.
 
     Args:
-        problem: the problem.
         contact: a fit whose last effect is an unlogged contact.
     """
     place, theta = contact.placed[-1], contact.theta[-1]
@@ -368,17 +371,17 @@ def pressed(problem: Problem, contact: Fitted) -> Fitted | None:
         return None
     state = explained_state(problem, contact)
     point = state.poses.point(segment_of(state, place.location) + 1, theta[3:6])
-    normal = _normal(force, -state.record.tree.gravity)
-    found = _surface(point @ normal, pulled(problem, contact), normal)
+    normal = _surface_normal(force, -state.record.tree.gravity)
+    found = _fit_surface(point @ normal, estimate_contact_share(problem, contact), normal)
     if found is None:
         return None
     surface, scale = found
     start = np.concatenate([scale * force, theta[3:6], np.zeros(4)])
     placed = (*contact.placed[:-1], Placed(PressedContact(surface), place.location))
-    return refine(problem, placed, (*contact.theta[:-1], start), contact)
+    return refine_fit(problem, placed, (*contact.theta[:-1], start), contact)
 
 
-def _normal(force: Array, up: Array) -> Array:
+def _surface_normal(force: Array, up: Array) -> Array:
     """Of a floor, a table or a ceiling where the force is mostly vertical, of a wall otherwise."""
     up = up / np.linalg.norm(up)
     lift = float(force @ up)
@@ -386,7 +389,7 @@ def _normal(force: Array, up: Array) -> Array:
     return np.sign(lift) * up if abs(lift) > np.linalg.norm(level) else level / np.linalg.norm(level)
 
 
-def _surface(along: Array, share: Array, normal: Array) -> tuple[Surface, float] | None:
+def _fit_surface(along: Array, share: Array, normal: Array) -> tuple[Surface, float] | None:
     """The surface that explains a measured share best by least squares, and its largest force over the fitted."""
     best, least = None, (1.0 - _LEAST_EXPLAINED) * float(((share - share.mean()) ** 2).sum())
     x, y, z = (float(part) for part in normal)
@@ -394,7 +397,7 @@ def _surface(along: Array, share: Array, normal: Array) -> tuple[Surface, float]
         for depth in _DEPTHS_M:
             for rounded in (False, True):
                 surface = Surface((x, y, z), float(height), depth, rounded)
-                model = surface.share(along)
+                model = surface.force_share(along)
                 power = float(model @ model)
                 if power < 1e-9:
                     continue
@@ -412,26 +415,25 @@ def find_surfaces(problem: Problem, before: Fitted, least: float, steps: int) ->
     instant; then the links' best in the likelihood, and the best of those refined.
 
     Args:
-        problem: the problem.
         before: what is explained already.
         least: what a link's best must gain in the likelihood [nats] to be refined.
         steps: of the refinement.
     """
-    beside, state, rows = linearised(problem, before)
+    beside, state, rows = linearise_fit(problem, before)
     factor = np.linalg.inv(np.linalg.cholesky(problem.record.sensor_noise))
     white = state.residual @ factor.T
     guesses, columns = [], []
-    for link in links(state):
+    for link in link_names(state):
         point = state.poses.translation[:, segment_of(state, link) + 1]
         arms = state.at_base(np.tile(np.eye(3), (len(point), 1, 1)), point)
         best = _best_surface(state, point, factor @ arms, white)
         if best is None:
             continue
         effect = PressedContact(best)
-        scales = effect.scales(state, link)
+        scales = effect.parameter_scales(state, link)
         guesses.append((link, effect, scales))
         # Linear in the force; where the point is and how the surface gives way come with the refinement.
-        share = best.share(point @ np.array(best.normal))
+        share = best.force_share(point @ np.array(best.normal))
         pushed = problem.whitening(-share[:, None, None] * arms) * scales[:3]
         columns.append(np.vstack([pushed, np.zeros((len(rows) - len(pushed), 3))]))
     fits = beside.fit_each(rows, columns) if columns else []
@@ -440,7 +442,7 @@ def find_surfaces(problem: Problem, before: Fitted, least: float, steps: int) ->
         key=lambda item: -item[0].evidence,
     )
     return [
-        refine(
+        refine_fit(
             problem,
             (*before.placed, Placed(effect, link)),
             (*before.theta, np.concatenate([fit.theta * scales[:3], np.zeros(7)])),
@@ -455,7 +457,6 @@ def _best_surface(state: State, point: Array, arms: Array, white: Array) -> Surf
     """The surface that explains most of whitened residuals by one force whose share it is.
 
     Args:
-        state: the state.
         point: ``(n, 3)`` that it meets, world [m].
         arms: ``(n, 6, 3)`` whitened wrench of a unit force there along each axis.
         white: ``(n, 6)`` whitened residual.
@@ -505,7 +506,7 @@ _LITTLE_OF_NOISE = 0.1
 
 
 @step("look for effects")
-def search(ranker: Ranker, baseline: Fitted) -> tuple[Step, ...]:
+def search_effects(ranker: Ranker, baseline: Fitted) -> tuple[Step, ...]:
     """Effects that explain a record, each with its rivals, the accepted one first.
 
     Of two effects the first to be found may be one that imitates both a little. So where one effect leaves more
@@ -517,53 +518,53 @@ def search(ranker: Ranker, baseline: Fitted) -> tuple[Step, ...]:
         baseline: the baseline's fit.
     """
     problem = ranker.problem
-    first = _step(ranker, baseline, baseline)
+    first = _next_step(ranker, baseline, baseline)
     if first is None:
         return ()
     chains: list[tuple[Step, ...]] = []
-    for start in [first] if _enough(problem, first[0].fitted) else _beginnings(first, baseline):
-        second = _step(ranker, start[0].fitted, baseline)
+    for start in [first] if _is_noise_reached(problem, first[0].fitted) else _first_steps(first, baseline):
+        second = _next_step(ranker, start[0].fitted, baseline)
         chains.append((start,) if second is None else (start, second))
     n = len(problem.nominal_rows)
     over = max(1.0, min(chain[-1][0].fitted.power for chain in chains) / n)
-    chain = max(chains, key=lambda chain: _evidence(chain, baseline, over))
+    chain = max(chains, key=lambda chain: _chain_evidence(chain, baseline, over))
     while len(chain) > 1 and chain[-1][0].fitted.power - n < (1.0 - _HOPEFUL) * (baseline.power - n):
-        chain = _settled(ranker, chain, baseline)
-        if len(chain) == _MOST_EFFECTS or _enough(problem, chain[-1][0].fitted):
+        chain = _settle_chain(ranker, chain, baseline)
+        if len(chain) == _MOST_EFFECTS or _is_noise_reached(problem, chain[-1][0].fitted):
             break
-        further = _step(ranker, chain[-1][0].fitted, baseline)
+        further = _next_step(ranker, chain[-1][0].fitted, baseline)
         if further is None:
             break
         chain = (*chain, further)
     return chain
 
 
-def _settled(ranker: Ranker, chain: tuple[Step, ...], baseline: Fitted) -> tuple[Step, ...]:
+def _settle_chain(ranker: Ranker, chain: tuple[Step, ...], baseline: Fitted) -> tuple[Step, ...]:
     """The chain after exchanges, without what they have made superfluous."""
     while True:
         before = len(chain)
-        chain = needed(ranker.problem, exchanged(ranker, chain), baseline)
+        chain = remove_superfluous(ranker.problem, exchange_effects(ranker, chain), baseline)
         if len(chain) == before:
             return chain
 
 
-def _step(ranker: Ranker, current: Fitted, baseline: Fitted) -> Step | None:
+def _next_step(ranker: Ranker, current: Fitted, baseline: Fitted) -> Step | None:
     """The best further effect and its rivals; None if none is worth it."""
     problem, ranked = ranker.problem, ranker(current)
-    if not ranked or not _worthwhile(ranked[0], current, baseline, len(problem.nominal_rows)):
+    if not ranked or not _is_worthwhile(ranked[0], current, baseline, len(problem.nominal_rows)):
         return None
     return ranked if held_out_gain(problem, current, ranked[0].fitted) > 0.0 else None
 
 
-def _enough(problem: Problem, fitted: Fitted) -> bool:
+def _is_noise_reached(problem: Problem, fitted: Fitted) -> bool:
     return fitted.power < NOISE_SLACK * len(problem.nominal_rows)
 
 
-def _worthwhile(best: Ranked, current: Fitted, baseline: Fitted, n: int) -> bool:
+def _is_worthwhile(best: Ranked, current: Fitted, baseline: Fitted, n: int) -> bool:
     if not current.placed:
         return best.evidence >= SIGNIFICANT
     closed = current.power - best.fitted.power
-    known = any(_alike(item, best.last) for item in current.placed)
+    known = any(_is_possible_remainder(item, best.last_placed) for item in current.placed)
     if current.power < NOISE_SLACK * n:
         return best.evidence >= _WITHIN_NOISE and not known
     if closed > _CLOSES_ALL * (current.power - n) and not known:
@@ -577,39 +578,39 @@ def _worthwhile(best: Ranked, current: Fitted, baseline: Fitted, n: int) -> bool
     )
 
 
-def _alike(found: Placed, further: Placed) -> bool:
+def _is_possible_remainder(found: Placed, further: Placed) -> bool:
     """Whether a further effect may be what an approximate form of one that was found leaves."""
     if found.effect.name == further.effect.name:
         return not found.effect.exact
     return found.location == further.location and further.effect.name in found.effect.leaves
 
 
-def _beginnings(step: Step, baseline: Fitted) -> list[Step]:
+def _first_steps(step: Step, baseline: Fitted) -> list[Step]:
     """The leading names, each with those rivals that it beats or that are of its kind."""
     least = _CLOSES * (baseline.power - min(item.fitted.power for item in step))
     begun: dict[str, Step] = {}
     for k, item in enumerate(step):
-        name = item.last.effect.name
+        name = item.last_placed.effect.name
         if name not in begun and baseline.power - item.fitted.power >= least:
-            others = [r for r in step[:k] if r.last.effect.name == name]
+            others = [r for r in step[:k] if r.last_placed.effect.name == name]
             begun[name] = (item, *others, *(r for r in step[k + 1 :]))
     return list(begun.values())[:_BEGINNINGS]
 
 
-def _evidence(chain: tuple[Step, ...], baseline: Fitted, over: float) -> float:
+def _chain_evidence(chain: tuple[Step, ...], baseline: Fitted, over: float) -> float:
     last = chain[-1][0].fitted
     places = sum(step[0].choice for step in chain)
     return 0.5 * (baseline.power - last.power) / over - last.price - places
 
 
-def needed(problem: Problem, chain: tuple[Step, ...], baseline: Fitted) -> tuple[Step, ...]:
+def remove_superfluous(problem: Problem, chain: tuple[Step, ...], baseline: Fitted) -> tuple[Step, ...]:
     """The chain without effects that those found after them have made superfluous."""
     n, k = len(problem.nominal_rows), 0
     while k < len(chain) - 1:
         full = chain[-1][0].fitted
         rest = [i for i in range(len(full.placed)) if i != k]
         placed, theta = tuple(full.placed[i] for i in rest), tuple(full.theta[i] for i in rest)
-        without = refine(problem, placed, theta, full)
+        without = refine_fit(problem, placed, theta, full)
         lost = 0.5 * (without.power - full.power) / max(1.0, full.power / n)
         lost -= full.price - without.price + chain[k][0].choice
         within = without.power < NOISE_SLACK * n
@@ -631,23 +632,23 @@ def tied_places(step: Step, n: int) -> tuple[str, ...]:
         n: number of whitened numbers.
     """
     best = step[0]
-    same = (item for item in step if item.last.effect.name == best.last.effect.name)
+    same = (item for item in step if item.last_placed.effect.name == best.last_placed.effect.name)
     doubt = best.fitted.power + _LITTLE_OF_NOISE * n
     return tuple(
-        dict.fromkeys(i.last.location for i in same if _untold(i, best, n) or i.fitted.power < doubt)
+        dict.fromkeys(i.last_placed.location for i in same if _is_tied(i, best, n) or i.fitted.power < doubt)
     )
 
 
-def rivals(step: Step, n: int) -> tuple[Ranked, ...]:
+def find_tied_rivals(step: Step, n: int) -> tuple[Ranked, ...]:
     """The accepted effect and those of other names that the data cannot tell from it; arguments as above."""
     chosen: dict[str, Ranked] = {}
     for item in step:
-        if _untold(item, step[0], n):
-            chosen.setdefault(item.last.effect.name, item)
+        if _is_tied(item, step[0], n):
+            chosen.setdefault(item.last_placed.effect.name, item)
     return tuple(chosen.values())
 
 
-def _untold(item: Ranked, best: Ranked, n: int) -> bool:
+def _is_tied(item: Ranked, best: Ranked, n: int) -> bool:
     """Whether evidence does not decide between two, or what the form of the better one leaves is larger."""
     left = best.fitted.power - n
     misfit = FORM_DOUBT * left if best.fitted.power > NOISE_SLACK * n else 0.0
@@ -661,7 +662,7 @@ Step = tuple[Ranked, ...]
 _TOGETHER_ROUNDS = 3
 
 
-def exchanged(ranker: Ranker, chain: tuple[Step, ...]) -> tuple[Step, ...]:
+def exchange_effects(ranker: Ranker, chain: tuple[Step, ...]) -> tuple[Step, ...]:
     """The chain after every effect has met its rivals again.
 
     What was found first was found while the others still disturbed the fit: its name or place may be one that
@@ -677,10 +678,10 @@ def exchanged(ranker: Ranker, chain: tuple[Step, ...]) -> tuple[Step, ...]:
         first fit holds them all in that order.
     """
     for _ in range(_TOGETHER_ROUNDS):
-        before = [_place(step[0]) for step in chain]
+        before = [_name_and_place(step[0]) for step in chain]
         for _ in before:
             chain = (*chain[1:], _sought_again(ranker, chain))
-        if [_place(step[0]) for step in chain] == before:
+        if [_name_and_place(step[0]) for step in chain] == before:
             break
     return chain
 
@@ -691,16 +692,16 @@ def _sought_again(ranker: Ranker, chain: tuple[Step, ...]) -> Step:
     full, first = chain[-1][0].fitted, chain[0][0]
     placed, theta = (*full.placed[1:], full.placed[0]), (*full.theta[1:], full.theta[0])
     if len(placed) > 1:
-        others = refine(problem, placed[:-1], theta[:-1], full)
+        others = refine_fit(problem, placed[:-1], theta[:-1], full)
     else:
         others = nominal_fit(problem)
-    present = Ranked(refine(problem, placed, theta, full), 0.0, first.choice)
+    present = Ranked(refine_fit(problem, placed, theta, full), 0.0, first.choice)
     found = ranker(others)
-    same = [present, *(item for item in found if _place(item) == _place(present))]
+    same = [present, *(item for item in found if _name_and_place(item) == _name_and_place(present))]
     best = min(same, key=lambda item: 0.5 * item.fitted.power + item.fitted.price)
-    rivals = [item for item in found if _place(item) != _place(present)]
+    rivals = [item for item in found if _name_and_place(item) != _name_and_place(present)]
     return by_evidence([(item.fitted, item.choice) for item in (best, *rivals)], others, problem)
 
 
-def _place(item: Ranked) -> tuple[str, str]:
-    return item.last.effect.name, item.last.location
+def _name_and_place(item: Ranked) -> tuple[str, str]:
+    return item.last_placed.effect.name, item.last_placed.location

@@ -18,7 +18,7 @@ from excite.atomic import write_text
 from excite.diagnosis.answer.answer import Rollout
 from excite.diagnosis.answer.gap import RolloutPath
 from excite.diagnosis.floating.effect import StandingNote
-from excite.diagnosis.floating.hypotheses import Fitted, Placed, apply_all, refine
+from excite.diagnosis.floating.hypotheses import Fitted, Placed, apply_all, refine_fit
 from excite.diagnosis.floating.problem import Problem
 from excite.diagnosis.floating.record import FloatingRecord
 from excite.diagnosis.floating.registry import EVERY_FORM
@@ -29,12 +29,12 @@ from excite.diagnosis.simulator.augmented_plant import (
     NOTE,
     AugmentedModel,
     PhysicalBodies,
+    describe_left_out,
+    describe_mismatch,
     load_model,
     model_notes,
     nearest_bodies,
-    refused,
-    unphysical,
-    without,
+    refused_model_error,
 )
 from excite.errors import InputError
 from excite.logs.columns import BASE_POSE
@@ -52,14 +52,13 @@ if TYPE_CHECKING:
 
 def write_note(spec: mujoco.MjSpec, number: int, note: StandingNote) -> None:
     """Leave a note in a specification; the number keeps the order."""
-    spec.add_text(name=f"{NOTE}.{number}.{note.word}.{note.location}", data=note.text())
+    spec.add_text(name=f"{NOTE}.{number}.{note.word}.{note.location}", data=note.to_json())
 
 
 def read_notes(model: mujoco.MjModel, record: FloatingRecord) -> tuple[tuple[Placed, ...], tuple[Array, ...]]:
     """The effects noted in a loaded model, in order, and their parameters.
 
     Args:
-        model: the model.
         record: the record that it is run on.
 
     Raises:
@@ -75,7 +74,7 @@ def read_notes(model: mujoco.MjModel, record: FloatingRecord) -> tuple[tuple[Pla
                 field=word,
                 remedy="name it by a form that `excite effects` lists",
             )
-        effect = EVERY_FORM[word].holding(said, record)
+        effect = EVERY_FORM[word].with_stored_data(said, record)
         found.append((int(number), Placed(effect, location), np.array([*said["parameters"].values()])))
     found.sort(key=lambda item: item[0])
     return tuple(item for _, item, _ in found), tuple(theta for *_, theta in found)
@@ -92,16 +91,17 @@ def standing_model(problem: Problem, fitted: Fitted) -> AugmentedModel:
     """The simulator with a fit's inertial parameters and effects.
 
     Args:
-        problem: the problem.
         fitted: the fit; without effects it gives the nominal simulator.
 
     Raises:
         InputError: MuJoCo takes no such model.
     """
-    state = apply_all(problem.state(fitted.delta), fitted.placed, fitted.theta)
-    phi, mismatch = _physical(problem, state)
+    state = apply_all(problem.state_with_errors(fitted.delta), fitted.placed, fitted.theta)
+    phi, mismatch = _physical_parameters(problem, state)
     try:
-        spec = build_spec(_with_lengths(problem.record.robot, state), phi, _drives(problem), World(_TIMESTEP))
+        spec = build_spec(
+            _with_lengths(problem.record.robot, state), phi, _stated_drives(problem), World(_TIMESTEP)
+        )
         spec.option.gravity = problem.record.tree.gravity
         _add_sensors(spec, problem, state.placements)
         for number, (item, theta) in enumerate(zip(fitted.placed, fitted.theta, strict=True)):
@@ -110,20 +110,20 @@ def standing_model(problem: Problem, fitted: Fitted) -> AugmentedModel:
                 write_note(spec, number, form)
         spec.compile()
     except ValueError as error:
-        raise refused(error) from error
-    return AugmentedModel(spec.to_xml(), unphysical(mismatch, "noise"))
+        raise refused_model_error(error) from error
+    return AugmentedModel(spec.to_xml(), describe_mismatch(mismatch, "noise"))
 
 
-def _physical(problem: Problem, state: State) -> tuple[Array, float]:
+def _physical_parameters(problem: Problem, state: State) -> tuple[Array, float]:
     """Parameters of bodies that can exist, and by how many times the noise they are off the fitted ones (RMS)."""
     nominal = problem.record.tree.phi
     massive = np.repeat(nominal[::10] > 0.0, 10)
     bodies = PhysicalBodies(nominal[massive], np.zeros(0))
-    wish = bodies.coordinates(state.phi[massive])
-    if bodies.holds(wish):
+    wish = bodies.to_coordinates(state.phi[massive])
+    if bodies.is_feasible(wish):
         return state.phi, 0.0
     rows = problem.whitening(state.regressor)[:, massive] @ bodies.map
-    found, off = nearest_bodies(bodies, rows, wish, bodies.coordinates(nominal[massive]))
+    found, off = nearest_bodies(bodies, rows, wish, bodies.to_coordinates(nominal[massive]))
     phi = state.phi.copy()
     phi[massive] = bodies.map @ found
     return phi, off
@@ -137,7 +137,7 @@ def _with_lengths(robot: Robot, state: State) -> Robot:
     return replace(robot, model=model)
 
 
-def _drives(problem: Problem) -> Drives:
+def _stated_drives(problem: Problem) -> Drives:
     """The robot's own; gains and limits that it does not state are zero and none."""
     drives = nominal_drives(problem.record.robot)
     return replace(
@@ -194,12 +194,12 @@ class Simulator:
         self._sites = {s.name: self.model.site(s.name).id for s in record.robot.sensors}
 
     @cached_property
-    def drive(self) -> State:
+    def driving_state(self) -> State:
         """The record as the model's notes say that it truly was, of the robot that the model says."""
-        state = apply_all(self._said(), self.placed, self.theta)
+        state = apply_all(self._state_of_model(), self.placed, self.theta)
         return state.replace(extra=np.broadcast_to(np.asarray(state.extra, dtype=float), (len(state.q), 6)))
 
-    def _said(self) -> State:
+    def _state_of_model(self) -> State:
         """The logged motion and readings of the robot with the model's bodies, lengths and sensors."""
         record, model = self.record, self.model
         phi, translations = np.zeros_like(record.tree.phi), record.tree.translations.copy()
@@ -215,9 +215,9 @@ class Simulator:
             for site in (model.site(sensor.name),)
         }
         tree = replace(record.tree, translations=translations)
-        return State.logged(record).replace(tree=tree, phi=phi, placements=placements)
+        return State.from_log(record).replace(tree=tree, phi=phi, placements=placements)
 
-    def run(self, window: slice, noise: Array | None = None, start: Array | None = None) -> Array:
+    def run_window(self, window: slice, noise: Array | None = None, start: Array | None = None) -> Array:
         """Where the base ends up, less where it is, at each sample of a window, ``(n, 6)`` [m, rad].
 
         Second order in the step (velocity Verlet, with a predicted velocity in the bias forces).
@@ -227,7 +227,7 @@ class Simulator:
             noise: ``(n_samples, 6)`` wrench that is added, base frame.
             start: ``(6,)`` velocity that is added at the start, base frame.
         """
-        state, step, first = self.drive, 1.0 / self.record.rate_hz, window.start
+        state, step, first = self.driving_state, 1.0 / self.record.rate_hz, window.start
         extra = np.asarray(state.extra if noise is None else state.extra + noise)
         recorded = state.poses.rotation[:, 1]
         rotation = recorded[first]
@@ -235,20 +235,20 @@ class Simulator:
         turning = state.v[first, 3:6].copy()
         if start is not None:
             speed, turning = speed + rotation @ start[:3], turning + start[3:]
-        linear, angular = self._accelerated(extra, first, place, rotation, speed, turning)
+        linear, angular = self._base_accelerations(extra, first, place, rotation, speed, turning)
         out = [np.zeros(6)]
         for k in range(window.start + 1, window.stop):
             place = place + step * speed + 0.5 * step**2 * linear
             rotation = rotation @ pin.exp3(step * turning + 0.5 * step**2 * angular)
             guess, guessed = speed + step * linear, turning + step * angular
-            ahead = self._accelerated(extra, k, place, rotation, guess, guessed)
+            ahead = self._base_accelerations(extra, k, place, rotation, guess, guessed)
             speed = speed + 0.5 * step * (linear + ahead[0])
             turning = turning + 0.5 * step * (angular + ahead[1])
             linear, angular = ahead
             out.append(np.concatenate([place - state.q[k, :3], pin.log3(recorded[k].T @ rotation)]))
         return np.array(out)
 
-    def _accelerated(
+    def _base_accelerations(
         self,
         extra: Array,
         k: int,
@@ -260,7 +260,7 @@ class Simulator:
         """Acceleration of the base's origin, world, and of its rotation, base frame, at a sample."""
         import mujoco
 
-        model, data, state, tree = self.model, self.data, self.drive, self.record.tree
+        model, data, state, tree = self.model, self.data, self.driving_state, self.record.tree
         quaternion = pin.Quaternion(rotation)
         data.qpos[:3] = place
         data.qpos[3:7] = quaternion.w, quaternion.x, quaternion.y, quaternion.z
@@ -323,11 +323,11 @@ class Reloaded:
         self.model = standing_model(problem, fitted)
         self._simulator = Simulator(self.model.xml, problem.record)
 
-    def errors(self, windows: Sequence[slice], noise: Noise | None = None) -> Array:
+    def rollout_errors(self, windows: Sequence[slice], noise: Noise | None = None) -> Array:
         """Where the base ends up less where it was, ``(n_windows, n_samples, 6)`` [m, rad]."""
         if noise is None:
-            return np.array([self._simulator.run(window) for window in windows])
-        return np.array([self._simulator.run(w, noise.wrench, noise.start[w.start]) for w in windows])
+            return np.array([self._simulator.run_window(window) for window in windows])
+        return np.array([self._simulator.run_window(w, noise.wrench, noise.start[w.start]) for w in windows])
 
 
 NO_ROLLOUTS = Rollout(
@@ -340,7 +340,7 @@ NO_ROLLOUTS = Rollout(
 
 
 @step("roll out in the simulator")
-def simulated(
+def simulate_effects(
     problem: Problem, before: Fitted, after: Fitted, rng: np.random.Generator, out: Path | None
 ) -> Rollout:
     """Roll-outs of the validation trials; the augmented model is written where there is a folder.
@@ -350,14 +350,13 @@ def simulated(
     model, the last first, and a warning says so.
 
     Args:
-        problem: the problem.
         before: the baseline's fit to the identification trials.
         after: that of the accepted effects.
         rng: of the replicas.
         out: folder of the model.
     """
     try:
-        found, xml = _compared(problem, before, after, rng)
+        found, xml = _compare_rollouts(problem, before, after, rng)
     except InputError as error:
         # A body that no simulator has is no reason to say nothing else.
         return Rollout({}, {}, HORIZON_S, None, warnings=(f"no roll-outs: {error}",))
@@ -367,33 +366,33 @@ def simulated(
     return replace(found, model=MODEL)
 
 
-def _compared(
+def _compare_rollouts(
     problem: Problem, before: Fitted, after: Fitted, rng: np.random.Generator
 ) -> tuple[Rollout, str]:
     """The comparison and the augmented model; InputError where there can be no roll-outs."""
     record = problem.record
-    windows = _windows(record, validation=True) or _windows(record, validation=False)
+    windows = _rollout_windows(record, validation=True) or _rollout_windows(record, validation=False)
     if not windows:
         raise InputError(f"no trial is as long as a roll-out of {HORIZON_S:g} s", remedy="record longer ones")
     nominal = Reloaded(problem, before)
-    plain, noise = nominal.errors(windows), _noise(problem, rng)
-    made = _helpful(nominal, after)
-    moved = made.errors(windows) if made.fitted.placed else plain
+    plain, noise = nominal.rollout_errors(windows), _draw_noise(problem, rng)
+    made = _keep_helpful_effects(nominal, after)
+    moved = made.rollout_errors(windows) if made.fitted.placed else plain
     left = [f"{p.effect.name} at {p.location}" for p in after.placed[len(made.fitted.placed) :]]
     found = Rollout(
-        before=_rms(plain),
-        after=_rms(moved),
+        before=_channel_rms(plain),
+        after=_channel_rms(moved),
         horizon_s=(windows[0].stop - windows[0].start - 1) / record.rate_hz,
         model=None,
         driven_by="the sensors' wrenches and the joints' motion, the base free",
-        warnings=(*made.model.warnings, *without(left)),
-        floor=_rms(nominal.errors(windows, noise) - plain),
+        warnings=(*made.model.warnings, *describe_left_out(left)),
+        floor=_channel_rms(nominal.rollout_errors(windows, noise) - plain),
         path=base_path(record, windows, plain, moved),
     )
     return found, made.model.xml
 
 
-def _windows(record: FloatingRecord, *, validation: bool) -> list[slice]:
+def _rollout_windows(record: FloatingRecord, *, validation: bool) -> list[slice]:
     """Roll-outs, one after the other, of the trials of a role."""
     length = round(HORIZON_S * record.rate_hz)
     return [
@@ -404,7 +403,7 @@ def _windows(record: FloatingRecord, *, validation: bool) -> list[slice]:
     ]
 
 
-def _helpful(nominal: Reloaded, after: Fitted) -> Reloaded:
+def _keep_helpful_effects(nominal: Reloaded, after: Fitted) -> Reloaded:
     """The simulator with as many effects as bring roll-outs of the identification trials nearer.
 
     The last of them has to do so as well. Where all trials are for validation, these tell.
@@ -414,12 +413,14 @@ def _helpful(nominal: Reloaded, after: Fitted) -> Reloaded:
         fitted = after
         if count < len(after.placed):
             placed, theta = after.placed[:count], after.theta[:count]
-            fitted = refine(problem.identification_only, placed, theta, after)
+            fitted = refine_fit(problem.identification_only, placed, theta, after)
         made.append(Reloaded(problem, fitted))
     if len(made) > 1:
-        windows = _windows(problem.record, validation=False) or _windows(problem.record, validation=True)
+        windows = _rollout_windows(problem.record, validation=False) or _rollout_windows(
+            problem.record, validation=True
+        )
         windows = windows[:: max(1, len(windows) // _CHECKED)]
-        left = [np.square(each.errors(windows)).mean(axis=(0, 1)) for each in made]
+        left = [np.square(each.rollout_errors(windows)).mean(axis=(0, 1)) for each in made]
         for count in range(len(after.placed), 0, -1):
             # In proportion: metres and radians do not add.
             if all(float(np.mean(left[count] / left[other])) < 1.0 for other in (0, count - 1)):
@@ -427,7 +428,7 @@ def _helpful(nominal: Reloaded, after: Fitted) -> Reloaded:
     return nominal
 
 
-def _noise(problem: Problem, rng: np.random.Generator) -> Noise:
+def _draw_noise(problem: Problem, rng: np.random.Generator) -> Noise:
     """Wrenches as the whitening takes them away; velocities of what is above the motion's band, and noise alone."""
     whitening, record = problem.whitening, problem.record
     wrench = np.zeros((record.n_samples, 6))
@@ -440,11 +441,11 @@ def _noise(problem: Problem, rng: np.random.Generator) -> Noise:
         spectrum[:bins] = np.sqrt(n) * (real + 1j * imaginary)
         wrench[span] = np.fft.irfft(spectrum, n, axis=0)
     twist = record.v[:, :6]
-    fast = (twist - record.smooth(twist, BAND_HZ)).std(axis=0)
+    fast = (twist - record.smooth_signal(twist, BAND_HZ)).std(axis=0)
     return Noise(wrench, fast * rng.standard_normal((record.n_samples, 6)))
 
 
-def _rms(values: Array) -> dict[str, float]:
+def _channel_rms(values: Array) -> dict[str, float]:
     return dict(zip(CHANNELS, np.sqrt(np.square(values).mean(axis=(0, 1))).tolist(), strict=True))
 
 
@@ -474,7 +475,7 @@ def base_path(record: FloatingRecord, windows: Sequence[slice], before: Array, a
             # Of two windows that meet, the last sample is the first one's, which strayed for longest.
             for k, moved in enumerate(error[1:], start=first + 1):
                 if k < len(path):
-                    path[k, :7] = _moved(recorded[k, :7], moved)
+                    path[k, :7] = _displace_pose(recorded[k, :7], moved)
     names = (*BASE_POSE, *record.robot.joint_names)
     columns = [
         *range(7),
@@ -490,7 +491,7 @@ def _trial_of(record: FloatingRecord, window: slice) -> int:
     return next(k for k, span in enumerate(record.spans) if span.start <= window.start < span.stop)
 
 
-def _moved(pose: Array, error: Array) -> Array:
+def _displace_pose(pose: Array, error: Array) -> Array:
     """A pose, x y z qx qy qz qw, displaced in the world and turned in its own frame."""
     x, y, z, w = pose[3:]
     turned = pin.Quaternion(pin.Quaternion(w, x, y, z).matrix() @ pin.exp3(error[3:]))

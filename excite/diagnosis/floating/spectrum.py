@@ -48,7 +48,7 @@ class Whitening:
         flat = values.reshape(len(values), c, -1)
         out = np.empty((self.n_rows, flat.shape[2]))
         for span, factor, transform, rows in zip(
-            self.record.spans, self.factors, self._transforms, self.rows, strict=True
+            self.record.spans, self.factors, self._fourier_rows, self.rows, strict=True
         ):
             samples = flat[span].reshape(transform.shape[1], -1)
             parts = (transform @ samples).reshape(2, len(factor), c, -1)
@@ -59,7 +59,7 @@ class Whitening:
         return out.reshape(self.n_rows, *values.shape[2:])
 
     @cached_property
-    def _transforms(self) -> tuple[Array, ...]:
+    def _fourier_rows(self) -> tuple[Array, ...]:
         """By trial, ``(2·n_bins, n_samples)`` real and imaginary rows of the tapered Fourier transform.
 
         Of its bins only those in the band are wanted, which a product gives sooner than a fast transform of all.
@@ -127,7 +127,6 @@ def repeat_levels(whitening: Whitening, white: Array) -> Array | None:
     """Power of the difference of repeated trials over the expected noise, by frequency; None without repeats.
 
     Args:
-        whitening: the whitening.
         white: ``(n_rows,)`` whitened residual.
     """
     levels = []
@@ -157,11 +156,10 @@ def make_whitening(record: FloatingRecord, state: State) -> Whitening:
     twice; C, what the same noise does to gravity and to the sensors' levers.
 
     Args:
-        record: the record.
         state: the nominal state, whose predictions carry the kinematics' noise.
     """
     sensors = state.white_noise * record.rate_hz / record.full_rate_hz
-    kinematics, centre = _noise_above_motion(record, state.predicted)
+    kinematics, centre = _noise_above_motion(record, state.predicted_forces)
     sensors = sensors + _pose_noise(record, state)
     factors, tapers, rows, start = [], [], [], 0
     for span in record.spans:
@@ -192,7 +190,6 @@ def _noise_above_motion(record: FloatingRecord, values: Array, order: int = 2) -
     """``(k, k)`` spectrum of ``values (n, k)`` where no motion is left, at the band's centre, and that [Hz].
 
     Args:
-        record: the record.
         values: signals.
         order: their noise grows with this power of frequency.
     """
@@ -215,7 +212,7 @@ def _pose_noise(record: FloatingRecord, state: State) -> Array:
     positions = np.hstack([state.q[:, :3], 2.0 * state.q[:, 3:6], state.q[:, 7:]])
     power = np.diag(_noise_above_motion(record, positions, order=0)[0])
     few = slice(None, None, 8)
-    nominal = _thin(state, few).residual
+    nominal = _select_samples(state, few).residual
     total = np.zeros((nominal.shape[1], nominal.shape[1]))
     for i, variance in enumerate(power):
         q = state.q[few].copy()
@@ -225,12 +222,12 @@ def _pose_noise(record: FloatingRecord, state: State) -> Array:
             q[:, 3:7] /= np.linalg.norm(q[:, 3:7], axis=1, keepdims=True)
         else:
             q[:, i + (i >= 6)] += step
-        change = (_thin(state, few).replace(q=q).residual - nominal) / step
+        change = (_select_samples(state, few).replace(q=q).residual - nominal) / step
         total += variance * change.T @ change / len(change)
     return total
 
 
-def _thin(state: State, few: slice) -> State:
+def _select_samples(state: State, few: slice) -> State:
     return state.replace(
         q=state.q[few],
         v=state.v[few],

@@ -32,17 +32,17 @@ from excite.rows.drive_terms import smooth_sign
 _MOTION = {"tree", "q"}
 _DEPENDS: dict[str, set[str]] = {
     "poses": _MOTION,
-    "levers": _MOTION | {"placements"},
-    "contacts": _MOTION,
-    "shapes": {"v", "a"},
-    "measured": _MOTION | {"readings", "placements"},
+    "reading_levers": _MOTION | {"placements"},
+    "contact_maps": _MOTION,
+    "drive_term_shapes": {"v", "a"},
+    "measured_forces": _MOTION | {"readings", "placements"},
     "measured_phi": {"phi"},
-    "predicted": _MOTION | {"v", "a", "phi", "drives"},
+    "predicted_forces": _MOTION | {"v", "a", "phi", "drives"},
     "regressor": _MOTION | {"v", "a"},
     "smooth_torques": _MOTION | {"v", "a", "phi", "readings", "placements"},
     "joint_torques": _MOTION | {"v", "a", "phi", "readings", "placements"},
-    "turns": _MOTION | {"v", "a", "phi", "placements"},
-    "carried": _MOTION | {"v", "a"},
+    "turn_cache": _MOTION | {"v", "a", "phi", "placements"},
+    "unit_mass_cache": _MOTION | {"v", "a"},
 }
 
 
@@ -73,7 +73,7 @@ class State:
     extra: Array | float = field(default=0.0)
 
     @classmethod
-    def logged(cls, record: FloatingRecord, phi: Array | None = None) -> Self:
+    def from_log(cls, record: FloatingRecord, phi: Array | None = None) -> Self:
         """The state in which the log and the nominal model are right."""
         return cls(
             record=record,
@@ -93,14 +93,14 @@ class State:
         if "phi" in changed and np.array_equal(other.measured_phi, self.measured_phi):
             changed.remove("phi")
         # Whoever finds a joint's turn or a segment's load first, all states of the same motion have it.
-        self.__dict__.setdefault("turns", {})
-        self.__dict__.setdefault("carried", {})
+        self.__dict__.setdefault("turn_cache", {})
+        self.__dict__.setdefault("unit_mass_cache", {})
         for name, depends in _DEPENDS.items():
             if name in self.__dict__ and not depends & changed:
                 other.__dict__[name] = self.__dict__[name]
         return other
 
-    def moved(self, joint: int, **changes: Array | float) -> Self:
+    def move_joint(self, joint: int, **changes: Array | float) -> Self:
         """The state with ``(n,)`` added to a joint's position ``q``, velocity ``v`` or acceleration ``a``."""
         made = {}
         for name, change in changes.items():
@@ -114,13 +114,15 @@ class State:
         return forward_kinematics(self.tree, self.q)
 
     @cached_property
-    def measured(self) -> Array:
+    def measured_forces(self) -> Array:
         """``(n, 6)`` sum of the contact wrenches at the base's origin, base frame (Jovic et al. 2015, eq. 2)."""
-        parts = [np.einsum("nij,nj->ni", lever, self.readings[name]) for name, lever in self.levers.items()]
+        parts = [
+            np.einsum("nij,nj->ni", lever, self.readings[name]) for name, lever in self.reading_levers.items()
+        ]
         return np.sum(parts, axis=0)
 
     @cached_property
-    def levers(self) -> dict[str, Array]:
+    def reading_levers(self) -> dict[str, Array]:
         """By sensor, ``(n, 6, 6)``: its reading's wrench at the base's origin, base frame."""
         levers = {}
         for sensor in self.record.robot.sensors:
@@ -136,7 +138,7 @@ class State:
 
         Of ``k`` forces at each point, ``(n, 3, k)``, as many wrenches: ``(n, 6, k)``.
         """
-        turned = np.concatenate([force, cross(point - self.poses.translation[:, 1], force)], axis=1)
+        turned = np.concatenate([force, cross_rows(point - self.poses.translation[:, 1], force)], axis=1)
         parts = turned.reshape(len(turned), 2, 3, -1)
         return np.einsum("nji,npjk->npik", self.poses.rotation[:, 1], parts).reshape(turned.shape)
 
@@ -149,14 +151,14 @@ class State:
         return phi
 
     @cached_property
-    def predicted(self) -> Array:
+    def predicted_forces(self) -> Array:
         """``(n, 6)`` wrench that the motion needs, base frame."""
         return inverse_dynamics(self.tree, self.q, self.v, self.a, self.measured_phi)[:, :6]
 
     @property
     def residual(self) -> Array:
         """``(n, 6)`` measured plus further wrenches less predicted [N, N·m]."""
-        return self.measured + self.extra - self.predicted
+        return self.measured_forces + self.extra - self.predicted_forces
 
     @cached_property
     def regressor(self) -> Array:
@@ -167,17 +169,17 @@ class State:
         return body
 
     @cached_property
-    def turns(self) -> dict[int, Any]:
+    def turn_cache(self) -> dict[int, Any]:
         """By joint, the derivatives that ``joint_turn`` has found for this motion; a store that it alone reads."""
         return {}
 
-    def carries(self, joint: int, name: str) -> bool:
+    def is_moved_by(self, joint: int, name: str) -> bool:
         """Whether the turn of a joint moves what a reading acts on."""
         sensors = {sensor.name: sensor.joint for sensor in self.record.robot.sensors}
-        return name not in sensors or sensors[name] in branch(self.tree.parents, joint)
+        return name not in sensors or sensors[name] in subtree_joints(self.tree.parents, joint)
 
     @cached_property
-    def carried(self) -> dict[int, Array]:
+    def mass_cache(self) -> dict[int, Array]:
         """By segment, what :meth:`on_unit_mass` has found for this motion."""
         return {}
 
@@ -188,11 +190,11 @@ class State:
             segment: its index.
             place: ``(3,)`` of the mass, in the frame of the segment's joint [m].
         """
-        if segment not in self.carried:
+        if segment not in self.mass_cache:
             forces = [self._on_unit_mass(segment, corner) for corner in (np.zeros(3), *np.eye(3))]
-            self.carried[segment] = np.stack([forces[0], *(f - forces[0] for f in forces[1:])], axis=2)
+            self.mass_cache[segment] = np.stack([forces[0], *(f - forces[0] for f in forces[1:])], axis=2)
         # Accelerations of points of a body are affine in their place.
-        return np.asarray(self.carried[segment] @ np.concatenate([[1.0], place]))
+        return np.asarray(self.mass_cache[segment] @ np.concatenate([[1.0], place]))
 
     def _on_unit_mass(self, segment: int, place: Array) -> Array:
         phi = np.zeros_like(self.phi)
@@ -214,7 +216,7 @@ class State:
             joint = sensor.joint or self.record.robot.foot(sensor.foot).joint
             while joint > 1:
                 axis = self.poses.rotation[:, joint] @ self.tree.axes[joint]
-                arm = cross(point - self.poses.translation[:, joint], force) + moment
+                arm = cross_rows(point - self.poses.translation[:, joint], force) + moment
                 torque[:, self.tree.idx_v[joint]] -= np.einsum("ni,ni->n", axis, arm)
                 joint = int(self.tree.parents[joint])
         return torque
@@ -222,17 +224,17 @@ class State:
     @cached_property
     def smooth_torques(self) -> Array:
         """The same without what is above 4 Hz, where they hold noise of accelerations."""
-        return self._smooth(self.joint_torques)
+        return self._smooth_signal(self.joint_torques)
 
     def smooth_torque(self, iv: int) -> Array:
         """``(n,)`` the same of one joint, by its index in the velocities, where no other is asked for."""
-        return self._smooth(self.joint_torques[:, iv])
+        return self._smooth_signal(self.joint_torques[:, iv])
 
-    def _smooth(self, values: Array) -> Array:
-        return self.record.smooth(values, 4.0)
+    def _smooth_signal(self, values: Array) -> Array:
+        return self.record.smooth_signal(values, 4.0)
 
     @property
-    def channels(self) -> dict[str, str]:
+    def channel_units(self) -> dict[str, str]:
         """Unit of each row, by name."""
         return dict(zip(WRENCH_AXES, ("N",) * 3 + ("N·m",) * 3, strict=True))
 
@@ -250,12 +252,12 @@ class State:
         """The state with errors ``(10·n_segments,)`` of the inertial parameters."""
         return self.replace(phi=self.record.tree.phi + delta)
 
-    def free_errors(self) -> Free:
+    def free_errors(self) -> FreeParameters:
         """What is identified along, and what one expects of its errors before looking at data."""
         return inertial_errors(self)
 
 
-class Free(NamedTuple):
+class FreeParameters(NamedTuple):
     """Parameters that are identified along.
 
     Attributes:
@@ -268,19 +270,19 @@ class Free(NamedTuple):
     scales: Array
     at: NDArray[np.int64]
 
-    def beside(self, other: Free) -> Free:
+    def join_with(self, other: FreeParameters) -> FreeParameters:
         """These and others."""
         parts = zip(self, other, strict=True)
-        return Free(*(np.concatenate([one, two], axis=-1) for one, two in parts))
+        return FreeParameters(*(np.concatenate([one, two], axis=-1) for one, two in parts))
 
 
-def inertial_errors(state: State) -> Free:
+def inertial_errors(state: State) -> FreeParameters:
     """The inertial parameters of measured segments, where the log has them identified."""
     own = inertial_scales(state.record.tree.phi)
     for segment in state.record.unmeasured:
         own[10 * segment : 10 * segment + 10] = 0.0
     free = np.flatnonzero(own) if state.record.inertials_free else np.zeros(0, dtype=np.int64)
-    return Free(state.regressor[:, :, free], own[free], free)
+    return FreeParameters(state.regressor[:, :, free], own[free], free)
 
 
 # What one expects of inertial parameters before looking at data.
@@ -307,7 +309,7 @@ def inertial_scales(phi: Array) -> Array:
 # Cross products of many vectors.
 
 
-def cross(vector: Array, other: Array) -> Array:
+def cross_rows(vector: Array, other: Array) -> Array:
     """``vector (n, 3) × other``, the latter ``(n, 3)``, or ``(n, 3, k)`` for columns.
 
     For the thousands of small arrays of a search, where numpy's own spends its time on moving axes.
@@ -349,27 +351,27 @@ class JointTurn:
     @cached_property
     def _by_q(self) -> tuple[Array, dict[str, Array]]:
         """Of minus the predicted wrench; of the levers of the sensors that it carries."""
-        turned = self.state.moved(self.joint, q=_STEP_Q)
+        turned = self.state.move_joint(self.joint, q=_STEP_Q)
         levers = {
-            name: (turned.levers[name] - lever) / _STEP_Q
-            for name, lever in self.state.levers.items()
-            if self.state.carries(self.joint, name)
+            name: (turned.reading_levers[name] - lever) / _STEP_Q
+            for name, lever in self.state.reading_levers.items()
+            if self.state.is_moved_by(self.joint, name)
         }
-        return (self.state.predicted - turned.predicted) / _STEP_Q, levers
+        return (self.state.predicted_forces - turned.predicted_forces) / _STEP_Q, levers
 
     @cached_property
     def by_v(self) -> Array:
         """With respect to its velocity."""
-        moved = self.state.moved(self.joint, v=_STEP_V)
-        return (self.state.predicted - moved.predicted) / _STEP_V
+        moved = self.state.move_joint(self.joint, v=_STEP_V)
+        return (self.state.predicted_forces - moved.predicted_forces) / _STEP_V
 
     @cached_property
     def by_a(self) -> Array:
         """With respect to its acceleration."""
-        moved = self.state.moved(self.joint, a=_STEP_A)
-        return (self.state.predicted - moved.predicted) / _STEP_A
+        moved = self.state.move_joint(self.joint, a=_STEP_A)
+        return (self.state.predicted_forces - moved.predicted_forces) / _STEP_A
 
-    def columns(self, readings: dict[str, Array], q: Array, v: Array, a: Array) -> Array:
+    def residual_columns(self, readings: dict[str, Array], q: Array, v: Array, a: Array) -> Array:
         """Minus the derivative along ``k`` changes of the joint's motion, each ``(n, k)``: ``(n, 6, k)``."""
         parts = ((self.by_q(readings), q), (self.by_v, v), (self.by_a, a))
         return -np.sum([by[:, :, None] * change[:, None, :] for by, change in parts], axis=0)
@@ -377,11 +379,11 @@ class JointTurn:
 
 def joint_turn(state: State, joint: int) -> JointTurn:
     """Derivatives for one joint (index in the tree); those of a state are computed once."""
-    kept: JointTurn = state.turns.setdefault(joint, JointTurn(state, joint))
+    kept: JointTurn = state.turn_cache.setdefault(joint, JointTurn(state, joint))
     return kept
 
 
-def branch(parents: NDArray[np.int64], joint: int) -> list[int]:
+def subtree_joints(parents: NDArray[np.int64], joint: int) -> list[int]:
     """A joint and all beyond it, by index in the tree."""
     carried = [joint]
     for index in range(joint + 1, len(parents)):
@@ -418,20 +420,20 @@ class TorqueState(State):
     drives: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     @classmethod
-    def logged(cls, record: FloatingRecord, phi: Array | None = None) -> TorqueState:
+    def from_log(cls, record: FloatingRecord, phi: Array | None = None) -> TorqueState:
         """The state in which the log and the nominal model are right."""
-        plain = super().logged(record, phi)
+        plain = super().from_log(record, phi)
         return plain.replace(drives=np.zeros((len(drive_shapes(plain)), record.robot.n_joints)))
 
     @cached_property
-    def contacts(self) -> Array:
+    def contact_maps(self) -> Array:
         """``(n, nv, k)`` generalised forces per unit of each force or moment that a foot can transmit."""
         return tree_contact_maps(self.tree, self.poses, self.record.robot.feet)
 
     @property
-    def free(self) -> NDArray[np.int64]:
+    def footless_joints(self) -> NDArray[np.int64]:
         """Joints that carry no foot."""
-        return np.flatnonzero(~(self.contacts[:, 6:] != 0.0).any(axis=(0, 2)))
+        return np.flatnonzero(~(self.contact_maps[:, 6:] != 0.0).any(axis=(0, 2)))
 
     @property
     def n_base(self) -> int:
@@ -439,32 +441,34 @@ class TorqueState(State):
         return 6 if self.record.robot.feet else 0
 
     @cached_property
-    def levers(self) -> dict[str, Array]:
+    def reading_levers(self) -> dict[str, Array]:
         """``(n, n_base + n_free, n_joints)``: the joints' torques in each row."""
-        n, free = self.n_base, self.free
-        rows = np.zeros((len(self.q), n + len(free), self.contacts.shape[1] - 6))
+        n, free = self.n_base, self.footless_joints
+        rows = np.zeros((len(self.q), n + len(free), self.contact_maps.shape[1] - 6))
         if n:
-            rows[:, :n] = carried_wrench(self.contacts, _STRETCHED)
+            rows[:, :n] = carried_wrench(self.contact_maps, _STRETCHED)
         rows[:, n + np.arange(len(free)), free] = 1.0
         return {TORQUE: rows}
 
     def at_base(self, force: Array, point: Array) -> Array:
         """As of any state, zero in the rows of joints."""
         wrench = super().at_base(force, point)[:, : self.n_base]
-        return np.concatenate([wrench, np.zeros((len(wrench), len(self.free), *wrench.shape[2:]))], axis=1)
+        return np.concatenate(
+            [wrench, np.zeros((len(wrench), len(self.footless_joints), *wrench.shape[2:]))], axis=1
+        )
 
     def _in_rows(self, forces: Array) -> Array:
         """Rows ``(n, c, …)`` of generalised forces ``(n, nv, …)``."""
         flat = forces.reshape(*forces.shape[:2], -1)
-        rows = self.levers[TORQUE] @ flat[:, 6:]
+        rows = self.reading_levers[TORQUE] @ flat[:, 6:]
         rows[:, : self.n_base] += flat[:, : self.n_base]
         return rows.reshape(*rows.shape[:2], *forces.shape[2:])
 
     @cached_property
-    def predicted(self) -> Array:
+    def predicted_forces(self) -> Array:
         """``(n, c)`` what the motion needs, drives' friction in it."""
         forces = inverse_dynamics(self.tree, self.q, self.v, self.a, self.phi)
-        forces[:, 6:] += np.einsum("knj,kj->nj", [*self.shapes.values()], self.drives)
+        forces[:, 6:] += np.einsum("knj,kj->nj", [*self.drive_term_shapes.values()], self.drives)
         return self._in_rows(forces)
 
     @cached_property
@@ -473,7 +477,7 @@ class TorqueState(State):
         return self._in_rows(joint_torque_regressor(self.tree, self.q, self.v, self.a))
 
     @cached_property
-    def shapes(self) -> dict[str, Array]:
+    def drive_term_shapes(self) -> dict[str, Array]:
         """Those of the drives' terms."""
         return drive_shapes(self)
 
@@ -483,15 +487,15 @@ class TorqueState(State):
         return np.hstack([np.zeros((len(self.q), 6)), self.readings[TORQUE]])
 
     @property
-    def channels(self) -> dict[str, str]:
+    def channel_units(self) -> dict[str, str]:
         """The base's wrench, then joints that carry no foot."""
-        base = super().channels if self.n_base else {}
-        return base | {self.record.robot.joint_names[j]: "N·m" for j in self.free}
+        base = super().channel_units if self.n_base else {}
+        return base | {self.record.robot.joint_names[j]: "N·m" for j in self.footless_joints}
 
     @cached_property
     def white_noise(self) -> Array:
         """``(c, c)`` covariance of the rows' white noise, that of the joints in them."""
-        lever = self.levers[TORQUE]
+        lever = self.reading_levers[TORQUE]
         return np.einsum("nij,jk,nlk->il", lever, self.record.sensor_noise, lever, optimize=True) / len(lever)
 
     @property
@@ -504,18 +508,18 @@ class TorqueState(State):
         n = len(self.record.tree.phi)
         return self.replace(phi=self.record.tree.phi + delta[:n], drives=delta[n:].reshape(self.drives.shape))
 
-    def free_errors(self) -> Free:
+    def free_errors(self) -> FreeParameters:
         """Inertial parameters and terms of drives that are identified."""
         free, n = inertial_errors(self), len(self.record.tree.phi)
-        lever, joints = self.levers[TORQUE], self.record.robot.n_joints
+        lever, joints = self.reading_levers[TORQUE], self.record.robot.n_joints
         spread = np.maximum(self.readings[TORQUE].std(axis=0), 1e-6)
-        for k, (term, shape) in enumerate(self.shapes.items()):
+        for k, (term, shape) in enumerate(self.drive_term_shapes.items()):
             if term not in self.record.modelled:
                 continue
             columns = lever * shape[:, None, :]
             size = np.maximum(np.sqrt((shape**2).mean(axis=0)), 1e-6)
-            free = free.beside(
-                Free(columns, _TORQUES_SHARE * spread / size, n + joints * k + np.arange(joints))
+            free = free.join_with(
+                FreeParameters(columns, _TORQUES_SHARE * spread / size, n + joints * k + np.arange(joints))
             )
         return free
 
@@ -535,8 +539,8 @@ def check_legs(state: TorqueState) -> None:
     """LogError where legs have fewer joints than their feet transmit forces."""
     if not state.n_base:
         return
-    left = state.contacts[:, :6] + state.levers[TORQUE][:, :6] @ state.contacts[:, 6:]
-    if np.median(np.abs(left).max(axis=(1, 2))) > _STRETCHED * np.abs(state.contacts[:, :6]).max():
+    left = state.contact_maps[:, :6] + state.reading_levers[TORQUE][:, :6] @ state.contact_maps[:, 6:]
+    if np.median(np.abs(left).max(axis=(1, 2))) > _STRETCHED * np.abs(state.contact_maps[:, :6]).max():
         raise LogError(
             "does not tell the feet's forces: a leg has fewer joints with a torque than its foot has forces",
             field="sensors",

@@ -23,7 +23,7 @@ from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.baseline_fit import model_phi, prior_spread, standstill_weights
 from excite.diagnosis.equations.own_columns import own_signals, own_terms
 from excite.diagnosis.equations.samples import ArmSamples
-from excite.diagnosis.next_experiment.candidates import LONGEST_S, Offer, draw_motions, through_everything
+from excite.diagnosis.next_experiment.candidates import LONGEST_S, Offer, draw_motions, full_range_sines
 from excite.logs.signals.butterworth import settling_samples
 from excite.motion.files import save_motion
 from excite.motion.motion import Motion
@@ -56,7 +56,7 @@ class Proposal:
     caution: str
 
     @property
-    def score(self) -> float:
+    def separation_score(self) -> float:
         """Share of what may be true that is safely told from what it may be taken for, half-safely in proportion.
 
         A little is added for more, so that of two motions that tell all apart the clearer one wins.
@@ -70,7 +70,7 @@ class Proposal:
         return np.maximum(self.ratios[0, 1:], self.ratios[1:, 0])
 
 
-def propose(baseline: Baseline, rivals: Sequence[Scored], floor: Array, seed: int) -> Proposal | None:
+def propose_motion(baseline: Baseline, rivals: Sequence[Scored], floor: Array, seed: int) -> Proposal | None:
     """The safe motion that is expected to tell most rivals apart.
 
     Within what the log has shown there are the record's own paths at other speeds and, where the model has
@@ -88,41 +88,43 @@ def propose(baseline: Baseline, rivals: Sequence[Scored], floor: Array, seed: in
         The proposal; None where no motion tells the first from any of the others, or none is safe.
     """
     expectation, samples = Expectation(baseline, rivals, floor), baseline.samples
-    targets = sorted({_joint(item, samples) for item in rivals}, key=samples.joints.index)
-    best = _best(expectation, draw_motions(samples, targets, seed, wide=False))
-    if best is None or best.score < _ENOUGH:
-        other = _best(expectation, draw_motions(samples, targets, seed, wide=True))
-        if other is not None and (best is None or other.score > best.score + _WIDER):
+    targets = sorted({_affected_joint(item, samples) for item in rivals}, key=samples.joints.index)
+    best = _best_proposal(expectation, draw_motions(samples, targets, seed, wide=False))
+    if best is None or best.separation_score < _ENOUGH:
+        other = _best_proposal(expectation, draw_motions(samples, targets, seed, wide=True))
+        if other is not None and (best is None or other.separation_score > best.separation_score + _WIDER):
             best = other
     return best
 
 
-def _best(expectation: Expectation, offers: Iterable[Offer]) -> Proposal | None:
+def _best_proposal(expectation: Expectation, offers: Iterable[Offer]) -> Proposal | None:
     """The best safe one; sketches are ranked first, and no more made safe than is needed."""
 
-    def expected(motion: Motion, offer: Offer) -> Proposal:
+    def propose_offer(motion: Motion, offer: Offer) -> Proposal:
         return Proposal(motion, expectation.with_motion(motion), offer.caution)
 
-    ranked = [(expected(offer.sketch, offer), offer) for offer in offers]
+    ranked = [(propose_offer(offer.sketch, offer), offer) for offer in offers]
     ranked = [pair for pair in ranked if pair[0].from_first.max() > _WORTH]
     best: Proposal | None = None
-    for sketched, offer in sorted(ranked, key=lambda pair: -pair[0].score)[:_ATTEMPTS]:
-        if best is not None and best.score >= sketched.score:
+    for sketched, offer in sorted(ranked, key=lambda pair: -pair[0].separation_score)[:_ATTEMPTS]:
+        if best is not None and best.separation_score >= sketched.separation_score:
             break
-        motion = offer.safe()
+        motion = offer.make_safe()
         if motion is not None:
-            found = sketched if motion is offer.sketch else expected(motion, offer)
-            if found.from_first.max() > _WORTH and (best is None or found.score > best.score):
+            found = sketched if motion is offer.sketch else propose_offer(motion, offer)
+            if found.from_first.max() > _WORTH and (
+                best is None or found.separation_score > best.separation_score
+            ):
                 best = found
     return best
 
 
-def _joint(item: Scored, samples: ArmSamples) -> str:
+def _affected_joint(item: Scored, samples: ArmSamples) -> str:
     """The joint that a hypothesis is about: its own, else the one that it changes most."""
     return item.location if item.location in samples.joints else samples.joints[item.place]
 
 
-def advice(attribution: Attribution, judgement: Judgement, out: Path | None) -> NextExperiment | None:
+def give_advice(attribution: Attribution, judgement: Judgement, out: Path | None) -> NextExperiment | None:
     """What would tell apart the names, or the places, that the record leaves open.
 
     Args:
@@ -150,18 +152,16 @@ def advice(attribution: Attribution, judgement: Judgement, out: Path | None) -> 
     out = None if looped else out
     if others and not looped:
         floor = np.maximum(attribution.floor, baseline.solver.equations.floor)
-        ratios = Expectation(baseline, [best, *others], floor).with_motion(
-            through_everything(baseline.samples)
-        )
+        ratios = Expectation(baseline, [best, *others], floor).with_motion(full_range_sines(baseline.samples))
         twins = np.maximum(ratios[0, 1:], ratios[1:, 0]) < _NOTHING
         alike = [item for item, is_twin in zip(others, twins, strict=True) if is_twin]
         others = [item for item, is_twin in zip(others, twins, strict=True) if not is_twin]
         if alike:
-            told = _hints([e.without_motion for e in _effects(best, alike)])
+            told = _join_hints([e.without_motion for e in _rival_effects(best, alike)])
             said.append(f"{_look_alike(best, alike)} in any motion of these joints{told}")
     if others:
-        told = _hints([e.separating_motion for e in _effects(best, others)])
-        found = None if out is None else propose(baseline, [best, *others], floor, seed=0)
+        told = _join_hints([e.separating_motion for e in _rival_effects(best, others)])
+        found = None if out is None else propose_motion(baseline, [best, *others], floor, seed=0)
         if out is None:
             said.append(f"{_look_alike(best, others)} in this record{told}")
         elif found is None:
@@ -175,36 +175,36 @@ def advice(attribution: Attribution, judgement: Judgement, out: Path | None) -> 
             out.mkdir(parents=True, exist_ok=True)
             save_motion(found.motion.renamed(Path(FILE).stem), out / FILE)
             clear = zip(others, found.from_first > _WORTH, strict=True)
-            apart = ", ".join(_place(item) for item, yes in clear if yes)
+            apart = ", ".join(_place_words(item) for item, yes in clear if yes)
             caution = f"; {found.caution}" if found.caution else ""
             said.append(
-                f"{_look_alike(best, others)} in this record; {FILE} is expected to tell {_place(best)} from {apart} "
-                f"when it is run twice, as an identification and as a validation trial{caution}{told}"
+                f"{_look_alike(best, others)} in this record; {FILE} is expected to tell {_place_words(best)} "
+                f"from {apart} when it is run twice, as an identification and as a validation trial{caution}{told}"
             )
     if second is not None:
         said.append(
             f"{in_words(best.name, None)} and {in_words(second, best.location)} are one and the same in any motion"
-            + _hints([EFFECTS[best.name].separating_motion])
+            + _join_hints([EFFECTS[best.name].separating_motion])
         )
     return NextExperiment("; ".join(said), separates, file)
 
 
-def _effects(best: Scored, others: Sequence[Scored]) -> list[Effect]:
+def _rival_effects(best: Scored, others: Sequence[Scored]) -> list[Effect]:
     return [item.hypothesis.effect for item in (best, *others)]
 
 
-def _hints(hints: Sequence[str]) -> str:
+def _join_hints(hints: Sequence[str]) -> str:
     """What tells apart, each hint once."""
     known = "; ".join(dict.fromkeys(hint for hint in hints if hint))
     return f"; what tells them apart: {known}" if known else ""
 
 
 def _look_alike(best: Scored, others: Sequence[Scored]) -> str:
-    *names, last = (_place(item) for item in (best, *others))
+    *names, last = (_place_words(item) for item in (best, *others))
     return f"{', '.join(names)} and {last} look alike"
 
 
-def _place(item: Scored) -> str:
+def _place_words(item: Scored) -> str:
     return in_words(item.name, item.location)
 
 
@@ -240,31 +240,31 @@ class Expectation:
         Args:
             motion: that is added to the record.
         """
-        fresh = as_trial(self.baseline.samples, motion)
-        moments = self._without_own(self._record + self._moments(*self._new_rows(fresh)))
+        fresh = motion_to_trial(self.baseline.samples, motion)
+        moments = self._without_own(self._record_moments + self._second_moments(*self._new_rows(fresh)))
         count = int(self.baseline.solver.equations.use.sum()) + len(fresh.rows)
         n = len(self.rivals)
         ratios = np.full((n, n), np.inf)
-        alone = [self._nats(moments, count, a, None) for a in range(n)]
+        alone = [self._expected_nats(moments, count, a, None) for a in range(n)]
         for a, b in permutations(range(n), 2):
             tied = max(THRESHOLDS.rival, THRESHOLDS.alike * alone[a])
-            ratios[a, b] = self._nats(moments, count, a, b) / tied
+            ratios[a, b] = self._expected_nats(moments, count, a, b) / tied
         return ratios
 
     @cached_property
-    def _sigma(self) -> Array:
+    def _noise_level(self) -> Array:
         """Noise and what the best rival leaves, ``(n_joints,)`` [N·m]."""
         left = np.min([item.power[:, 0] for item in self.rivals], axis=0)
         return np.maximum(self.floor, np.sqrt(left))
 
     @cached_property
-    def _independent(self) -> Array:
+    def _effective_share(self) -> Array:
         """Effective samples a row, by joint, as the record's residual has them ``(n_joints,)``."""
-        use = self.baseline.samples.identification
+        use = self.baseline.samples.identification_rows
         return np.minimum(self.rivals[0].count[:, 0] / max(int(use.sum()), 1), 1.0)
 
     @cached_property
-    def _columns(self) -> list[slice]:
+    def _rival_columns(self) -> list[slice]:
         """Where the columns of each rival are behind those of the bodies; the last two are prediction and offset."""
         n, begin, found = self._n_bodies, 0, []
         for item in self.rivals:
@@ -278,10 +278,10 @@ class Expectation:
         return len(self.baseline.phi) if self.baseline.free else 0
 
     @cached_property
-    def _record(self) -> Array:
+    def _record_moments(self) -> Array:
         """Moments of the record's identification rows."""
         e = self.baseline.solver.equations
-        spread = np.where(self._spread > 0.0, self._spread, 1.0)[:, None]
+        spread = np.where(self._prior_spread > 0.0, self._prior_spread, 1.0)[:, None]
         bodies = (
             e.shared @ (self.baseline.basis / spread).T
             if self.baseline.free
@@ -289,60 +289,60 @@ class Expectation:
         )
         parts = [bodies]
         for item in self.rivals:
-            parts += _shown(item.hypothesis, item.hypothesis.columns, bodies.shape[:2])
+            parts += _hypothesis_columns(item.hypothesis, item.hypothesis.columns, bodies.shape[:2])
         # Judged as hypotheses are: standstill counts for next to nothing.
         weight = (self.baseline.strict / self.baseline.root_weight)[:, e.use, None]
         rows = np.concatenate(parts, axis=2)[:, e.use] * weight
         own = [o[e.use] * w for o, w in zip(e.own, weight, strict=True)]
-        return self._moments(rows, own)
+        return self._second_moments(rows, own)
 
     @cached_property
-    def _spread(self) -> Array:
+    def _prior_spread(self) -> Array:
         return prior_spread(model_phi(self.baseline.samples))
 
     def _new_rows(self, trial: ArmTrial) -> tuple[Array, list[Array]]:
         """Rows ``(n_joints, n_rows, n)`` of a new trial, and each joint's own."""
-        baseline = on_trial(self.baseline, trial)
+        baseline = predict_trial(self.baseline, trial)
         samples, root = baseline.samples, baseline.root_weight
         bodies = np.zeros((len(samples.joints), len(trial.rows), 0))
         if baseline.free:
-            bodies = samples.body_rows() * self._spread * root[:, :, None]
+            bodies = samples.body_rows() * self._prior_spread * root[:, :, None]
         context, parts = Context(baseline), [bodies]
         for item in self.rivals:
             h = item.hypothesis
             columns = at_rows(context, h.effect.shape(context, h.location, h.theta))
-            parts += _shown(h, columns, bodies.shape[:2])
+            parts += _hypothesis_columns(h, columns, bodies.shape[:2])
         terms = own_terms(baseline.modelled)
         own = [baseline.own_rows(terms, j, baseline.signs[j]) for j in range(baseline.n_joints)]
         return np.concatenate(parts, axis=2), own
 
-    def _moments(self, rows: Array, own: Sequence[Array]) -> Array:
+    def _second_moments(self, rows: Array, own: Sequence[Array]) -> Array:
         """Second moments of the joints' own columns and of all others, ``(n_joints, n, n)``, weighted.
 
         Joints have as many own columns as the one with most, of those that they lack nothing.
         """
         most = max(o.shape[1] for o in own)
         filled = [np.pad(o, ((0, 0), (most - o.shape[1], 0))) for o in own]
-        joined = [np.hstack([o, r]) / s for o, r, s in zip(filled, rows, self._sigma, strict=True)]
+        joined = [np.hstack([o, r]) / s for o, r, s in zip(filled, rows, self._noise_level, strict=True)]
         return np.array([x.T @ x for x in joined])
 
     def _without_own(self, moments: Array) -> Array:
         """Moments of all other columns with each joint's own projected out."""
-        k = moments.shape[1] - self._columns[-1].stop
+        k = moments.shape[1] - self._rival_columns[-1].stop
         own, cross, rest = moments[:, :k, :k], moments[:, :k, k:], moments[:, k:, k:]
         if not k:
             return rest
         ridge = 1e-9 * np.trace(own, axis1=1, axis2=2)[:, None, None] + 1e-12
         return rest - cross.transpose(0, 2, 1) @ np.linalg.solve(own + ridge * np.eye(k), cross)
 
-    def _nats(self, moments: Array, count: int, truth: int, fitted: int | None) -> float:
+    def _expected_nats(self, moments: Array, count: int, truth: int, fitted: int | None) -> float:
         """Expected log-likelihood ratio of a rival that is true against a fitted one, or against none."""
         n = self._n_bodies
         target = np.zeros(moments.shape[1])
-        target[self._columns[truth].stop - 2] = 1.0
+        target[self._rival_columns[truth].stop - 2] = 1.0
         free = list(range(n))
         if fitted is not None:
-            at = self._columns[fitted]
+            at = self._rival_columns[fitted]
             target[at.stop - 1] -= 1.0
             free += range(at.start, at.stop - 2)
         total = moments.sum(axis=0)
@@ -353,10 +353,10 @@ class Expectation:
             normal = total[np.ix_(free, free)] / np.outer(scale, scale) + np.diag(prior)
             left[free] -= np.linalg.solve(normal, (total @ target)[free] / scale) / scale
         power = np.maximum((moments @ left) @ left, 0.0)
-        return float(0.5 * count * (self._independent * np.log1p(power / count)).sum())
+        return float(0.5 * count * (self._effective_share * np.log1p(power / count)).sum())
 
 
-def _shown(item: Hypothesis, columns: Columns, shape: tuple[int, ...]) -> list[Array]:
+def _hypothesis_columns(item: Hypothesis, columns: Columns, shape: tuple[int, ...]) -> list[Array]:
     """Columns of a hypothesis, then its prediction and its offset, each ``(n_joints, n_rows, …)``."""
     extra = np.zeros((*shape, 0)) if columns.extra is None else columns.extra
     offset = np.zeros(shape) if columns.offset is None else columns.offset
@@ -364,12 +364,14 @@ def _shown(item: Hypothesis, columns: Columns, shape: tuple[int, ...]) -> list[A
     return [extra, made[:, :, None], offset[:, :, None]]
 
 
-def on_trial(baseline: Baseline, trial: ArmTrial) -> Baseline:
+def predict_trial(baseline: Baseline, trial: ArmTrial) -> Baseline:
     """The fitted baseline's predictions on another trial; its equations stay those of the record."""
     rate = 1.0 / float(trial.time[1] - trial.time[0])
     samples = replace(baseline.samples, trials=(trial,), rate_hz=rate)
-    terms, rigid = own_terms(baseline.modelled), samples.torques(baseline.phi)
-    own = [own_signals(samples, terms, j, baseline.signs[j]) @ o for j, o in enumerate(baseline.fit.own)]
+    terms, rigid = own_terms(baseline.modelled), samples.rigid_torques(baseline.phi)
+    own = [
+        own_signals(samples, terms, j, baseline.signs[j]) @ o for j, o in enumerate(baseline.fit.own_coefs)
+    ]
     root = standstill_weights(samples, 3.0, 0.02)
     nothing = np.zeros_like(rigid)
     return replace(
@@ -384,7 +386,7 @@ def on_trial(baseline: Baseline, trial: ArmTrial) -> Baseline:
     )
 
 
-def as_trial(samples: ArmSamples, motion: Motion, rate_hz: float = _RATE_HZ) -> ArmTrial:
+def motion_to_trial(samples: ArmSamples, motion: Motion, rate_hz: float = _RATE_HZ) -> ArmTrial:
     """A motion as the trial that comes after the record's last, without torques."""
     rate = min(rate_hz, samples.rate_hz)
     short = motion.resampled(samples.robot, rate)

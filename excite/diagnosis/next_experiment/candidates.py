@@ -47,7 +47,7 @@ class Offer:
     candidate: Candidate | None = None
     caution: str = ""
 
-    def safe(self) -> Motion | None:
+    def make_safe(self) -> Motion | None:
         """The motion as it may be run; None where it breaks a limit or collides.
 
         Collisions of a model without shapes cannot be judged: its limits are.
@@ -77,18 +77,17 @@ def draw_motions(samples: ArmSamples, targets: Sequence[str], seed: int, *, wide
     have the model's whole range; without shapes each joint stays between the positions that it has been at.
 
     Args:
-        samples: the samples.
         targets: joints to aim at.
         seed: of the generators.
         wide: whether postures may be new.
     """
     robot, shapes = samples.robot, has_shapes(samples.robot)
-    made = [] if wide else [Offer(motion, robot) for motion in retraced(samples)]
+    made = [] if wide else [Offer(motion, robot) for motion in retrace_record(samples)]
     if not wide and not shapes:
         return made
-    limits = robot if wide and shapes else within_record(samples, 0.2 if shapes else 0.0)
+    limits = robot if wide and shapes else limit_to_record(samples, 0.2 if shapes else 0.0)
     for drawn in plan_candidates(limits, _DRAWN, np.random.SeedSequence(seed + wide), targets=targets):
-        path = sketch(limits, drawn)
+        path = sketch_motion(limits, drawn)
         if shapes:
             made.append(Offer(path, limits, drawn, _ELSEWHERE if wide else ""))
         else:
@@ -96,7 +95,7 @@ def draw_motions(samples: ArmSamples, targets: Sequence[str], seed: int, *, wide
     return made
 
 
-def sketch(robot: Robot, candidate: Candidate) -> Motion:
+def sketch_motion(robot: Robot, candidate: Candidate) -> Motion:
     """A candidate's path at the constant rate that the limits allow, before the filter has made it safe."""
     curve = candidate.posture
     s = np.linspace(0.0, curve.length, 200)
@@ -123,11 +122,11 @@ def sketch(robot: Robot, candidate: Candidate) -> Motion:
     )
 
 
-def within_record(samples: ArmSamples, more: float = 0.2) -> Robot:
+def limit_to_record(samples: ArmSamples, more: float = 0.2) -> Robot:
     """The robot with limits of what the record has shown, ``more`` of it in range, a fifth more of speed."""
     robot, index = samples.robot, list(samples.index)
-    fastest = np.abs(samples.stacked("v")[:, index]).max(axis=0)
-    q = samples.stacked("q")[:, index]
+    fastest = np.abs(samples.stack_trials("v")[:, index]).max(axis=0)
+    q = samples.stack_trials("q")[:, index]
     limits = robot.limits
     middle, half = 0.5 * (q.max(axis=0) + q.min(axis=0)), 0.5 * (1.0 + more) * np.ptp(q, axis=0)
     lower, upper = limits.position_lower.copy(), limits.position_upper.copy()
@@ -135,7 +134,7 @@ def within_record(samples: ArmSamples, more: float = 0.2) -> Robot:
     upper[index] = np.minimum(upper[index], middle + half)
     velocity, acceleration = limits.velocity.copy(), limits.acceleration.copy()
     velocity[index] = np.minimum(velocity[index], 1.2 * fastest)
-    acceleration[index] = np.minimum(acceleration[index], accelerations(samples, 1.2))
+    acceleration[index] = np.minimum(acceleration[index], allowed_accelerations(samples, 1.2))
     rest = robot.rest.copy()
     rest[index] = middle
     narrow = replace(
@@ -160,7 +159,7 @@ _NO_LIMIT = 1000.0
 _WITHIN, _SHOWN = 0.95, 0.999
 
 
-def retraced(samples: ArmSamples) -> list[Motion]:
+def retrace_record(samples: ArmSamples) -> list[Motion]:
     """Motions along the path of the record's first trial, in joint space.
 
     Each runs it slower, faster, or to and fro about one of its points in a chirp, its amplitude shrinking
@@ -173,11 +172,11 @@ def retraced(samples: ArmSamples) -> list[Motion]:
     made = []
     for speed in _SPEEDS:
         t = np.arange(round(min(end / speed, LONGEST_S) * rate)) / rate
-        way = speed * _ease(t, 0.5)
+        way = speed * _ease_ends(t, 0.5)
         along = np.concatenate([[0.0], np.cumsum(0.5 * (way[1:] + way[:-1])) / rate])
-        made.append(_motion(samples, trial, along, f"speed_{speed:g}"))
+        made.append(_make_motion(samples, trial, along, f"speed_{speed:g}"))
     index = list(samples.index)
-    fastest = ((trial.v[:, index] / _largest(samples, "v")) ** 2).sum(axis=1)
+    fastest = ((trial.v[:, index] / _largest_magnitude(samples, "v")) ** 2).sum(axis=1)
     inner = slice(round(rate), -round(rate))
     middle = float(trial.time[inner][int(np.argmax(fastest[inner]))])
     room = 0.9 * min(middle, end - middle, 1.0)
@@ -186,38 +185,38 @@ def retraced(samples: ArmSamples) -> list[Motion]:
         growth = np.log(high / low) / t[-1]
         frequency = low * np.exp(growth * t)
         # Path speed of at most the record's, and path acceleration as the chirp's own limit leaves it.
-        amplitude = np.minimum(room, 1.0 / (2.0 * np.pi * frequency)) * _ease(t, 1.0)
+        amplitude = np.minimum(room, 1.0 / (2.0 * np.pi * frequency)) * _ease_ends(t, 1.0)
         along = middle + amplitude * np.sin(2.0 * np.pi * (frequency - low) / growth)
-        made.append(_motion(samples, trial, along, f"chirp_{high:g}_hz"))
+        made.append(_make_motion(samples, trial, along, f"chirp_{high:g}_hz"))
     return made
 
 
-def _ease(t: Array, seconds: float) -> Array:
+def _ease_ends(t: Array, seconds: float) -> Array:
     """From 0 to 1 and back within some seconds of both ends."""
     rise = np.minimum(np.minimum(t, t[-1] - t) / seconds, 1.0)
     return np.asarray(rise**2 * (3.0 - 2.0 * rise))
 
 
-def accelerations(samples: ArmSamples, harder: float) -> Array:
+def allowed_accelerations(samples: ArmSamples, harder: float) -> Array:
     """Largest accelerations that a new motion may have ``(n_joints,)`` [rad/s²].
 
     ``harder`` times the record's, within the model's limits; where the model states none, the record's own.
     """
-    shown = np.quantile(np.abs(samples.stacked("a")[:, list(samples.index)]), _SHOWN, axis=0)
+    shown = np.quantile(np.abs(samples.stack_trials("a")[:, list(samples.index)]), _SHOWN, axis=0)
     limit = samples.robot.limits.acceleration[list(samples.index)]
     return _WITHIN * np.where(limit < _NO_LIMIT, np.minimum(harder * shown, limit), shown)
 
 
-def _largest(samples: ArmSamples, name: str) -> Array:
-    return np.maximum(np.abs(samples.stacked(name)[:, list(samples.index)]).max(axis=0), 1e-6)
+def _largest_magnitude(samples: ArmSamples, name: str) -> Array:
+    return np.maximum(np.abs(samples.stack_trials(name)[:, list(samples.index)]).max(axis=0), 1e-6)
 
 
-def _motion(samples: ArmSamples, trial: ArmTrial, along: Array, name: str) -> Motion:
+def _make_motion(samples: ArmSamples, trial: ArmTrial, along: Array, name: str) -> Motion:
     """The path at these times, slowed down as a whole until it is within the limits."""
     robot, index, rate = samples.robot, list(samples.index), samples.rate_hz
     path = lowpass(trial.q, rate, min(_SMOOTH_HZ, 0.2 * rate))
-    most_v = np.minimum(_FASTER * _largest(samples, "v"), robot.limits.velocity[index])
-    most_a = accelerations(samples, _HARDER)
+    most_v = np.minimum(_FASTER * _largest_magnitude(samples, "v"), robot.limits.velocity[index])
+    most_a = allowed_accelerations(samples, _HARDER)
     slower = 1.0
     for _ in range(8):
         n = round(len(along) * slower)
@@ -250,7 +249,7 @@ _TURNS_HZ, _APART = (0.11, 0.27, 0.61, 1.3), 0.13
 _RATE_HZ = 100.0
 
 
-def through_everything(samples: ArmSamples) -> Motion:
+def full_range_sines(samples: ArmSamples) -> Motion:
     """Sines of all joints over their whole range, as fast as their limits of speed allow."""
     robot = samples.robot
     limits, t = robot.limits, np.arange(round(LONGEST_S * _RATE_HZ)) / _RATE_HZ

@@ -9,13 +9,13 @@ from functools import partial
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.budget.bodies import body
+from excite.diagnosis.budget.bodies import make_body_term
 from excite.diagnosis.budget.fit.design import Design, Rows
-from excite.diagnosis.budget.fit.joint_fit import Model, fit
+from excite.diagnosis.budget.fit.joint_fit import Model, fit_model
 from excite.diagnosis.budget.fit.terms import Term, TermMaker
 from excite.diagnosis.budget.library import Library
-from excite.diagnosis.budget.prediction import Prediction, predicted
-from excite.diagnosis.budget.record import Found, Rival, rows_of
+from excite.diagnosis.budget.prediction import Prediction, predict_model
+from excite.diagnosis.budget.record import GapModel, Rival, rows_of
 from excite.diagnosis.budget.shares import shares_of
 from excite.diagnosis.effects.effect import Effect
 from excite.diagnosis.effects.form import Context
@@ -23,7 +23,7 @@ from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.standing_joints import stands_throughout
 from excite.diagnosis.selection.gram import Gram, Noise, discrepancy_columns
-from excite.diagnosis.selection.predictive import nats_of, that_predict
+from excite.diagnosis.selection.predictive import keep_predictive_terms, predictive_nats
 from excite.diagnosis.selection.prior import (
     Atom,
     Key,
@@ -34,13 +34,13 @@ from excite.diagnosis.selection.prior import (
     problem_of,
     with_odds,
 )
-from excite.diagnosis.selection.sampler import Draws, climb, gains_beside, sample
-from excite.diagnosis.selection.settling import Basis, gears_of, settle
+from excite.diagnosis.selection.sampler import Draws, draw_models, find_mode, gains_beside
+from excite.diagnosis.selection.settling import Basis, gears_of, settle_shapes
 from excite.diagnosis.selection.shapes import (
-    forms_unlike_grids,
-    in_plainest_forms,
     other_forms,
+    search_further_forms,
     shape_changes,
+    use_plainest_forms,
 )
 from excite.progress import step
 
@@ -59,7 +59,7 @@ Atoms = dict[Key, list[Atom]]
 
 
 @dataclass(frozen=True, eq=False)
-class Selected:
+class EffectPosterior:
     """The posterior over a record's effects.
 
     Attributes:
@@ -77,38 +77,38 @@ class Selected:
     gap: Array
 
     @property
-    def chosen(self) -> tuple[int, ...]:
+    def best_atoms(self) -> tuple[int, ...]:
         """Atoms of the likeliest model."""
         return tuple(int(a) for a in self.draws.best if a >= 0)
 
 
 @dataclass(eq=False)
-class _Turns:
+class _Search:
     """State of the search."""
 
     full: Baseline
     modelled: tuple[str, ...]
     library: Library
-    begun_context: Context
+    initial_context: Context
     rows: Rows
     discrepancy: tuple[Array, ...]
     noise: Noise
     slab: Slab
-    begun_terms: Sequence[Term]
+    initial_terms: Sequence[Term]
     candidates: Sequence[Term]
     bodies: Sequence[Term]
 
     @classmethod
-    def begun(
+    def begin_search(
         cls, full: Baseline, modelled: tuple[str, ...], effects: tuple[Effect, ...], floor: Array
-    ) -> _Turns:
+    ) -> _Search:
         library, rows = Library(modelled, effects), rows_of(full, modelled, floor)
-        residual = fit(Design(rows, ()), (), left_out=False).residual
+        residual = fit_model(Design(rows, ()), (), left_out=False).residual
         gap = np.sqrt(np.maximum((residual[:, rows.block >= 0] ** 2).mean(axis=1), floor**2))
         n = len(gap)
         noise = Noise(residual, 1.0, np.ones(n), 1.0, _DISCREPANCY * gap, floor)
         maker = TermMaker(Context(full), full.strict)
-        bodies = (maker.make(effect, place, ()) for effect, place in library.bodies(maker.context))
+        bodies = (maker.make_term(effect, place, ()) for effect, place in library.body_places(maker.context))
         return cls(
             full,
             modelled,
@@ -117,52 +117,52 @@ class _Turns:
             rows,
             discrepancy_columns(full),
             noise,
-            Slab.of(rows, gap),
-            library.begun(maker),
-            library.candidates(maker, maker.context),
+            Slab.of_rows(rows, gap),
+            library.make_initial_terms(maker),
+            library.make_candidate_terms(maker, maker.context),
             [body for body in bodies if body is not None],
         )
 
-    def run(self, rng: np.random.Generator) -> Selected:
-        """All turns."""
+    def run_search(self, rng: np.random.Generator) -> EffectPosterior:
+        """Run all turns of the search."""
         found: Atoms = {}
         keys: list[Term] = []
         for turn, (anneal, white) in enumerate(_TURNS):
             self.noise = replace(self.noise, anneal=anneal, white=white)
-            atoms = self._atoms(found, searched=turn >= 2)
-            gram = Gram.of(self.rows, self.discrepancy, atoms, self.noise)
-            draws = _sampled(gram, keys, _SWEEPS, rng)
-            posterior = gram.posterior([int(a) for a in draws.best if a >= 0])
+            atoms = self._collect_atoms(found, searched=turn >= 2)
+            gram = Gram.of_rows(self.rows, self.discrepancy, atoms, self.noise)
+            draws = _sample_models(gram, keys, _SWEEPS, rng)
+            posterior = gram.compute_posterior([int(a) for a in draws.best if a >= 0])
             self.noise = replace(
                 self.noise,
                 residual=posterior.residual,
-                discrepancy=posterior.discrepancy(self.noise, self.slab.gap),
-                power=posterior.power(self.noise),
+                discrepancy=posterior.estimate_discrepancy(self.noise, self.slab.gap),
+                power=posterior.estimate_power_factors(self.noise),
             )
             terms = [atoms[a].term for a in posterior.chosen]
             if turn == len(_TURNS) - 1:
-                gram = Gram.of(self.rows, self.discrepancy, atoms, self.noise)
-                draws = _sampled(gram, terms, _LONGER * _SWEEPS, rng)
-                return Selected(self.full, gram, draws, self.noise, self.slab.gap)
-            found, keys = self._remade(atoms, terms, turn)
+                gram = Gram.of_rows(self.rows, self.discrepancy, atoms, self.noise)
+                draws = _sample_models(gram, terms, _LONGER * _SWEEPS, rng)
+                return EffectPosterior(self.full, gram, draws, self.noise, self.slab.gap)
+            found, keys = self._new_terms(atoms, terms, turn)
         raise AssertionError("there is a last turn")
 
-    def _atoms(self, found: Atoms, *, searched: bool) -> list[Atom]:
+    def _collect_atoms(self, found: Atoms, *, searched: bool) -> list[Atom]:
         """Atoms of all groups: the grid, and what was found; a gear that was searched stands without its grid."""
         grid: Atoms = {}
-        for term in (*self.begun_terms, *self.candidates, *self.bodies):
+        for term in (*self.initial_terms, *self.candidates, *self.bodies):
             grid.setdefault(term.key, []).append(atom_of(term, self.slab))
         for key, more in found.items():
             old = [atom for atom in grid.get(key, []) if not (searched and atom.term.known)]
             grid[key] = [*more, *old]
         return with_odds(atom for atoms in grid.values() for atom in atoms)
 
-    def _remade(self, atoms: Sequence[Atom], terms: Sequence[Term], turn: int) -> tuple[Atoms, list[Term]]:
+    def _new_terms(self, atoms: Sequence[Atom], terms: Sequence[Term], turn: int) -> tuple[Atoms, list[Term]]:
         """The likeliest model's terms with their shapes searched, made anew at what it predicts; and where to begin."""
         basis = Basis(self.full, self.rows, self.modelled, self.discrepancy, self.noise, self.slab.gap)
-        settled = settle(basis, terms, once=turn == 0)
+        settled = settle_shapes(basis, terms, once=turn == 0)
         terms, makers, now = settled.terms, settled.makers, settled.now
-        sizes = [settled.company.sizes(i) for i in range(len(terms))]
+        sizes = [settled.company.term_sizes(i) for i in range(len(terms))]
         gears = gears_of(terms)
         turned = settled.basis is not basis
         self.full, self.rows = settled.basis.full, settled.basis.rows
@@ -173,17 +173,17 @@ class _Turns:
         ):
             found.setdefault(term.key, []).append(self._with_shape(maker, term, None))
         whole = TermMaker(now.context, self.full.strict)
-        joints = self._worst(terms)
-        for term in forms_unlike_grids(
+        joints = self._worst_joints(terms)
+        for term in search_further_forms(
             settled.basis.gram, terms, self.slab, whole, self.library.effects, joints
         ):
             found.setdefault(term.key, []).append(self._with_shape(whole, term, None))
-        self._grid_again(now, terms, gears, first=turn == 0 or turned)
+        self._renew_grid(now, terms, gears, first=turn == 0 or turned)
         keys: list[Term] = []
         for term, x, maker in zip(terms, sizes, makers, strict=True):
             if _is_begun(term):
                 continue
-            again = _whole_delay(maker, term, x) or maker.again(term)
+            again = _whole_delay(maker, term, x) or maker.remake_term(term)
             if again is None:
                 continue
             again = replace(again, started=term.started)
@@ -192,12 +192,12 @@ class _Turns:
                 old = TermMaker(term.context, self.full.strict)
                 found.setdefault(term.key, []).append(self._with_shape(old, term, x))
             found.setdefault(term.key, []).append(
-                self._with_shape(maker, again, x if again.size == term.size else None)
+                self._with_shape(maker, again, x if again.n_free == term.n_free else None)
             )
             keys.append(again)
         return found, [*keys, *(term for term in terms if _is_begun(term))]
 
-    def _worst(self, terms: Sequence[Term]) -> list[str]:
+    def _worst_joints(self, terms: Sequence[Term]) -> list[str]:
         """Joints without a gear in the model that have most left, in units of their noise."""
         use = self.rows.block >= 0
         left = (self.noise.residual[:, use] ** 2).mean(axis=1) / self.noise.floor**2
@@ -206,14 +206,14 @@ class _Turns:
         order = [int(j) for j in np.argsort(-left) if left[j] > _STANDS and names[j] not in taken]
         return [names[j] for j in order[:_TRIED]]
 
-    def _grid_again(self, now: Prediction, terms: Sequence[Term], gears: list[int], *, first: bool) -> None:
+    def _renew_grid(self, now: Prediction, terms: Sequence[Term], gears: list[int], *, first: bool) -> None:
         """Columns of the grid at what the model predicts, where it has moved the load, and once in any case."""
         moves = any(term.effect.moves for i, term in enumerate(terms) if i not in gears)
         if first or moves:
-            context = now.without(*gears) if moves else Context(self.full)
+            context = now.context_without(*gears) if moves else Context(self.full)
             maker = TermMaker(context, self.full.strict)
-            self.begun_terms = self.library.begun(maker)
-            self.candidates = self.library.candidates(maker, self.begun_context)
+            self.initial_terms = self.library.make_initial_terms(maker)
+            self.candidates = self.library.make_candidate_terms(maker, self.initial_context)
 
     def _with_shape(self, maker: TermMaker, term: Term, x: Array | None) -> Atom:
         """A term with the columns of its shape."""
@@ -230,14 +230,14 @@ def _is_begun(term: Term) -> bool:
 
 def _whole_delay(maker: TermMaker, term: Term, x: Array) -> Term | None:
     """A delay whose size is its own length, in the place of a secant; None of other terms."""
-    closer = term.effect.closer
+    closer = term.effect.refined_form
     if not (term.effect.stands_in and term.effect.timing) or closer is None:
         return None
     low, high = closer.searched[0].low, closer.searched[0].high
-    return maker.make(closer, term.location, (float(np.clip(term.beta(x)[0], low, high)),))
+    return maker.make_term(closer, term.location, (float(np.clip(term.to_beta(x)[0], low, high)),))
 
 
-def _sampled(gram: Gram, begin: Sequence[Term], sweeps: int, rng: np.random.Generator) -> Draws:
+def _sample_models(gram: Gram, begin: Sequence[Term], sweeps: int, rng: np.random.Generator) -> Draws:
     """Models, from the mode that an ascent from some terms reaches."""
     problem = problem_of(gram.atoms, gram.gram, gram.reduced)
     groups = groups_of(gram.atoms)
@@ -255,24 +255,24 @@ def _sampled(gram: Gram, begin: Sequence[Term], sweeps: int, rng: np.random.Gene
         if need >= 0 and state[g] >= 0 and state[need] < 0:
             state[need] = problem.begin[need]
     for _ in range(_BANS):
-        mode = climb(problem, state)
+        mode = find_mode(problem, state)
         chosen = [int(a) for a in mode if a >= 0]
-        sizes = gram.posterior(chosen).sizes
-        banned = [a for a in chosen if not _can_be(gram.atoms[a], sizes[a])]
+        sizes = gram.compute_posterior(chosen).sizes_by_atom
+        banned = [a for a in chosen if not _is_possible(gram.atoms[a], sizes[a])]
         if not banned:
             break
         # What its size denies is not there: nothing else is to lean on it.
         problem.log_prior[banned] = -_BANNED
         state[problem.group[banned]] = -1
         state[(problem.needs >= 0) & (state[problem.needs] < 0)] = -1
-    return sample(problem, mode, sweeps, _BURNT, rng)
+    return draw_models(problem, mode, sweeps, _BURNT, rng)
 
 
-def _can_be(atom: Atom, x: Array) -> bool:
+def _is_possible(atom: Atom, x: Array) -> bool:
     """Whether an atom's own sizes are what its effect's name says; of a body, whatever they are until it is fitted."""
     if atom.term.effect.is_body:
         return True
-    return atom.term.can_be(atom.term.context, atom.parameters(x))
+    return atom.term.is_possible(atom.term.context, atom.term_parameters(x))
 
 
 # Probability from which an effect is in the model, and that of a rival, in units of its own, from which it is told.
@@ -283,14 +283,14 @@ _OF_ALL, _OF_A_JOINT = 0.01, 0.05
 _LISTED = 8
 
 
-def model_of_gap(
+def build_gap_model(
     full: Baseline,
     modelled: tuple[str, ...],
     effects: tuple[Effect, ...],
     floor: Array,
     sigma: Array | None,
     rng: np.random.Generator,
-) -> Found:
+) -> GapModel:
     """The model of a record's gap, of all effects that the posterior over them names.
 
     Args:
@@ -302,15 +302,15 @@ def model_of_gap(
         rng: random numbers.
     """
     with step("look for effects"):
-        selected = _Turns.begun(full, modelled, effects, floor).run(rng)
+        selected = _Search.begin_search(full, modelled, effects, floor).run_search(rng)
     gram, draws = selected.gram, selected.draws
     rows = gram.rows
     groups = groups_of(gram.atoms)
     number = {key: g for g, key in enumerate(groups)}
-    sure = [a for a in selected.chosen if draws.inclusion[number[group_of(gram.atoms[a].term)]] >= _THERE]
+    sure = [a for a in selected.best_atoms if draws.inclusion[number[group_of(gram.atoms[a].term)]] >= _THERE]
     free = [gram.atoms[a].term for a in sure]
     terms = _with_bodies(free, selected, rows)
-    terms = _of_some_share(terms, selected, rows, floor, _scale(full), Context(selected.full))
+    terms = _terms_with_share(terms, selected, rows, floor, _torque_scale(full), Context(selected.full))
     # A body beside what is named alone: what stood beside it may have cancelled a part of it.
     whole = {term.key: term for term in free if term.effect.is_body}
     terms = _with_bodies([whole.get(term.key, term) for term in terms], selected, rows)
@@ -318,15 +318,15 @@ def model_of_gap(
         full, rows_of(full, modelled, floor), modelled, gram.discrepancy, selected.noise, selected.gap
     )
     if len(terms) < len(free):
-        selected, rows, terms = _settled_anew(basis, terms, selected)
+        selected, rows, terms = _settle_again(basis, terms, selected)
     if sigma is not None:
-        model = fit(Design(rows, tuple(terms)), range(len(terms)))
-        real = that_predict(model, selected.full, sigma, partial(_forms, selected), rng)
+        model = fit_model(Design(rows, tuple(terms)), range(len(terms)))
+        real = keep_predictive_terms(model, selected.full, sigma, partial(_other_forms, selected), rng)
         if real != terms:
-            selected, rows, terms = _settled_anew(basis, real, selected)
-    late = _late(terms, selected, rows, effects)
+            selected, rows, terms = _settle_again(basis, real, selected)
+    late = _find_delay(terms, selected, rows, effects)
     if late is not None:
-        selected, rows, terms = _settled_anew(basis, [*terms, late[0]], selected)
+        selected, rows, terms = _settle_again(basis, [*terms, late[0]], selected)
     kept = {group_of(term) for term in terms}
     others: list[Term] = []
     rivals: dict[int, tuple[Rival, ...]] = {}
@@ -344,38 +344,38 @@ def model_of_gap(
             if draws.rivals[g, other] < _RIVAL or other == g or groups[other] in kept:
                 continue
             rest = (*terms[:k], *terms[k + 1 :])
-            like = _that_can_be(_likeliest(selected, int(other)), rest, selected, rows)
+            like = _possible_term(_likeliest_term(selected, int(other)), rest, selected, rows)
             if like is None or like.effect.nameless:
                 continue
             found.append(Rival(len(terms) + len(others), odds))
             others.append(like)
         rivals[k] = tuple(found)
     # How large others would have to be to show is asked of their columns beside the model.
-    small = [a.term for a in gram.atoms if a.term.size == 1 and a.term.own is not None and not a.term.known]
+    small = [a.term for a in gram.atoms if a.term.n_free == 1 and a.term.own is not None and not a.term.known]
     small = [term for term in small if group_of(term) not in kept]
-    model = fit(Design(rows, (*terms, *others, *small)), range(len(terms)))
-    now = predicted(selected.full, model)
-    return Found(model, nats, rivals, len(groups), selected.full, now, _likely(selected))
+    model = fit_model(Design(rows, (*terms, *others, *small)), range(len(terms)))
+    now = predict_model(selected.full, model)
+    return GapModel(model, nats, rivals, len(groups), selected.full, now, _rank_single_terms(selected))
 
 
-def _settled_anew(
-    basis: Basis, terms: Sequence[Term], selected: Selected
-) -> tuple[Selected, Rows, list[Term]]:
+def _settle_again(
+    basis: Basis, terms: Sequence[Term], selected: EffectPosterior
+) -> tuple[EffectPosterior, Rows, list[Term]]:
     """Terms of which others have gone, begun anew from what is fitted without any, in their plainest forms.
 
     What stood beside them has bent their shapes, what they are made of and how friction changes sign: the posterior's
     baseline and rows follow.
     """
     maker = TermMaker(Context(basis.full), basis.full.strict)
-    again = [term if term.effect.is_body else maker.again(term) or term for term in terms]
-    settled = settle(basis, again, once=False)
+    again = [term if term.effect.is_body else maker.remake_term(term) or term for term in terms]
+    settled = settle_shapes(basis, again, once=False)
     now = settled.basis
-    plain = in_plainest_forms(now.gram, settled.terms, now.slab)
+    plain = use_plainest_forms(now.gram, settled.terms, now.slab)
     return replace(selected, full=now.full), now.rows, plain
 
 
-def _late(
-    terms: Sequence[Term], selected: Selected, rows: Rows, effects: Sequence[Effect]
+def _find_delay(
+    terms: Sequence[Term], selected: EffectPosterior, rows: Rows, effects: Sequence[Effect]
 ) -> tuple[Term, float] | None:
     """A delay of the whole torque by which blocks left out are predicted, with its log odds; None where none is.
 
@@ -384,62 +384,62 @@ def _late(
     """
     if any(term.effect.timing for term in terms):
         return None
-    without = fit(Design(rows, tuple(terms)), range(len(terms)))
-    now = predicted(selected.full, without)
+    without = fit_model(Design(rows, tuple(terms)), range(len(terms)))
+    now = predict_model(selected.full, without)
     maker = TermMaker(now.context, selected.full.strict)
     best: Term | None = None
     most = 0.0
     for effect in effects:
-        whole = effect.closer if effect.timing and effect.stands_in else None
+        whole = effect.refined_form if effect.timing and effect.stands_in else None
         if whole is None:
             continue
-        chance, grid = effect.belief.chance, effect.grid(now.context, "torque")
+        chance, grid = effect.belief.chance, effect.search_grid(now.context, "torque")
         price = float(np.log((1.0 - chance) / chance * len(grid)))
-        for term in (maker.make(whole, "torque", theta) for theta in grid):
-            if term is None or not term.can_be(now.context, np.ones(1)):
+        for term in (maker.make_term(whole, "torque", theta) for theta in grid):
+            if term is None or not term.is_possible(now.context, np.ones(1)):
                 continue
-            both = fit(Design(rows, (*terms, term)), range(len(terms) + 1))
-            odds = nats_of(both, without, np.zeros_like(both.predicted)) - price
+            both = fit_model(Design(rows, (*terms, term)), range(len(terms) + 1))
+            odds = predictive_nats(both, without, np.zeros_like(both.predicted)) - price
             if odds > most:
                 best, most = term, odds
     return None if best is None else (best, most)
 
 
-def _scale(full: Baseline) -> Array:
+def _torque_scale(full: Baseline) -> Array:
     """Standard deviation of each torque in the trials that are fitted; infinite of joints that stand throughout."""
     samples = full.samples
-    tau = samples.rows([trial.measured for trial in samples.trials])[samples.identification]
+    tau = samples.to_rows([trial.measured_torque for trial in samples.trials])[samples.identification_rows]
     return np.where(stands_throughout(samples), np.inf, np.maximum(tau.std(axis=0), 1e-9))
 
 
-def _likeliest(selected: Selected, group: int) -> Term:
+def _likeliest_term(selected: EffectPosterior, group: int) -> Term:
     """The likeliest atom's term of a group."""
     groups = groups_of(selected.gram.atoms)
     own = [a for a, atom in enumerate(selected.gram.atoms) if group_of(atom.term) == groups[group]]
     return selected.gram.atoms[max(own, key=lambda a: selected.draws.by_atom[a])].term
 
 
-def _with_bodies(terms: Sequence[Term], selected: Selected, rows: Rows) -> list[Term]:
+def _with_bodies(terms: Sequence[Term], selected: EffectPosterior, rows: Rows) -> list[Term]:
     """Terms, each body of them the likeliest that can exist beside the others; those that cannot are left out."""
     kept: list[Term] = []
     for k, term in enumerate(terms):
-        found = _that_can_be(term, (*kept, *terms[k + 1 :]), selected, rows)
+        found = _possible_term(term, (*kept, *terms[k + 1 :]), selected, rows)
         if found is not None:
             kept.append(found)
     return kept
 
 
-def _that_can_be(term: Term, others: Sequence[Term], selected: Selected, rows: Rows) -> Term | None:
+def _possible_term(term: Term, others: Sequence[Term], selected: EffectPosterior, rows: Rows) -> Term | None:
     """A term; of a body the likeliest that can exist beside others, None where there is none."""
     if not term.effect.is_body or term.direction is not None:
         return term
     maker = TermMaker(Context(selected.full), selected.full.strict)
-    model = fit(Design(rows, tuple(others)), range(len(others)), left_out=False)
-    return body(model, maker, term.effect, term.location)
+    model = fit_model(Design(rows, tuple(others)), range(len(others)), left_out=False)
+    return make_body_term(model, maker, term.effect, term.location)
 
 
-def _of_some_share(
-    terms: Sequence[Term], selected: Selected, rows: Rows, floor: Array, scale: Array, context: Context
+def _terms_with_share(
+    terms: Sequence[Term], selected: EffectPosterior, rows: Rows, floor: Array, scale: Array, context: Context
 ) -> list[Term]:
     """Terms whose sizes are what their names say, that take a share of the gap and leave less of what judges.
 
@@ -448,11 +448,11 @@ def _of_some_share(
     """
     kept, gone, changed = list(terms), list[Term](), set[Key]()
     while kept:
-        model = fit(Design(rows, tuple(kept)), range(len(kept)))
-        cannot = [k for k, term in enumerate(kept) if not term.can_be(context, model.parameters(k))]
+        model = fit_model(Design(rows, tuple(kept)), range(len(kept)))
+        cannot = [k for k, term in enumerate(kept) if not term.is_possible(context, model.term_parameters(k))]
         if cannot:
             term = kept.pop(min(cannot, key=model.taken_by))
-            forms = _forms_that_can_be(term, kept, selected, rows, context)
+            forms = _possible_forms(term, kept, selected, rows, context)
             like = None if term.key in changed else next(forms, None)
             if like is None:
                 gone.append(term)
@@ -460,46 +460,46 @@ def _of_some_share(
                 kept.append(like)
                 changed.add(like.key)
             continue
-        worth = _worth(model, floor, scale)
+        worth = _relative_worth(model, floor, scale)
         small = [k for k, term in enumerate(kept) if worth[k] < 1.0 and not term.started]
         if not small:
             break
         gone.append(kept.pop(min(small, key=lambda k: worth[k])))
     for term in reversed(gone):
-        for like in _forms_that_can_be(term, kept, selected, rows, context):
+        for like in _possible_forms(term, kept, selected, rows, context):
             more = [*kept, like]
-            model = fit(Design(rows, tuple(more)), range(len(more)))
-            fits = (one.can_be(context, model.parameters(k)) for k, one in enumerate(more))
-            worth = _worth(model, floor, scale)
+            model = fit_model(Design(rows, tuple(more)), range(len(more)))
+            fits = (one.is_possible(context, model.term_parameters(k)) for k, one in enumerate(more))
+            worth = _relative_worth(model, floor, scale)
             if all(fits) and all(w >= 1.0 or one.started for w, one in zip(worth, more, strict=True)):
                 kept = more
                 break
     return kept
 
 
-def _forms_that_can_be(
-    term: Term, others: Sequence[Term], selected: Selected, rows: Rows, context: Context
+def _possible_forms(
+    term: Term, others: Sequence[Term], selected: EffectPosterior, rows: Rows, context: Context
 ) -> Iterator[Term]:
     """A term, its law's plain form and forms with a part of its numbers, if sizes beside others are as names say.
 
     Of a term that cannot be itself, each form of no more numbers.
     """
 
-    def can_be(like: Term) -> bool:
-        model = fit(Design(rows, (*others, like)), range(len(others) + 1), left_out=False)
-        return like.can_be(context, model.parameters(len(others)))
+    def is_possible(like: Term) -> bool:
+        model = fit_model(Design(rows, (*others, like)), range(len(others) + 1), left_out=False)
+        return like.is_possible(context, model.term_parameters(len(others)))
 
-    own, itself = term.effect, can_be(term)
+    own, itself = term.effect, is_possible(term)
     if itself:
         yield term
-    for like in _forms(selected, term):
+    for like in _other_forms(selected, term):
         part = set(like.effect.linear) < set(own.linear) and like.effect.searched == own.searched
         plain = type(like.effect) is type(EFFECTS.get(term.name))
-        if (part or plain or (not itself and like.n_parameters <= term.n_parameters)) and can_be(like):
+        if (part or plain or (not itself and like.n_parameters <= term.n_parameters)) and is_possible(like):
             yield like
 
 
-def _forms(selected: Selected, term: Term) -> Iterator[Term]:
+def _other_forms(selected: EffectPosterior, term: Term) -> Iterator[Term]:
     """The likeliest atom of each other form of a term's law."""
     atoms, tried = selected.gram.atoms, {type(term.effect)}
     for a in np.argsort(-selected.draws.by_atom):
@@ -509,7 +509,7 @@ def _forms(selected: Selected, term: Term) -> Iterator[Term]:
             yield like
 
 
-def _worth(model: Model, floor: Array, scale: Array) -> Array:
+def _relative_worth(model: Model, floor: Array, scale: Array) -> Array:
     """By term, its share of the gap in units of the least that is named; how much more it leaves where that is more."""
     shares = shares_of(model, floor)
     weight = shares.open / scale**2
@@ -525,12 +525,12 @@ def _worth(model: Model, floor: Array, scale: Array) -> Array:
     return np.array(made)
 
 
-def _likely(selected: Selected) -> tuple[Term, ...]:
-    """What would gain most beside friction and constants alone, best first."""
+def _rank_single_terms(selected: EffectPosterior) -> tuple[Term, ...]:
+    """Terms by their gain beside friction and constants alone, best first."""
     gram = selected.gram
     problem = problem_of(gram.atoms, gram.gram, gram.reduced)
     state = np.full(len(problem.begin), -1, dtype=np.int64)
-    for a in selected.chosen:
+    for a in selected.best_atoms:
         if gram.atoms[a].term.started:
             state[problem.group[a]] = a
     gains = gains_beside(problem, state)

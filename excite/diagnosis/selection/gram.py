@@ -55,12 +55,12 @@ def discrepancy_columns(full: Baseline) -> tuple[Array, ...]:
     context, samples, made = Context(full), full.samples, []
     for j in range(len(samples.joints)):
         columns = []
-        for signal in (context.q[:, j], context.v[:, j], full.rigid[:, j], context.session):
+        for signal in (context.q[:, j], context.v[:, j], full.rigid[:, j], context.session_time):
             low, high = np.quantile(signal, [0.002, 0.998])
             if high - low > 1e-9:
                 u = np.clip((signal - low) / (high - low), -0.1, 1.1)
                 columns += [np.cos(np.pi * k * u) / k for k in range(1, _COSINES + 1)]
-        rows = samples.rows(np.array(columns).T, [j] * len(columns))
+        rows = samples.to_rows(np.array(columns).T, [j] * len(columns))
         made.append(rows * full.strict[j][:, None])
     return tuple(made)
 
@@ -100,13 +100,13 @@ class Gram:
     reduced: Array
 
     @classmethod
-    def of(cls, rows: Rows, discrepancy: tuple[Array, ...], atoms: Sequence[Atom], noise: Noise) -> Gram:
+    def of_rows(cls, rows: Rows, discrepancy: tuple[Array, ...], atoms: Sequence[Atom], noise: Noise) -> Gram:
         """The Gram matrix of some atoms."""
         n_joints, shared = rows.n_joints, rows.shared.shape[2]
         own = np.cumsum([shared, *(o.shape[1] for o in rows.own)])
         free = np.cumsum([own[-1], *(d.shape[1] for d in discrepancy)])
         always = int(free[-1])
-        width = [atom.width for atom in atoms]
+        width = [atom.n_cols for atom in atoms]
         first = always + np.cumsum([0, *width])
         n = int(first[-1])
         whole, right, square = np.zeros((n, n)), np.zeros(n), 0.0
@@ -119,11 +119,11 @@ class Gram:
             parts = [rows.shared[j], rows.own[j], discrepancy[j]]
             for atom, at in zip(atoms, first, strict=False):
                 if j in atom.columns:
-                    here.append(np.arange(at, at + atom.width))
+                    here.append(np.arange(at, at + atom.n_cols))
                     parts.append(atom.columns[j])
             where = np.concatenate(here)
-            lag, deviation = _filter(rows, noise, j)
-            made = whitened(rows, lag, np.column_stack([*parts, rows.y[j]])) / deviation
+            lag, deviation = _prediction_error_filter(rows, noise, j)
+            made = whiten_rows(rows, lag, np.column_stack([*parts, rows.y[j]])) / deviation
             product = made.T @ made
             whole[np.ix_(where, where)] += product[:-1, :-1]
             right[where] += product[:-1, -1]
@@ -155,16 +155,16 @@ class Gram:
         )
 
     @cached_property
-    def first(self) -> NDArray[np.int64]:
+    def first_columns(self) -> NDArray[np.int64]:
         """First column of each atom among all."""
-        return self.always + np.cumsum([0, *(atom.width for atom in self.atoms)])[:-1]
+        return self.always + np.cumsum([0, *(atom.n_cols for atom in self.atoms)])[:-1]
 
     def columns_of(self, chosen: Sequence[int]) -> NDArray[np.int64]:
         """Columns of what every model has, then of some atoms."""
-        own = [np.arange(self.first[a], self.first[a] + self.atoms[a].width) for a in chosen]
+        own = [np.arange(self.first_columns[a], self.first_columns[a] + self.atoms[a].n_cols) for a in chosen]
         return np.concatenate([np.arange(self.always), *own])
 
-    def posterior(self, chosen: Sequence[int]) -> Posterior:
+    def compute_posterior(self, chosen: Sequence[int]) -> Posterior:
         """All parameters of a model."""
         columns = self.columns_of(chosen)
         precision = np.concatenate([self.prior, *(self.atoms[a].precision for a in chosen)])
@@ -196,10 +196,10 @@ class Posterior:
     covariance: Array
 
     @cached_property
-    def sizes(self) -> dict[int, Array]:
+    def sizes_by_atom(self) -> dict[int, Array]:
         """By atom, the mean of its sizes."""
-        begin = self.of.always + np.cumsum([0, *(self.of.atoms[a].width for a in self.chosen)])
-        return {a: self.x[i : i + self.of.atoms[a].width] for a, i in zip(self.chosen, begin, strict=False)}
+        begin = self.of.always + np.cumsum([0, *(self.of.atoms[a].n_cols for a in self.chosen)])
+        return {a: self.x[i : i + self.of.atoms[a].n_cols] for a, i in zip(self.chosen, begin, strict=False)}
 
     @cached_property
     def residual(self) -> Array:
@@ -216,10 +216,10 @@ class Posterior:
             at += free.shape[1]
         for a in self.chosen:
             for j, block in self.of.atoms[a].columns.items():
-                rest[j] -= block @ self.sizes[a]
+                rest[j] -= block @ self.sizes_by_atom[a]
         return rest
 
-    def discrepancy(self, noise: Noise, gap: Array) -> Array:
+    def estimate_discrepancy(self, noise: Noise, gap: Array) -> Array:
         """Deviation of each joint's discrepancy that its own cosines ask for (MacKay 1992), ``(n_joints,)``."""
         made, variance = noise.discrepancy.copy(), np.diag(self.covariance)
         at = self.of.always - sum(d.shape[1] for d in self.of.discrepancy)
@@ -231,7 +231,7 @@ class Posterior:
             at += free.shape[1]
         return made
 
-    def power(self, noise: Noise) -> Array:
+    def estimate_power_factors(self, noise: Noise) -> Array:
         """Factors of the variances by which the scores of the record's blocks scatter as they should, ``(n_joints,)``.
 
         What is left is alike within a block and no white noise; likelihoods of misspecified models count that much less
@@ -260,7 +260,7 @@ class Posterior:
 # cause.
 
 
-def _filter(rows: Rows, noise: Noise, j: int) -> tuple[float, float]:
+def _prediction_error_filter(rows: Rows, noise: Noise, j: int) -> tuple[float, float]:
     """Coefficient of the first-order prediction-error filter of what is left of a joint, and its error's deviation."""
     rest, same = noise.residual[j], _kept_rows(rows)
     use = rows.block >= 0
@@ -281,7 +281,7 @@ def _kept_rows(rows: Rows) -> NDArray[np.int64]:
     return kept
 
 
-def whitened(rows: Rows, lag: float, values: Array) -> Any:
+def whiten_rows(rows: Rows, lag: float, values: Array) -> Any:
     """Values ``(n_rows, …)`` less ``lag`` times those one row before, of fitted rows."""
     kept = _kept_rows(rows)
     return values[kept] - lag * values[kept - 1]

@@ -9,9 +9,9 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.budget.fit.design import Design
-from excite.diagnosis.budget.fit.joint_fit import Model, fit
+from excite.diagnosis.budget.fit.joint_fit import Model, fit_model
 from excite.diagnosis.budget.fit.terms import Term
-from excite.diagnosis.budget.prediction import predicted, torque_of
+from excite.diagnosis.budget.prediction import predict_model, torque_of
 from excite.diagnosis.effects.form import Context
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.noise_floor import noisy_motion
@@ -28,7 +28,7 @@ Forms = Callable[[Term], Iterable[Term]]
 
 
 @step("predict blocks that are left out")
-def that_predict(
+def keep_predictive_terms(
     model: Model, full: Baseline, sigma: Array, forms: Forms, rng: np.random.Generator
 ) -> list[Term]:
     """Terms of a model without which blocks that are left out are predicted worse, that from noise taken off.
@@ -46,17 +46,17 @@ def that_predict(
     check = _Check(full, noisy_motion(full.samples, sigma, rng))
     terms = model.design.terms
     judged = [k for k in model.chosen if not (terms[k].started or terms[k].effect.timing)]
-    noise = check.noise(model)
+    noise = check.prediction_noise(model)
     for k in sorted(judged, key=model.taken_by):
-        without = fit(model.design, [i for i in model.chosen if i != k], model.weight)
-        more = check.noise(without)
-        if nats_of(model, without, more - noise) > 0.0:
+        without = fit_model(model.design, [i for i in model.chosen if i != k], model.weight)
+        more = check.prediction_noise(without)
+        if predictive_nats(model, without, more - noise) > 0.0:
             continue
         found, best, left = without, 0.0, more
         for form in forms(model.design.terms[k]):
             other = check.of_form(model, k, form)
-            drawn = check.noise(other)
-            gain = nats_of(other, without, more - drawn)
+            drawn = check.prediction_noise(other)
+            gain = predictive_nats(other, without, more - drawn)
             if gain > best:
                 found, best, left = other, gain, drawn
         model, noise = found, left
@@ -79,38 +79,37 @@ class _Check:
         """A model with another form in the place of the design's term ``k``."""
         terms = list(model.design.terms)
         terms[k] = form
-        return fit(Design(model.design.rows, tuple(terms)), model.chosen, model.weight)
+        return fit_model(Design(model.design.rows, tuple(terms)), model.chosen, model.weight)
 
-    def noise(self, model: Model) -> Array:
+    def prediction_noise(self, model: Model) -> Array:
         """Sums of squares of what noise changes in a model's predictions, ``(n_blocks, n_joints)``."""
-        base = predicted(self.full, model).baseline
-        own = _driven(base, self.moved)
-        change = _carried(base, self.moved) + own
+        base = predict_model(self.full, model).baseline
+        own = _drive_torque_change(base, self.moved)
+        change = _body_torque_change(base, self.moved) + own
         for k in model.chosen:
             term = model.design.terms[k]
             if not term.started and not term.effect.timing:
-                x = model.parameters(k)
-                change = change + torque_of(_in(term, self.moved, own), x) - torque_of(term, x)
-        rows = self.full.samples.rows(change, range(change.shape[1])).T
+                x = model.term_parameters(k)
+                change = change + torque_of(_move_term(term, self.moved, own), x) - torque_of(term, x)
+        rows = self.full.samples.to_rows(change, range(change.shape[1])).T
         power, block = (rows * self.full.strict) ** 2, model.design.rows.block
         return np.array([power[:, block == b].sum(axis=1) for b in range(int(block.max()) + 1)])
 
 
-def nats_of(model: Model, without: Model, noise: Array) -> float:
+def predictive_nats(model: Model, without: Model, noise: Array) -> float:
     """By how many nats a model predicts blocks better than one without a term, what noise makes of it taken off.
 
     Args:
-        model: the model.
         without: the same without the term.
         noise: ``(n_blocks, n_joints)`` by how much less of drawn noise the model leaves.
     """
-    quieter = _quieter(without, model, _likely(noise))
-    effective = model.share * model.design.fitted.count.sum()
+    quieter = _subtract_noise(without, model, _noise_bound(noise))
+    effective = model.effective_share * model.design.fitted.count.sum()
     ratio = quieter.predicted.sum(axis=0) / model.predicted.sum(axis=0)
     return float(0.5 * (effective * np.log(ratio)).sum())
 
 
-def _likely(drawn: Array) -> Array:
+def _noise_bound(drawn: Array) -> Array:
     """What noise may well have changed in all blocks, ``(n_joints,)``, from one draw by block ``(n_blocks, n_joints)``.
 
     The record's own noise strays from the mean as far as the drawn noise does: two standard deviations of both.
@@ -118,7 +117,7 @@ def _likely(drawn: Array) -> Array:
     return np.asarray(drawn.sum(axis=0) + _DEVIATIONS * np.sqrt(2.0 * len(drawn)) * drawn.std(axis=0))
 
 
-def _quieter(without: Model, with_it: Model, noise: Array) -> Model:
+def _subtract_noise(without: Model, with_it: Model, noise: Array) -> Model:
     """A model less what another leaves less of noise alone, ``(n_joints,)``; no better than that one becomes of it."""
     share = without.design.fitted.count / without.design.fitted.count.sum()
     least = np.minimum(without.predicted, with_it.predicted)
@@ -127,25 +126,25 @@ def _quieter(without: Model, with_it: Model, noise: Array) -> Model:
     )
 
 
-def _carried(base: Baseline, moved: ArmSamples) -> Array:
+def _body_torque_change(base: Baseline, moved: ArmSamples) -> Array:
     """What a moved motion changes in the torques of the rigid bodies, ``(n_samples, n_joints)``."""
-    here, there = (s.torques(base.phi) for s in (base.samples, moved))
+    here, there = (s.rigid_torques(base.phi) for s in (base.samples, moved))
     return there - here
 
 
-def _driven(base: Baseline, moved: ArmSamples) -> Array:
+def _drive_torque_change(base: Baseline, moved: ArmSamples) -> Array:
     """What a moved motion changes in the torques of the drives' own terms, ``(n_samples, n_joints)``."""
     terms, still = own_terms(base.modelled), base.samples
     own = [
         (own_signals(moved, terms, j, sign) - own_signals(still, terms, j, sign)) @ size
-        for j, (sign, size) in enumerate(zip(base.signs, base.fit.own, strict=True))
+        for j, (sign, size) in enumerate(zip(base.signs, base.fit.own_coefs, strict=True))
     ]
     return np.column_stack(own)
 
 
-def _in(term: Term, moved: ArmSamples, own: Array) -> Term:
+def _move_term(term: Term, moved: ArmSamples, own: Array) -> Term:
     """A term in a moved motion, at the inertial parameters that it was made at; ``own`` is the drives' change."""
     base = term.context.baseline
-    rigid = _carried(base, moved)
+    rigid = _body_torque_change(base, moved)
     there = replace(base, samples=moved, rigid=base.rigid + rigid, total=base.total + rigid + own)
     return replace(term, context=Context(there))

@@ -66,11 +66,11 @@ class Atom:
     turned: Array | None = None
 
     @property
-    def width(self) -> int:
+    def n_cols(self) -> int:
         """Number of columns."""
         return len(self.mean)
 
-    def parameters(self, x: Array) -> Array:
+    def term_parameters(self, x: Array) -> Array:
         """The term's parameters, from sizes ``(width,)`` of the atom's columns."""
         own = x[: self.own]
         return own if self.turned is None else self.turned @ own
@@ -98,7 +98,7 @@ class Slab:
     gap: Array
 
     @classmethod
-    def of(cls, rows: Rows, gap: Array) -> Slab:
+    def of_rows(cls, rows: Rows, gap: Array) -> Slab:
         """The unit of a record's effects."""
         use, shared = rows.block >= 0, rows.shared.shape[2]
         own = np.cumsum([shared, *(o.shape[1] for o in rows.own)])
@@ -112,7 +112,7 @@ class Slab:
         factor = cho_factor(inner) if n else (inner, False)
         return cls(tuple(always), tuple(index), factor, use, gap)
 
-    def moment(self, columns: Mapping[int, Array]) -> Array:
+    def column_moments(self, columns: Mapping[int, Array]) -> Array:
         """Mean products of columns beside what every model has, in units of the gap, ``(size, size)``."""
         parts = {j: block[self.use] / self.gap[j] for j, block in columns.items()}
         whole = np.asarray(sum(part.T @ part for part in parts.values()))
@@ -130,21 +130,20 @@ def atom_of(term: Term, slab: Slab, changes: Sequence[Mapping[int, Array]] = ())
     """A term with its prior: a torque as large as the gap of its joints, sizes as believed.
 
     Args:
-        term: the term.
         slab: the unit of its torque.
         changes: by shape parameter, the change of its contribution with the parameter's logarithm, by joint.
     """
     if term.effect.is_body and term.direction is None:
         return _body_atom(term, slab)
-    columns, n, turned = dict(term.columns), term.size, None
+    columns, n, turned = dict(term.columns), term.n_free, None
     if term.known:
         deviation = _FITTED_SIZE if changes else _GRID_SIZE
         mean, precision = np.ones(1), np.full(1, deviation**-2.0)
         low, high = mean / _AT_MOST, mean * _AT_MOST
     else:
         mean, kept = np.zeros(n), list(term.kept)
-        moment = slab.moment(columns)
-        moment[np.diag_indices(n)] += term.precision + (term.scale / term.effect.belief.width) ** 2
+        moment = slab.column_moments(columns)
+        moment[np.diag_indices(n)] += term.prior_precision + (term.scale / term.effect.belief.width) ** 2
         precision = np.maximum(np.diag(moment), 1e-30)
         low = np.array([p.low for p in term.effect.linear])[kept] / term.scale
         high = np.array([p.high for p in term.effect.linear])[kept] / term.scale
@@ -178,8 +177,8 @@ def _body_atom(term: Term, slab: Slab) -> Atom:
     columns = {j: block @ turned for j, block in term.columns.items()}
     inertias = term.context.baseline.samples.robot.model.inertias
     mass = float(np.mean([inertia.mass for inertia in list(inertias)[1:]]))
-    n = term.size
-    moment = slab.moment(columns)
+    n = term.n_free
+    moment = slab.column_moments(columns)
     precision = moment / _BODY**2 + np.eye(n) / max(mass**2, 1.0 / np.diag(moment).max())
     unit = np.linalg.inv(np.linalg.cholesky(precision)).T
     free = np.full(n, np.inf)
@@ -234,7 +233,7 @@ def problem_of(atoms: Sequence[Atom], gram: Array, right: Array) -> Problem:
     groups = groups_of(atoms)
     number = {key: g for g, key in enumerate(groups)}
     group = np.array([number[group_of(atom.term)] for atom in atoms], dtype=np.int64)
-    width = np.array([atom.width for atom in atoms], dtype=np.int64)
+    width = np.array([atom.n_cols for atom in atoms], dtype=np.int64)
     mean, precision, low, high = (
         np.concatenate([np.zeros(0), *(getattr(atom, name) for atom in atoms)])
         for name in ("mean", "precision", "low", "high")
@@ -256,11 +255,11 @@ def problem_of(atoms: Sequence[Atom], gram: Array, right: Array) -> Problem:
         np.array([atom.log_prior for atom in atoms]),
         np.cumsum(count) - count,
         count,
-        _needed(atoms, number),
+        _prerequisite_groups(atoms, number),
     )
 
 
-def _needed(atoms: Sequence[Atom], number: Mapping[Key, int]) -> Indices:
+def _prerequisite_groups(atoms: Sequence[Atom], number: Mapping[Key, int]) -> Indices:
     """By group, that of the Coulomb friction which its effects grow on, where the model does not begin with one."""
     needs = np.full(len(number), -1, dtype=np.int64)
     dry = {

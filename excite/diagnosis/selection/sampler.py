@@ -89,7 +89,7 @@ class Draws(NamedTuple):
     best: Indices
 
 
-class _Room(NamedTuple):
+class _Workspace(NamedTuple):
     """Working arrays."""
 
     factor: Array
@@ -101,7 +101,7 @@ class _Room(NamedTuple):
 
 
 @LazyKernel
-def _solve(problem: Any, state: Any, without: Any, room: Any) -> Any:  # noqa: C901
+def _solve_model(problem: Any, state: Any, without: Any, room: Any) -> Any:  # noqa: C901
     """Cholesky factor of Λ of a model without a group, z = L⁻¹h and the sizes; returns the number of columns."""
     n = 0
     for g in range(len(state)):
@@ -134,7 +134,7 @@ def _solve(problem: Any, state: Any, without: Any, room: Any) -> Any:  # noqa: C
 
 
 @LazyKernel
-def _gain(problem: Any, atom: Any, n: Any, room: Any) -> Any:  # noqa: C901, PLR0912
+def _atom_gain(problem: Any, atom: Any, n: Any, room: Any) -> Any:  # noqa: C901, PLR0912
     """Log marginal likelihood ratio of an atom beside a solved model of n columns, its prior odds in it."""
     first, width = problem.first[atom], problem.width[atom]
     v, c = room.cross, room.small
@@ -175,14 +175,14 @@ def _gain(problem: Any, atom: Any, n: Any, room: Any) -> Any:  # noqa: C901, PLR
         for m in range(a + 1, width):
             s -= c[m, a] * x[m]
         x[a] = s / c[a, a]
-    out += _within(problem, first, width, x, c)
+    out += _log_mass_in_bounds(problem, first, width, x, c)
     if out > -6.0 and _drives_out(problem, width, n, x, room):
         out -= _NEVER
     return out
 
 
 @LazyKernel
-def _within(problem: Any, first: Any, width: Any, x: Any, c: Any) -> Any:
+def _log_mass_in_bounds(problem: Any, first: Any, width: Any, x: Any, c: Any) -> Any:
     """Log of the mass of an atom's own sizes inside their bounds, over the prior's."""
     out = 0.0
     e = np.empty(width)
@@ -247,18 +247,18 @@ def _may_enter(problem: Any, state: Any, group: Any, leaving: Any) -> Any:
 
 
 @LazyKernel
-def _ascend(problem: Any, state: Any, room: Any) -> Any:  # noqa: C901, PLR0912
+def _ascend_to_mode(problem: Any, state: Any, room: Any) -> Any:  # noqa: C901, PLR0912
     """Ascent to a mode: what gains most enters, then each slot takes what fits it best, until nothing changes."""
     n_groups = len(state)
     for _ in range(120):
-        n = _solve(problem, state, -1, room)
+        n = _solve_model(problem, state, -1, room)
         if n > _MOST - 3 * _WIDEST:
             break
         best, pick = 1e-6, -1
         for g in range(n_groups):
             if _may_enter(problem, state, g, -1):
                 for a in range(problem.begin[g], problem.begin[g] + problem.n_atoms[g]):
-                    w = _gain(problem, a, n, room)
+                    w = _atom_gain(problem, a, n, room)
                     if w > best:
                         best, pick = w, a
         if pick >= 0:
@@ -268,17 +268,17 @@ def _ascend(problem: Any, state: Any, room: Any) -> Any:  # noqa: C901, PLR0912
             if state[g] < 0:
                 continue
             stuck = _is_needed(problem, state, g)
-            n = _solve(problem, state, g, room)
+            n = _solve_model(problem, state, g, room)
             own = state[g]
             best, new = -1e300 if stuck else 0.0, -1
-            w = _gain(problem, own, n, room)
+            w = _atom_gain(problem, own, n, room)
             if w > best:
                 best, new = w, own
             for k in range(n_groups):
                 if k != g and (stuck or not _may_enter(problem, state, k, g)):
                     continue
                 for a in range(problem.begin[k], problem.begin[k] + problem.n_atoms[k]):
-                    w = _gain(problem, a, n, room)
+                    w = _atom_gain(problem, a, n, room)
                     if w > best + 0.05:
                         best, new = w, a
             if new != own:
@@ -296,7 +296,7 @@ def _draw_group(problem: Any, state: Any, g: Any, n: Any, draw: Any, weight: Any
     begin, end = problem.begin[g], problem.begin[g] + problem.n_atoms[g]
     top = 0.0
     for a in range(begin, end):
-        weight[a] = _gain(problem, a, n, room)
+        weight[a] = _atom_gain(problem, a, n, room)
         top = max(top, weight[a])
     total = math.exp(-top)
     for a in range(begin, end):
@@ -318,12 +318,12 @@ def _draw_slot(  # noqa: C901
 ) -> Any:  # noqa: C901, RUF100
     """A group of the model leaves, and one atom of any group enters."""
     n_groups = len(state)
-    n = _solve(problem, state, g, room)
+    n = _solve_model(problem, state, g, room)
     top = -1e300
     for k in range(n_groups):
         if k == g or _may_enter(problem, state, k, g):
             for a in range(problem.begin[k], problem.begin[k] + problem.n_atoms[k]):
-                weight[a] = _gain(problem, a, n, room)
+                weight[a] = _atom_gain(problem, a, n, room)
                 top = max(top, weight[a])
     total = 0.0
     for k in range(n_groups):
@@ -346,9 +346,9 @@ def _draw_slot(  # noqa: C901
 
 
 @LazyKernel
-def _value(problem: Any, state: Any, room: Any) -> Any:
+def _log_posterior(problem: Any, state: Any, room: Any) -> Any:
     """Log posterior of a model up to a constant."""
-    n = _solve(problem, state, -1, room)
+    n = _solve_model(problem, state, -1, room)
     out = 0.0
     for g in range(len(state)):
         if state[g] >= 0:
@@ -361,7 +361,7 @@ def _value(problem: Any, state: Any, room: Any) -> Any:
 
 
 @LazyKernel
-def _sweep(  # noqa: C901, PLR0912
+def _run_sweeps(  # noqa: C901, PLR0912
     problem: Any, state: Any, orders: Any, draws: Any, burnt: Any, room: Any
 ) -> Any:  # noqa: C901, PLR0912, RUF100
     """Gibbs sweeps; the first ``burnt`` of them are not counted."""
@@ -379,7 +379,7 @@ def _sweep(  # noqa: C901, PLR0912
             if not inside and not _may_enter(problem, state, g, -1):
                 continue
             if inside or not fresh:
-                n = _solve(problem, state, g, room)
+                n = _solve_model(problem, state, g, room)
             new, top, total = _draw_group(problem, state, g, n, draws[t, 0, i], weight, room)
             if t >= burnt:
                 inclusion[g] += 1.0 - math.exp(-top) / total
@@ -399,7 +399,7 @@ def _sweep(  # noqa: C901, PLR0912
                 _draw_slot(problem, state, g, draws[t, 1, i], weight, rivals, t >= burnt, room)
         if t >= burnt:
             states[t - burnt] = state
-        now = _value(problem, state, room)
+        now = _log_posterior(problem, state, room)
         if now > highest:
             highest = now
             best[:] = state
@@ -411,32 +411,31 @@ def _sweep(  # noqa: C901, PLR0912
 
 
 @LazyKernel
-def _beside(problem: Any, state: Any, room: Any) -> Any:
+def _atom_gains(problem: Any, state: Any, room: Any) -> Any:
     """What each atom would gain beside a model, ``(n_atoms,)``."""
-    n = _solve(problem, state, -1, room)
+    n = _solve_model(problem, state, -1, room)
     out = np.empty(len(problem.first))
     for a in range(len(out)):
-        out[a] = _gain(problem, a, n, room)
+        out[a] = _atom_gain(problem, a, n, room)
     return out
 
 
 def gains_beside(problem: Problem, state: Indices) -> Array:
     """Log marginal likelihood ratio of each atom beside a model, its prior odds in it, ``(n_atoms,)``."""
-    return np.asarray(_beside(problem, state, _room()))
+    return np.asarray(_atom_gains(problem, state, _make_room()))
 
 
-def climb(problem: Problem, state: Indices) -> Indices:
+def find_mode(problem: Problem, state: Indices) -> Indices:
     """The mode that an ascent from a model reaches, ``(n_groups,)``."""
     state = state.copy()
-    _ascend(problem, state, _room())
+    _ascend_to_mode(problem, state, _make_room())
     return state
 
 
-def sample(problem: Problem, state: Indices, sweeps: int, burnt: int, rng: np.random.Generator) -> Draws:
+def draw_models(problem: Problem, state: Indices, sweeps: int, burnt: int, rng: np.random.Generator) -> Draws:
     """Draw models by Gibbs sampling.
 
     Args:
-        problem: the problem.
         state: ``(n_groups,)`` where to begin.
         sweeps: over all groups and all slots, those that are burnt among them.
         burnt: that are not counted.
@@ -444,11 +443,11 @@ def sample(problem: Problem, state: Indices, sweeps: int, burnt: int, rng: np.ra
     """
     n = len(problem.begin)
     orders = np.array([rng.permutation(n) for _ in range(sweeps)], dtype=np.int64).reshape(sweeps, n)
-    return Draws(*_sweep(problem, state.copy(), orders, rng.random((sweeps, 2, n)), burnt, _room()))
+    return Draws(*_run_sweeps(problem, state.copy(), orders, rng.random((sweeps, 2, n)), burnt, _make_room()))
 
 
-def _room() -> _Room:
-    return _Room(
+def _make_room() -> _Workspace:
+    return _Workspace(
         np.zeros((_MOST, _MOST)),
         np.zeros(_MOST),
         np.zeros(_MOST),

@@ -10,16 +10,16 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.budget.fit.design import Design, Rows
-from excite.diagnosis.budget.fit.joint_fit import fit
+from excite.diagnosis.budget.fit.joint_fit import fit_model
 from excite.diagnosis.budget.fit.terms import ShapeStep, Term, TermMaker
-from excite.diagnosis.budget.prediction import Prediction, predicted, signs_beside
+from excite.diagnosis.budget.prediction import Prediction, predict_model, signs_beside
 from excite.diagnosis.budget.record import rows_of
 from excite.diagnosis.effects.form import Context
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.dry_friction.friction_sign import WIDTHS, SignChange
 from excite.diagnosis.selection.gram import Gram, Noise
 from excite.diagnosis.selection.prior import Slab
-from excite.diagnosis.selection.shapes import RICHER, Company, moved, searched_together, shape_changes
+from excite.diagnosis.selection.shapes import RICHER, SolvedTerms, search_shapes, shape_changes, step_shape
 
 # Searches at most, and change of a shape's logarithm from which there is another one.
 _SEARCHES, _STILL = 8, 0.003
@@ -48,12 +48,12 @@ class Basis:
     @cached_property
     def slab(self) -> Slab:
         """The unit of an effect's torque in these rows."""
-        return Slab.of(self.rows, self.gap)
+        return Slab.of_rows(self.rows, self.gap)
 
     @cached_property
     def gram(self) -> Gram:
         """Products of what every model has, beside which terms are searched."""
-        return Gram.of(self.rows, self.discrepancy, (), self.noise)
+        return Gram.of_rows(self.rows, self.discrepancy, (), self.noise)
 
     def with_baseline(self, full: Baseline) -> Basis:
         """The same with other changes of sign."""
@@ -74,36 +74,35 @@ class Settled:
 
     basis: Basis
     terms: list[Term]
-    company: Company
+    company: SolvedTerms
     makers: list[TermMaker]
     now: Prediction
 
 
-def settle(basis: Basis, terms: Sequence[Term], *, once: bool) -> Settled:
+def settle_shapes(basis: Basis, terms: Sequence[Term], *, once: bool) -> Settled:
     """Search the shapes of terms together, friction without memory tried beside each effect of friction.
 
     Bristles bend where friction falls with speed, and may stand for an effect that was not there yet.
 
     Args:
         basis: what every model begins with.
-        terms: the terms.
         once: whether one search does.
     """
-    found = _searched(basis, terms, 1 if once else _SEARCHES)
+    found = _search_shapes(basis, terms, 1 if once else _SEARCHES)
     if once:
         return found
     for j in sorted({int(t.own) for t in found.terms if t.effect.friction and t.own is not None}):
         full = found.basis.full
-        if not full.signs[j].bent:
+        if not full.signs[j].has_bristles:
             continue
         signs = [*full.signs[:j], SignChange(WIDTHS[len(WIDTHS) // 2]), *full.signs[j + 1 :]]
         turned = full.with_signs(signs)
-        plain = found.basis.with_baseline(turned.updated(turned.solver.fit()))
+        plain = found.basis.with_baseline(turned.with_fit(turned.solver.fit_columns()))
         again = [
-            _with_signs(maker, signs).again(term) or term
+            _with_signs(maker, signs).remake_term(term) or term
             for maker, term in zip(found.makers, found.terms, strict=True)
         ]
-        other = _searched(plain, again, _SEARCHES)
+        other = _search_shapes(plain, again, _SEARCHES)
         if other.company.loss < found.company.loss + RICHER:
             found = other
     return found
@@ -119,7 +118,7 @@ def _with_signs(maker: TermMaker, signs: Sequence[SignChange]) -> TermMaker:
     return TermMaker(Context(replace(maker.context.baseline, signs=tuple(signs))), maker.weight)
 
 
-def _searched(basis: Basis, terms: Sequence[Term], most: int) -> Settled:
+def _search_shapes(basis: Basis, terms: Sequence[Term], most: int) -> Settled:
     """Terms searched until what the model predicts, of which they are made, moves them no more.
 
     What a soft gear carries depends on how it swings itself: what it takes from the bodies behind it changes them, and
@@ -130,22 +129,22 @@ def _searched(basis: Basis, terms: Sequence[Term], most: int) -> Settled:
     n = basis.rows.shared.shape[2]
     last: tuple[Array, Array] | None = None
     best: Settled | None = None
-    x = fit(Design(basis.rows, tuple(terms)), range(len(terms)), left_out=False).x[:n]
+    x = fit_model(Design(basis.rows, tuple(terms)), range(len(terms)), left_out=False).x[:n]
     for k in range(most):
         before, signs = terms, basis.full.signs
-        terms = [_timed(basis.rows, terms, i) for i in range(len(terms))]
-        terms, company = searched_together(basis.gram, terms, basis.slab)
-        model = fit(Design(basis.rows, tuple(terms)), range(len(terms)), left_out=False)
+        terms = [_refine_delay_term(basis.rows, terms, i) for i in range(len(terms))]
+        terms, company = search_shapes(basis.gram, terms, basis.slab)
+        model = fit_model(Design(basis.rows, tuple(terms)), range(len(terms)), left_out=False)
         turned = signs_beside(basis.full, model)
         if turned is not basis.full:
             basis = basis.with_baseline(turned)
         there = model.x[:n]
-        upcoming = there if last is None else _mixed(model.normal[:n, :n], there, there - x, *last)
+        upcoming = there if last is None else _mix_steps(model.normal[:n, :n], there, there - x, *last)
         last, x = (there, there - x), upcoming
-        now = predicted(basis.full, replace(model, x=np.concatenate([upcoming, model.x[n:]])))
+        now = predict_model(basis.full, replace(model, x=np.concatenate([upcoming, model.x[n:]])))
         gears = gears_of(terms)
         makers = [
-            TermMaker(now.without(*(gears if i in gears else [i])), basis.full.strict)
+            TermMaker(now.context_without(*(gears if i in gears else [i])), basis.full.strict)
             for i in range(len(terms))
         ]
         settled = Settled(basis, terms, company, makers, now)
@@ -154,11 +153,11 @@ def _searched(basis: Basis, terms: Sequence[Term], most: int) -> Settled:
         if k + 1 == most or (basis.full.signs == signs and not _has_moved(before, terms)):
             # Bristles of two kinds at a joint may change places without end.
             return settled if company.loss < best.company.loss + RICHER else best
-        terms = [maker.again(term) or term for term, maker in zip(terms, makers, strict=True)]
+        terms = [maker.remake_term(term) or term for term, maker in zip(terms, makers, strict=True)]
     raise AssertionError("the last search returns")
 
 
-def _timed(rows: Rows, terms: Sequence[Term], i: int) -> Term:
+def _refine_delay_term(rows: Rows, terms: Sequence[Term], i: int) -> Term:
     """A term; of a delay with its length after one of Gauss and Newton's steps beside the others.
 
     Rows count alike: whitened ones would tell it by the instants at which friction changes sign, which are late or
@@ -169,9 +168,9 @@ def _timed(rows: Rows, terms: Sequence[Term], i: int) -> Term:
         return term
     maker = TermMaker(term.context, term.context.baseline.strict)
     ((_, change),) = shape_changes(maker, term, np.ones(1))
-    step = ShapeStep.of(term, change)
-    model = fit(Design(rows, (*terms, step)), range(len(terms) + 1), left_out=False)
-    return moved(maker, term, {0: float(model.parameters(len(terms))[0])}, 1.0) or term
+    step = ShapeStep.from_change(term, change)
+    model = fit_model(Design(rows, (*terms, step)), range(len(terms) + 1), left_out=False)
+    return step_shape(maker, term, {0: float(model.term_parameters(len(terms))[0])}, 1.0) or term
 
 
 def _has_moved(before: Sequence[Term], after: Sequence[Term]) -> bool:
@@ -183,7 +182,7 @@ def _has_moved(before: Sequence[Term], after: Sequence[Term]) -> bool:
     )
 
 
-def _mixed(metric: Array, there: Array, change: Array, before: Array, change_before: Array) -> Array:
+def _mix_steps(metric: Array, there: Array, change: Array, before: Array, change_before: Array) -> Array:
     """Between ``there`` and ``before``, where the steps that led to them would cancel (Anderson 1965)."""
     turn = change - change_before
     size = float(turn @ metric @ turn)

@@ -13,7 +13,7 @@ from excite.arrays import Array
 from excite.diagnosis.budget.fit.terms import Term, TermMaker
 from excite.diagnosis.effects.effect import Effect, Theta
 from excite.diagnosis.effects.registry import EFFECTS
-from excite.diagnosis.selection.gram import Gram, whitened
+from excite.diagnosis.selection.gram import Gram, whiten_rows
 from excite.diagnosis.selection.prior import Atom, Slab, atom_of, group_of
 
 # Relative step of a shape's finite difference; of a wave's count, a fraction of a period over the whole range.
@@ -41,13 +41,13 @@ def shape_changes(maker: TermMaker, term: Term, x: Array) -> Iterator[tuple[int,
         step = _COUNT_STEP if parameter.name == "periods_per_rev" else _STEP
         step = step if term.theta[i] * np.exp(step) < parameter.high else -step
         theta = (*term.theta[:i], term.theta[i] * float(np.exp(step)), *term.theta[i + 1 :])
-        other = _made(maker, term, theta)
+        other = _make_at(maker, term, theta)
         if other is None:
             continue
         if term.known:
             here = there = np.ones(1)
         else:
-            beta = term.beta(x)
+            beta = term.to_beta(x)
             here, there = beta[list(term.kept)] / term.scale, beta[list(other.kept)] / other.scale
         rows = len(next(iter(term.columns.values())))
         nothing = np.zeros(rows)
@@ -59,21 +59,21 @@ def shape_changes(maker: TermMaker, term: Term, x: Array) -> Iterator[tuple[int,
         yield i, change
 
 
-def _made(maker: TermMaker, term: Term, theta: Theta) -> Term | None:
+def _make_at(maker: TermMaker, term: Term, theta: Theta) -> Term | None:
     """A term at another shape."""
     whole = term.known or len(term.kept) == len(term.effect.linear)
-    return maker.make(term.effect, term.location, theta, None if whole else term.kept)
+    return maker.make_term(term.effect, term.location, theta, None if whole else term.kept)
 
 
-def moved(maker: TermMaker, term: Term, steps: Mapping[int, float], factor: float) -> Term | None:
+def step_shape(maker: TermMaker, term: Term, steps: Mapping[int, float], factor: float) -> Term | None:
     """A term whose shape's logarithms have moved by a multiple of steps; None where it cannot be."""
     theta = list(term.theta)
     for i, step in steps.items():
         p = term.effect.searched[i]
         change = factor * float(np.clip(step, -_LONGEST, _LONGEST))
         theta[i] = float(np.clip(theta[i] * np.exp(change), p.low, p.high))
-    made = _made(maker, term, tuple(theta))
-    return made if made is not None and made.size == term.size else None
+    made = _make_at(maker, term, tuple(theta))
+    return made if made is not None and made.n_free == term.n_free else None
 
 
 def is_searched(term: Term) -> bool:
@@ -83,7 +83,7 @@ def is_searched(term: Term) -> bool:
 
 
 @dataclass(frozen=True, eq=False)
-class Company:
+class SolvedTerms:
     """Some terms with what every model has, solved: what a further term is judged beside.
 
     Attributes:
@@ -113,10 +113,10 @@ class Company:
     slab: Slab
 
     @classmethod
-    def of(cls, gram: Gram, terms: Sequence[Term], slab: Slab) -> Company:
+    def from_terms(cls, gram: Gram, terms: Sequence[Term], slab: Slab) -> SolvedTerms:
         """Terms solved together."""
-        atoms = [_loose(gram, term, slab) for term in terms]
-        begin = gram.always + np.cumsum([0, *(term.size for term in terms)])
+        atoms = [_free_atom(gram, term, slab) for term in terms]
+        begin = gram.always + np.cumsum([0, *(term.n_free for term in terms)])
         n, always = int(begin[-1]), gram.always
         precision = np.concatenate([gram.prior, *(atom.precision for atom in atoms)])
         mean = np.concatenate([np.zeros(always), *(atom.mean for atom in atoms)])
@@ -130,8 +130,8 @@ class Company:
             at = [where[:count]]
             for term, first in zip(terms, begin, strict=False):
                 if j in term.columns:
-                    parts.append(_white(gram, j, term.columns[j]))
-                    at.append(np.arange(first, first + term.size))
+                    parts.append(_whiten_columns(gram, j, term.columns[j]))
+                    at.append(np.arange(first, first + term.n_free))
             if parts:
                 own, here = np.column_stack(parts), np.concatenate(at[1:])
                 cross = base.T @ own
@@ -150,11 +150,11 @@ class Company:
         loss = 0.5 * float(gram.square - right @ x + (precision * mean) @ mean)
         return cls(gram, tuple(terms), white, index, factor, scale, right, x, begin, loss, slab)
 
-    def sizes(self, i: int) -> Array:
+    def term_sizes(self, i: int) -> Array:
         """Sizes of the i-th term."""
         return self.x[self.begin[i] : self.begin[i + 1]]
 
-    def gain(self, columns: Mapping[int, Array], precision: Array, mean: Array) -> tuple[float, Array]:
+    def column_gain(self, columns: Mapping[int, Array], precision: Array, mean: Array) -> tuple[float, Array]:
         """Nats that further columns gain beside all others, and their sizes.
 
         Args:
@@ -165,7 +165,7 @@ class Company:
         cross, own = np.zeros((len(self.scale), len(precision))), np.diag(precision)
         right = precision * mean
         for j, block in columns.items():
-            made = _white(self.gram, j, block)
+            made = _whiten_columns(self.gram, j, block)
             cross[self.index[j]] += self.white[j].T @ made
             own = own + made.T @ made
             right = right + made.T @ self.gram.white[j][:, -1]
@@ -177,34 +177,34 @@ class Company:
 
     def gain_of(self, term: Term) -> tuple[float, Array]:
         """The same of a term."""
-        atom = _loose(self.gram, term, self.slab)
-        return self.gain(term.columns, atom.precision, atom.mean)
+        atom = _free_atom(self.gram, term, self.slab)
+        return self.column_gain(term.columns, atom.precision, atom.mean)
 
 
-def _white(gram: Gram, j: int, columns: Array) -> Array:
+def _whiten_columns(gram: Gram, j: int, columns: Array) -> Array:
     lag, deviation = gram.filters[j]
-    return np.asarray(whitened(gram.rows, lag, columns) / deviation)
+    return np.asarray(whiten_rows(gram.rows, lag, columns) / deviation)
 
 
-def _loose(gram: Gram, term: Term, slab: Slab) -> Atom:
+def _free_atom(gram: Gram, term: Term, slab: Slab) -> Atom:
     """A term's prior while shapes are searched: of a body, whatever the record asks for."""
     atom = atom_of(term, slab)
     if atom.turned is None:
         return atom
-    n = term.size
+    n = term.n_free
     free = np.full(n, np.inf)
-    return Atom(term, term.columns, n, np.zeros(n), np.full(n, 1e-6) + term.precision, -free, free)
+    return Atom(term, term.columns, n, np.zeros(n), np.full(n, 1e-6) + term.prior_precision, -free, free)
 
 
-def searched_beside(company: Company, maker: TermMaker, term: Term) -> tuple[Term, float]:
+def search_shape(company: SolvedTerms, maker: TermMaker, term: Term) -> tuple[Term, float]:
     """A term's shape by Gauss and Newton's steps beside others that are held, and its nats."""
     gain, x = company.gain_of(term)
     for _ in range(_STEPS):
         changes = list(shape_changes(maker, term, x))
         if not changes:
             break
-        atom = _loose(company.gram, term, company.slab)
-        rows, n = len(company.gram.rows.trial), term.size
+        atom = _free_atom(company.gram, term, company.slab)
+        rows, n = len(company.gram.rows.trial), term.n_free
         columns = {
             j: np.column_stack(
                 [
@@ -216,10 +216,10 @@ def searched_beside(company: Company, maker: TermMaker, term: Term) -> tuple[Ter
         }
         k = len(changes)
         precision, mean = np.append(atom.precision, np.full(k, _DAMPING)), np.append(atom.mean, np.zeros(k))
-        _, both = company.gain(columns, precision, mean)
+        _, both = company.column_gain(columns, precision, mean)
         steps = {i: float(s) for (i, _), s in zip(changes, both[n:], strict=True)}
         for factor in _SHORTER:
-            made = moved(maker, term, steps, factor)
+            made = step_shape(maker, term, steps, factor)
             more, size = (-np.inf, x) if made is None else company.gain_of(made)
             if made is not None and more > gain + 0.02:
                 ended = more < gain + _ENOUGH
@@ -232,14 +232,14 @@ def searched_beside(company: Company, maker: TermMaker, term: Term) -> tuple[Ter
     return term, gain
 
 
-def searched_together(gram: Gram, terms: Sequence[Term], slab: Slab) -> tuple[list[Term], Company]:
+def search_shapes(gram: Gram, terms: Sequence[Term], slab: Slab) -> tuple[list[Term], SolvedTerms]:
     """The shapes of all terms by Gauss and Newton's steps together, what is linear projected out (Kaufman 1975)."""
-    found, company = list(terms), Company.of(gram, terms, slab)
+    found, company = list(terms), SolvedTerms.from_terms(gram, terms, slab)
     movable = [i for i, term in enumerate(found) if is_searched(term)]
     for _ in range(_STEPS if movable else 0):
         makers = {i: TermMaker(found[i].context, found[i].context.baseline.strict) for i in movable}
         changes = [
-            (i, p, c) for i in movable for p, c in shape_changes(makers[i], found[i], company.sizes(i))
+            (i, p, c) for i in movable for p, c in shape_changes(makers[i], found[i], company.term_sizes(i))
         ]
         if not changes:
             break
@@ -248,15 +248,15 @@ def searched_together(gram: Gram, terms: Sequence[Term], slab: Slab) -> tuple[li
             j: np.column_stack([c.get(j, np.zeros(rows)) for _, _, c in changes])
             for j in range(gram.rows.n_joints)
         }
-        _, both = company.gain(columns, np.full(len(changes), _DAMPING), np.zeros(len(changes)))
+        _, both = company.column_gain(columns, np.full(len(changes), _DAMPING), np.zeros(len(changes)))
         ended = True
         for factor in _SHORTER:
             new = list(found)
             for i in movable:
                 steps = {p: float(s) for (k, p, _), s in zip(changes, both, strict=True) if k == i}
-                made = moved(makers[i], found[i], steps, factor)
+                made = step_shape(makers[i], found[i], steps, factor)
                 new[i] = found[i] if made is None else made
-            other = Company.of(gram, new, slab)
+            other = SolvedTerms.from_terms(gram, new, slab)
             if other.loss < company.loss - 0.02 and not _leaves_bounds(company, other):
                 ended = company.loss - other.loss < _ENOUGH
                 found, company = new, other
@@ -266,10 +266,11 @@ def searched_together(gram: Gram, terms: Sequence[Term], slab: Slab) -> tuple[li
     return found, company
 
 
-def _leaves_bounds(before: Company, after: Company) -> bool:
+def _leaves_bounds(before: SolvedTerms, after: SolvedTerms) -> bool:
     """Whether some term is what its name says before a step, and is not after it."""
     return any(
-        old.can_be(old.context, before.sizes(i)) and not new.can_be(new.context, after.sizes(i))
+        old.is_possible(old.context, before.term_sizes(i))
+        and not new.is_possible(new.context, after.term_sizes(i))
         for i, (old, new) in enumerate(zip(before.terms, after.terms, strict=True))
         if not new.effect.is_body and new.theta != old.theta
     )
@@ -287,35 +288,38 @@ def other_forms(
         forms = _forms_of(term)
         if term.effect.is_body:
             continue
-        company = Company.of(gram, [other for k, other in enumerate(terms) if k != i], slab)
+        company = SolvedTerms.from_terms(gram, [other for k, other in enumerate(terms) if k != i], slab)
         own = company.gain_of(term)[0]
         if own < _WORTH:
             continue
-        tried = [(form, form.starts(term.theta)) for form in forms]
-        for other in () if term.started else _others_there(company, atoms, term, own):
+        tried = [(form, form.search_starts(term.theta)) for form in forms]
+        for other in () if term.started else _other_laws(company, atoms, term, own):
             tried.append((other.effect, [other.theta]))
-            tried += [(form, form.starts(other.theta)) for form in other.effect.richer]
+            tried += [(form, form.search_starts(other.theta)) for form in other.effect.extended_forms]
         for form, starts in tried:
-            begun = [_begun(makers[i], form, term, theta) for theta in starts[:_STARTS]]
+            begun = [_make_form(makers[i], form, term, theta) for theta in starts[:_STARTS]]
             for best, gain in _best_of(company, makers[i], begun):
                 if gain > own - RICHER:
                     found.append((replace(best, started=term.started), makers[i]))
     return found
 
 
-def in_plainest_forms(gram: Gram, terms: Sequence[Term], slab: Slab) -> list[Term]:
+def use_plainest_forms(gram: Gram, terms: Sequence[Term], slab: Slab) -> list[Term]:
     """Terms at their best shapes together, each in its law's plain form where a richer one says no more.
 
     What stood beside them while they were found may have bent them.
     """
-    terms, _ = searched_together(gram, terms, slab)
+    terms, _ = search_shapes(gram, terms, slab)
     for i, term in enumerate(terms):
         plain = EFFECTS.get(term.name)
         if plain is None or plain.stands_in or type(plain) is type(term.effect) or term.started:
             continue
         maker = TermMaker(term.context, term.context.baseline.strict)
-        beside = Company.of(gram, [other for k, other in enumerate(terms) if k != i], slab)
-        begun = [maker.make(plain, term.location, theta) for theta in plain.grid(term.context, term.location)]
+        beside = SolvedTerms.from_terms(gram, [other for k, other in enumerate(terms) if k != i], slab)
+        begun = [
+            maker.make_term(plain, term.location, theta)
+            for theta in plain.search_grid(term.context, term.location)
+        ]
         best, gain = max(_best_of(beside, maker, begun), key=lambda item: item[1], default=(term, -np.inf))
         spared = term.n_parameters - best.n_parameters
         if gain > beside.gain_of(term)[0] - RICHER * spared:
@@ -323,7 +327,7 @@ def in_plainest_forms(gram: Gram, terms: Sequence[Term], slab: Slab) -> list[Ter
     return terms
 
 
-def forms_unlike_grids(
+def search_further_forms(
     gram: Gram,
     terms: Sequence[Term],
     slab: Slab,
@@ -341,19 +345,19 @@ def forms_unlike_grids(
         effects: whose forms are tried.
         joints: at which they are.
     """
-    company, found = Company.of(gram, terms, slab), []
+    company, found = SolvedTerms.from_terms(gram, terms, slab), []
     for joint in joints:
         for effect in effects:
-            for form in effect.richer:
+            for form in effect.extended_forms:
                 there = joint in effect.locations(maker.context)
-                starts = form.own_starts(maker.context, joint) if there else []
-                begun = [maker.make(form, joint, theta) for theta in starts]
+                starts = form.further_starts(maker.context, joint) if there else []
+                begun = [maker.make_term(form, joint, theta) for theta in starts]
                 found += [best for best, gain in _best_of(company, maker, begun) if gain > _WORTH]
     return found
 
 
 def _best_of(
-    company: Company, maker: TermMaker, begun: Sequence[Term | None]
+    company: SolvedTerms, maker: TermMaker, begun: Sequence[Term | None]
 ) -> Iterator[tuple[Term, float]]:
     """The two best of some starts, each at its own end, with its nats; without what is no longer what its name says.
 
@@ -361,12 +365,12 @@ def _best_of(
     """
     gains = [(company.gain_of(term)[0], term) for term in begun if term is not None]
     for _, start in sorted(gains, reverse=True, key=lambda item: item[0])[:2]:
-        best, gain = searched_beside(company, maker, start)
-        if best.effect.is_body or best.can_be(best.context, company.gain_of(best)[1]):
+        best, gain = search_shape(company, maker, start)
+        if best.effect.is_body or best.is_possible(best.context, company.gain_of(best)[1]):
             yield best, gain
 
 
-def _others_there(company: Company, atoms: Sequence[Atom], term: Term, own: float) -> list[Term]:
+def _other_laws(company: SolvedTerms, atoms: Sequence[Atom], term: Term, own: float) -> list[Term]:
     """The likeliest other law of a term's place that has a shape, as it stands on its grid."""
     taken = {group_of(other) for other in (term, *company.terms)}
     there = [
@@ -381,17 +385,21 @@ def _others_there(company: Company, atoms: Sequence[Atom], term: Term, own: floa
 def _forms_of(term: Term) -> tuple[Effect, ...]:
     """Other forms of a term's law; of what a model begins with, those that have another effect in them."""
     if not term.started:
-        return (*term.effect.richer, *term.effect.forms) if is_searched(term) or not term.theta else ()
+        return (
+            (*term.effect.extended_forms, *term.effect.variant_forms)
+            if is_searched(term) or not term.theta
+            else ()
+        )
     return tuple(
         form
-        for form in term.effect.richer
+        for form in term.effect.extended_forms
         if form.along
-        and form.admissible(
-            term.context, term.location, form.starts(term.theta)[0], np.ones(len(form.linear))
+        and form.is_admissible(
+            term.context, term.location, form.search_starts(term.theta)[0], np.ones(len(form.linear))
         )
     )
 
 
-def _begun(maker: TermMaker, form: Effect, term: Term, theta: Theta) -> Term | None:
+def _make_form(maker: TermMaker, form: Effect, term: Term, theta: Theta) -> Term | None:
     """A form at one of its starts; None where it has no such one."""
-    return maker.make(form, term.location, theta) if len(theta) == len(form.searched) else None
+    return maker.make_term(form, term.location, theta) if len(theta) == len(form.searched) else None

@@ -12,7 +12,7 @@ import numpy as np
 from excite.arrays import Array
 from excite.diagnosis.answer.answer import Diagnosis, NextExperiment, Rollout
 from excite.diagnosis.answer.candidate import Estimate
-from excite.diagnosis.answer.gap import ChannelGap, Gap, beaten, share_closed
+from excite.diagnosis.answer.gap import ChannelGap, Gap, find_beaten_channels, share_closed
 from excite.diagnosis.arm.diagnose import diagnose_arm, diagnose_torques
 from excite.diagnosis.arm.record import TorqueRecord
 from excite.diagnosis.attribution import STRUCTURED, Attribution
@@ -22,13 +22,13 @@ from excite.diagnosis.effects.readings import EncoderOffset, TimeDelay, TorqueGa
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.joint_torque import Fit
 from excite.diagnosis.equations.resampling import arm_samples
-from excite.diagnosis.servo.gains import known_servo, told_gains
+from excite.diagnosis.servo.gains import estimate_gains, known_servo
 from excite.diagnosis.servo.servo import (
     EXACT,
     ClosedLoop,
+    RolloutAgreement,
     Servo,
     ServoRecord,
-    Witness,
     cycle_lag,
     read_signals,
     roll_out,
@@ -78,14 +78,14 @@ def diagnose_commands(robot: Robot, log: Log, rng: np.random.Generator, out: Pat
     # A wrong scale of a joint's torques is its gain's where that was estimated.
     guessed = (TorqueGain.name,) if any(name.startswith("kp of") for name in servo.estimated) else ()
     modelled = (*log.header.modelled, *_CHANNEL, *guessed)
-    asked = tuple(replace(t, tau=signals[t.name].torque(servo)) for t in trials)
+    asked = tuple(replace(t, tau=signals[t.name].servo_torque(servo)) for t in trials)
     samples = arm_samples(robot, log, asked)
     lag = cycle_lag(samples, modelled)
     acting = tuple(replace(t, tau=signals[t.name].acting_torque(servo, lag)) for t in trials)
     commands = ServoRecord(servo, signals, lag, {t.name: t for t in trials}, joints)
     loops: list[ClosedLoop] = []
 
-    def simulate(attribution: Attribution) -> Rollout:
+    def simulate_loop(attribution: Attribution) -> Rollout:
         loops.append(roll_out(commands, attribution, out))
         return loops[0].rollout
 
@@ -94,17 +94,17 @@ def diagnose_commands(robot: Robot, log: Log, rng: np.random.Generator, out: Pat
         replace(log, trials=acting),
         modelled,
         out,
-        lambda samples: servo_floor(samples, servo, commands.order(samples)),
+        lambda samples: servo_floor(samples, servo, commands.joint_order(samples)),
         servo_effects(servo, joints),
     )
-    found = _judge(diagnose_torques(record, rng, simulate), commands, loops[0])
+    found = _judge_rollouts(diagnose_torques(record, rng, simulate_loop), commands, loops[0])
     # What simple predictors of the positions reach on the same rows.
     rolled = loops[0].rollout.after or None
     floor = {name: c.noise_floor for name, c in found.gap.per_channel.items()} if rolled else {}
     errors = of_positions(robot, log, tuple(found.gap.per_channel), loops[0].spans, rolled, floor)
-    faults = (*found.faults, *beaten(errors))
+    faults = (*found.faults, *find_beaten_channels(errors))
     return replace(
-        found, absorbed=(*told_gains(robot, log, servo), *found.absorbed), trivial=errors, faults=faults
+        found, absorbed=(*estimate_gains(robot, log, servo), *found.absorbed), trivial=errors, faults=faults
     )
 
 
@@ -151,7 +151,7 @@ def _resample_evenly(log: Log, trial: Trial) -> Trial:
 # The verdict after the roll-outs.
 
 
-def _judge(result: Diagnosis, record: ServoRecord, closed: ClosedLoop) -> Diagnosis:
+def _judge_rollouts(result: Diagnosis, record: ServoRecord, closed: ClosedLoop) -> Diagnosis:
     """The verdict after the roll-outs, with the gap in positions and what no torque leaves open."""
     servo, rollout = record.servo, closed.rollout
     said = [
@@ -176,7 +176,7 @@ def _judge(result: Diagnosis, record: ServoRecord, closed: ClosedLoop) -> Diagno
     if not rollout.before:
         return result
     gap = position_gap(rollout, closed.deviation, closed.floor)
-    unexplained = above_noise(closed.structured, gap)
+    unexplained = joints_above_noise(closed.structured, gap)
     few = result.effects[: max(closed.kept, 1)]
     faint = closed.strength < EXACT
     if result.effects and (faint or not is_confirmed(gap, closed.witness)):
@@ -204,7 +204,7 @@ def _judge(result: Diagnosis, record: ServoRecord, closed: ClosedLoop) -> Diagno
         # A further effect that roll-outs know nothing of is one of the servo that was taken for another.
         result = replace(result, gap=gap, effects=few)
         guessed = any(name.startswith(("kp of", "kd of")) for name in servo.estimated)
-        return with_twin(result, guessed, closed.delay) if result.verdict == "effect" else result
+        return mark_twins(result, guessed, closed.delay) if result.verdict == "effect" else result
     if result.verdict == "unknown" and result.location in closed.structured:
         # Where positions show no gap, what torques made of them call clear is the encoders' noise.
         if unexplained:
@@ -214,7 +214,7 @@ def _judge(result: Diagnosis, record: ServoRecord, closed: ClosedLoop) -> Diagno
     return replace(result, gap=gap)
 
 
-def is_confirmed(gap: Gap, said: Witness | None = None) -> bool:
+def is_confirmed(gap: Gap, said: RolloutAgreement | None = None) -> bool:
     """Whether roll-outs are clearly nearer to the record, or at least do not speak against the effects.
 
     Nearer is on some joint, and no further in all. What the encoders' noise has of the error, no simulator takes
@@ -224,7 +224,7 @@ def is_confirmed(gap: Gap, said: Witness | None = None) -> bool:
         gap: of roll-outs with the effects that help.
         said: by all effects' change of the roll-outs.
     """
-    if said is not None and not said.speaks_against:
+    if said is not None and not said.is_contradicting:
         return True
     return gap.after <= gap.before and any(
         max(c.after**2 - c.noise_floor**2, 0.0) < _CONFIRMS**2 * (c.before**2 - c.noise_floor**2)
@@ -248,7 +248,7 @@ def position_gap(rollout: Rollout, deviation: Array, floor: Array) -> Gap:
     return Gap(whole[0], whole[1], whole[2], share_closed(*whole), channels)
 
 
-def above_noise(joints: Sequence[str], gap: Gap) -> tuple[str, ...]:
+def joints_above_noise(joints: Sequence[str], gap: Gap) -> tuple[str, ...]:
     """Those of some joints whose roll-outs are off by more than the noise of the positions that they are held against.
 
     What torques leave there else, a servo that stiff, or encoders that coarse, hide in the positions; the torques are
@@ -262,7 +262,7 @@ def above_noise(joints: Sequence[str], gap: Gap) -> tuple[str, ...]:
     return tuple(j for j, c in known.items() if c.after**2 > STRUCTURED * c.noise_floor**2)
 
 
-def with_twin(result: Diagnosis, estimated: bool, delay: Estimate | None = None) -> Diagnosis:
+def mark_twins(result: Diagnosis, estimated: bool, delay: Estimate | None = None) -> Diagnosis:
     """Ambiguous where another name means the same without torque.
 
     Args:
@@ -321,27 +321,27 @@ class LoggedOffset(EncoderOffset):
         columns = {k: column.copy() for k, column in columns.items()}
         columns[j] -= self._kp[location]
         if self._weighs:
-            for k, change in enumerate(self._gravity(context, j, math.log(theta[0])).T):
+            for k, change in enumerate(self._gravity_change(context, j, math.log(theta[0])).T):
                 columns[k][:, 0] += change
         return Shape(columns)
 
-    def _gravity(self, context: Context, j: int, secant: float) -> Array:
+    def _gravity_change(self, context: Context, j: int, secant: float) -> Array:
         """Change of the nominal weight from the true to the logged position, per offset, ``(n_samples, n_joints)``."""
         samples = context.baseline.samples
         step = secant if abs(secant) > _SMALL else _SMALL
-        here = samples.stacked("q")
+        here = samples.stack_trials("q")
         there = here.copy()
         there[:, samples.index[j]] -= step
         still = np.zeros((len(here), samples.robot.model.nv))
         old, new = (inverse_dynamics(samples.robot.model, q, still, still) for q in (here, there))
         return np.asarray((old - new)[:, list(samples.index)] / step)
 
-    def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
-        found = super().estimates(context, location, theta, fit)
+    def to_estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
+        found = super().to_estimates(context, location, theta, fit)
         return found | {"in_log_only": found["offset"]}
 
     def in_mujoco(self, item: Sizes) -> Form:
-        return replace(super().in_mujoco(item), notes=(self.noted(item),))
+        return replace(super().in_mujoco(item), notes=(self.make_note(item),))
 
 
 class FollowedOffset(EncoderOffset):
@@ -351,7 +351,7 @@ class FollowedOffset(EncoderOffset):
         self._logged = LoggedOffset(kp, feedforward)
 
     @property
-    def forms(self) -> tuple[Effect, ...]:
+    def variant_forms(self) -> tuple[Effect, ...]:
         return (self._logged,)
 
 
@@ -359,7 +359,6 @@ def servo_effects(servo: Servo, joints: tuple[str, ...]) -> tuple[Effect, ...]:
     """The library of effects as a servo's log shows them.
 
     Args:
-        servo: the servo.
         joints: of the log, in the servo's order.
     """
     kp = dict(zip(joints, servo.kp.tolist(), strict=True))

@@ -142,7 +142,6 @@ def known_servo(robot: Robot, log: Log, trials: dict[str, Signals]) -> Servo:
 
     Args:
         robot: the nominal model.
-        log: the log.
         trials: signals of its identification trials by name.
 
     Raises:
@@ -160,10 +159,10 @@ def known_servo(robot: Robot, log: Log, trials: dict[str, Signals]) -> Servo:
     if form[0] != "inverse_dynamics":
         slower = gain_rows(robot, log, errors, _SLOW_HZ)
         again = fit_gains(slower, kp, kd, *form)
-        if again.sound.sum() >= best.sound.sum():
+        if again.joints_with_gain.sum() >= best.joints_with_gain.sum():
             rows, best = slower, again if unknown.any() else best
-    if not best.sound.all():
-        weak = ", ".join(j for j, sound in zip(joints, best.sound, strict=True) if not sound)
+    if not best.joints_with_gain.all():
+        weak = ", ".join(j for j, sound in zip(joints, best.joints_with_gain, strict=True) if not sound)
         raise LogError(
             f"gains cannot be estimated from this motion ({weak})",
             field="controller",
@@ -180,11 +179,10 @@ def known_servo(robot: Robot, log: Log, trials: dict[str, Signals]) -> Servo:
     return replace(best.servo, estimated=stated.missing, told=by_name)
 
 
-def told_gains(robot: Robot, log: Log, servo: Servo) -> list[Absorbed]:
+def estimate_gains(robot: Robot, log: Log, servo: Servo) -> list[Absorbed]:
     """Gains as the record tells them, beside those that the log states and in units of the servo's firmware.
 
     Args:
-        robot: the robot.
         log: the log; ``controller.drive``, one name or one a joint, is looked up in ``firmware.csv``.
         servo: as :func:`known_servo` has it.
     """
@@ -227,13 +225,13 @@ class Rows:
     bodies: Array
     aside: Array
 
-    def without(self, left_out: NDArray[np.intp]) -> Rows:
+    def leave_out_rows(self, left_out: NDArray[np.intp]) -> Rows:
         """All rows but some."""
         signals = {name: np.delete(values, left_out, axis=0) for name, values in self.signals.items()}
         return Rows(signals, *(np.delete(values, left_out, axis=0) for values in (self.bodies, self.aside)))
 
     @property
-    def turning(self) -> NDArray[np.bool_]:
+    def turning_rows(self) -> NDArray[np.bool_]:
         """Rows in which each joint turns, ``(n, n_joints)``; all of one that hardly does."""
         turning = np.abs(self.signals["sign"]) > _TURNING
         return turning | (turning.mean(axis=0) < _ENOUGH)
@@ -249,7 +247,6 @@ def gain_rows(robot: Robot, log: Log, trials: list[tuple[Signals, Array]], cut_h
 
     Args:
         robot: the nominal model.
-        log: the log.
         trials: signals, and what a gain is of: position errors or currents ``(n, n_joints)``.
         cut_hz: cut-off of the low-pass on all of them [Hz].
     """
@@ -302,7 +299,7 @@ class GainFit:
     loss: Array
 
     @property
-    def sound(self) -> NDArray[np.bool_]:
+    def joints_with_gain(self) -> NDArray[np.bool_]:
         """Joints with a gain."""
         return np.asarray((self.servo.kp > 0.0) & np.isfinite(self.servo.kp))
 
@@ -310,7 +307,7 @@ class GainFit:
     def doubted_loss(self) -> float:
         """Mean loss, more for what has to leave less to be believed: damping of the velocity itself, or none."""
         damped = self.servo.kd > _DAMPED_S * self.servo.kp
-        doubt = 0.0 if damped[self.sound].sum() > 0.5 * self.sound.sum() else _UNDAMPED
+        doubt = 0.0 if damped[self.joints_with_gain].sum() > 0.5 * self.joints_with_gain.sum() else _UNDAMPED
         return float(self.loss.mean()) + (doubt if self.servo.follows_velocity else _DOUBT)
 
 
@@ -321,13 +318,12 @@ def fit_gains(rows: Rows, kp: Array, kd: Array, kind: str, follows: bool) -> Gai
     the position, and a smaller scale of all torques, gains and friction together gains nothing.
 
     Args:
-        rows: the rows.
         kp: gains that are known, NaN where they are not.
         kd: alike.
         kind: of feedforward.
         follows: whether damping acts on the velocity's error.
     """
-    x, turning, size = rows.signals, rows.turning, rows.bodies.shape[2]
+    x, turning, size = rows.signals, rows.turning_rows, rows.bodies.shape[2]
     rate = (x["vc"] if follows else 0.0) - x["v"]
     before = x["nominal"] - (x[kind] if kind != "none" else 0.0)
     joints = range(len(kp))
@@ -348,7 +344,7 @@ def fit_gains(rows: Rows, kp: Array, kd: Array, kind: str, follows: bool) -> Gai
         if not sound.any():
             break
         asked = found[0] * x["e"] + found[1] * rate - before
-        parts = [_beside(drives[j], rows.bodies[here[j], j], asked[here[j], j]) for j in joints]
+        parts = [_without_own(drives[j], rows.bodies[here[j], j], asked[here[j], j]) for j in joints]
         gram, right = np.eye(size), np.zeros(size)
         for j in np.flatnonzero(sound):
             body, torque = parts[j]
@@ -392,12 +388,12 @@ def spread_of_gains(rows: Rows, kp: Array, kd: Array, fitted: Servo) -> Array:
     made = []
     for left_out in np.array_split(np.arange(len(rows.bodies)), _STRETCHES):
         form = fitted.feedforward, fitted.follows_velocity
-        servo = fit_gains(rows.without(left_out), kp, kd, *form).servo
+        servo = fit_gains(rows.leave_out_rows(left_out), kp, kd, *form).servo
         made.append((servo.kp, servo.kd))
     return np.asarray(np.std(made, axis=0) * np.sqrt(_STRETCHES - 1))
 
 
-def _beside(own: Array, *values: Array) -> list[Array]:
+def _without_own(own: Array, *values: Array) -> list[Array]:
     """What a joint's own columns leave of others."""
     q = np.linalg.qr(own / np.maximum(np.linalg.norm(own, axis=0), 1e-12))[0]
     return [value - q @ (q.T @ value) for value in values]
@@ -418,7 +414,6 @@ def torque_constants(
 
     Args:
         robot: the nominal model.
-        log: the log.
         trials: signals of its identification trials by name.
         currents: ``(n, n_joints)`` motor currents by the same names [A].
         known: ``(n_joints,)`` constants, NaN where they are not stated; those are estimated as gains are, or, where
@@ -483,7 +478,7 @@ def _constants_beside_bodies(rows: Rows, known: Array, told: NDArray[np.bool_]) 
     """
     lacking = [*np.split(rows.bodies, rows.bodies.shape[2] // 10, axis=2), rows.aside]
     used = np.flatnonzero(told)
-    counts = rows.turning[:, used].sum(axis=0) / _CORRELATED
+    counts = rows.turning_rows[:, used].sum(axis=0) / _CORRELATED
     best, chosen = _fit_constants(rows, known, used, []), list[int]()
     while len(chosen) < len(lacking):
         others = [k for k in range(len(lacking)) if k not in chosen]
@@ -506,7 +501,7 @@ def _fit_constants(
     The first one is for torques that are constants times currents, which is linear: nearly right, but for the noise of
     the currents.
     """
-    turning = rows.turning
+    turning = rows.turning_rows
     here = {j: turning[:, j] for j in used}
     current, nominal = ({j: rows.signals[name][here[j], j] for j in used} for name in ("e", "nominal"))
     drive = {j: rows.of_drive(j)[here[j]] for j in used}
@@ -521,7 +516,7 @@ def _fit_constants(
             own = drive[j] if stated == stated else np.column_stack([asked, drive[j]])
             target = current[j] - (asked / stated if stated == stated else 0.0)
             per = 1.0 / stated if stated == stated else float(_least_squares(own, target)[0])
-            left = max(float(_beside(own, target)[0].std()), 1e-12)
+            left = max(float(_without_own(own, target)[0].std()), 1e-12)
             found.append((per, left, _EQUATION * abs(per) * float(asked.std())))
         per_torque, sigma, least = np.array(found).T
         return _ConstantFit(per_torque, sigma, least, rank)
@@ -538,7 +533,9 @@ def _fit_constants(
             else:
                 own, target = current[j], (known[j] * current[j] if stated else 0.0) - nominal[j]
                 made = columns[j]
-            made, target = _beside(drive[j] if stated else np.column_stack([own, drive[j]]), made, target)
+            made, target = _without_own(
+                drive[j] if stated else np.column_stack([own, drive[j]]), made, target
+            )
             sigma = fit.sigma[k] if step else max(float(target.std()), 1e-12)
             parts.append((made / sigma, target / sigma))
         matrix, right = (np.concatenate(part) for part in zip(*parts, strict=True))

@@ -15,13 +15,13 @@ from excite.diagnosis.answer.candidate import Estimate
 from excite.diagnosis.attribution import Attribution, Scored, at_rows, structured_joints
 from excite.diagnosis.effects.effect import Shape
 from excite.diagnosis.effects.form import Context
-from excite.diagnosis.effects.readings import ActuatorLag, late
+from excite.diagnosis.effects.readings import ActuatorLag, delay_change
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.baseline_fit import fit_baseline
-from excite.diagnosis.equations.dry_friction.reversals import between_reversals, told_delay
+from excite.diagnosis.equations.dry_friction.reversals import between_reversals, estimate_delay
 from excite.diagnosis.equations.noise_floor import position_noise, spectral_floor
 from excite.diagnosis.equations.own_columns import ARMATURE, coulomb_level
-from excite.diagnosis.equations.repeats import on_the_clock_of_the_first
+from excite.diagnosis.equations.repeats import align_repeat
 from excite.diagnosis.equations.samples import ArmSamples
 from excite.diagnosis.simulator.rollout import Drive, Plan
 from excite.diagnosis.simulator.rollout_compare import compare_rollouts
@@ -87,7 +87,7 @@ class Signals:
     dynamics: Array
     nominal: Array
 
-    def feedforward(self, kind: str) -> Array:
+    def feedforward_torque(self, kind: str) -> Array:
         """Torque that the servo adds, ``(n, n_joints)`` [N·m]."""
         return {"none": 0.0 * self.gravity, "gravity": self.gravity, "inverse_dynamics": self.dynamics}[kind]
 
@@ -95,14 +95,14 @@ class Signals:
         """What the servo would ask for with the joints at zero and at rest, but for its feedforward [N·m]."""
         return servo.kp * self.commanded.value + servo.damping_share * servo.kd * self.commanded.first
 
-    def torque(self, servo: Servo) -> Array:
+    def servo_torque(self, servo: Servo) -> Array:
         """What the servo asked its motors for, ``(n, n_joints)`` [N·m]."""
         fed_back = servo.kp * self.measured.value + servo.kd * self.measured.first
-        return self.commanded_torque(servo) - fed_back + self.feedforward(servo.feedforward)
+        return self.commanded_torque(servo) - fed_back + self.feedforward_torque(servo.feedforward)
 
     def acting_torque(self, servo: Servo, lag: float) -> Array:
         """The same as it acts, later by a lag [s]."""
-        return delayed(self.time, self.torque(servo), lag)
+        return delay_torques(self.time, self.servo_torque(servo), lag)
 
 
 def read_signals(robot: Robot, log: Log, trial: Trial, controller: Robot | None = None) -> Signals:
@@ -111,7 +111,6 @@ def read_signals(robot: Robot, log: Log, trial: Trial, controller: Robot | None 
     Args:
         robot: the nominal model.
         log: the log, for its header.
-        trial: the trial.
         controller: the model that the servo's feedforward was computed with, where it is another.
 
     Raises:
@@ -128,7 +127,7 @@ def read_signals(robot: Robot, log: Log, trial: Trial, controller: Robot | None 
     index = [robot.joint_index(name) for name in log.header.joints]
     q, c = (central_differences(lowpass(x, rate, BAND_HZ), rate) for x in (trial.q, trial.q_cmd))
 
-    def torque(model: pin.Model, d: Derivatives, moving: float) -> Array:
+    def body_torque(model: pin.Model, d: Derivatives, moving: float) -> Array:
         full = np.zeros((3, len(trial.time), robot.model.nv))
         full[0] = robot.rest
         for part, values in zip(full, (d.value, moving * d.first, moving * d.second), strict=True):
@@ -137,11 +136,16 @@ def read_signals(robot: Robot, log: Log, trial: Trial, controller: Robot | None 
 
     forward = (controller or robot).model
     return Signals(
-        trial.time, q, c, torque(forward, q, 0.0), torque(forward, c, 1.0), torque(robot.model, q, 1.0)
+        trial.time,
+        q,
+        c,
+        body_torque(forward, q, 0.0),
+        body_torque(forward, c, 1.0),
+        body_torque(robot.model, q, 1.0),
     )
 
 
-def delayed(time: Array, torque: Array, lag: float) -> Array:
+def delay_torques(time: Array, torque: Array, lag: float) -> Array:
     """Torques ``(n, n_joints)`` as they act, later by a lag [s]."""
     return np.column_stack([np.interp(time - lag, time, column) for column in torque.T])
 
@@ -165,7 +169,7 @@ def cycle_lag(samples: ArmSamples, modelled: tuple[str, ...]) -> float:
     context, n = Context(baseline), len(samples.joints)
     common = ActuatorLag().shape(context, "torque", ()).columns
     apart = Shape({j: column * np.eye(n)[j] for j, column in common.items()})
-    lag = float(np.median(baseline.solver.fit(at_rows(context, apart).extra).extra))
+    lag = float(np.median(baseline.solver.fit_columns(at_rows(context, apart).extra).extra))
     return lag if 0.0 < lag <= _LONGEST_SAMPLES / samples.rate_hz else 0.0
 
 
@@ -178,7 +182,6 @@ def servo_floor(samples: ArmSamples, servo: Servo, order: list[int]) -> Array:
 
     Args:
         samples: trials with torques rebuilt with this servo.
-        servo: the servo.
         order: of the samples' joints in the log.
     """
     rate, rows_hz = samples.rate_hz, samples.bands.rows_hz
@@ -235,11 +238,11 @@ class ServoRecord:
     logged: Mapping[str, Trial]
     joints: tuple[str, ...]
 
-    def order(self, samples: ArmSamples) -> list[int]:
+    def joint_order(self, samples: ArmSamples) -> list[int]:
         """The samples' joints in the log."""
         return [self.joints.index(joint) for joint in samples.joints]
 
-    def drive(self, trial: str, order: list[int]) -> Drive:
+    def make_drive(self, trial: str, order: list[int]) -> Drive:
         """The servo of one trial: at the record's own motion it gives the torques that the record was rebuilt with.
 
         It answers the simulated positions and velocities at once. What comes of acting later is small beside that and
@@ -250,8 +253,8 @@ class ServoRecord:
             order: the roll-out's joints in the log.
         """
         s, servo = self.signals[trial], self.servo
-        moved = s.acting_torque(servo, self.lag) - s.torque(servo)
-        torque = s.commanded_torque(servo) + s.feedforward(servo.feedforward) + moved
+        moved = s.acting_torque(servo, self.lag) - s.servo_torque(servo)
+        torque = s.commanded_torque(servo) + s.feedforward_torque(servo.feedforward) + moved
         return Drive(s.time - s.time[0], torque[:, order], servo.kp[order], servo.kd[order])
 
 
@@ -281,7 +284,7 @@ class ClosedLoop:
     delay: Estimate | None
     kept: int = 0
     spans: tuple[tuple[str, float, float], ...] = ()
-    witness: Witness | None = None
+    witness: RolloutAgreement | None = None
 
 
 @step("roll out in the simulator")
@@ -290,13 +293,12 @@ def roll_out(record: ServoRecord, attribution: Attribution, out: Path | None) ->
 
     Args:
         record: the log.
-        attribution: the effects.
         out: folder for the augmented model.
     """
     samples = attribution.baseline.samples
-    order = record.order(samples)
+    order = record.joint_order(samples)
     inside = np.concatenate([t.q for t in samples.trials if t.identification])[:, list(samples.index)]
-    strong = without_faint(attribution)
+    strong = drop_faint_effects(attribution)
     found = {
         "deviation": np.maximum(inside.std(axis=0), 1e-9),
         "floor": position_floor(samples, record.logged, record.joints),
@@ -305,7 +307,7 @@ def roll_out(record: ServoRecord, attribution: Attribution, out: Path | None) ->
         "structured": structured_joints(strong, attribution.baseline.solver.equations.floor),
         "delay": delay_for_lag(strong, record),
     }
-    drives = {t.name: record.drive(t.name, order) for t in samples.trials}
+    drives = {t.name: record.make_drive(t.name, order) for t in samples.trials}
     horizon = min(_HORIZON_S, 0.4 * min(float(t.time[-1]) for t in samples.trials))
     plan = Plan(horizon, drives, "q_cmd", least_gain=_GAIN, all_effects=True, noise=found["floor"])
     try:
@@ -313,8 +315,8 @@ def roll_out(record: ServoRecord, attribution: Attribution, out: Path | None) ->
     except InputError as error:
         return ClosedLoop(Rollout({}, {}, horizon, None, "q_cmd", (f"no roll-outs: {error}",)), **found)
     band = min(2.0 * samples.bands.rows_hz / samples.rate_hz, 1.0)
-    said = None if made.errors is None else witness(*made.errors, band)
-    return ClosedLoop(made.written(out), **found, kept=made.kept, spans=made.spans, witness=said)
+    said = None if made.errors is None else measure_rollout_agreement(*made.errors, band)
+    return ClosedLoop(made.write_model(out), **found, kept=made.kept, spans=made.spans, witness=said)
 
 
 def effect_strength(item: Scored) -> float:
@@ -323,17 +325,17 @@ def effect_strength(item: Scored) -> float:
     if h.columns.extra is None:
         return float(np.inf)
     made = np.sqrt(((h.columns.extra @ h.fit.extra) ** 2).mean(axis=1))
-    return float((made / samples.rows([t.measured for t in samples.trials]).std(axis=0)).max())
+    return float((made / samples.to_rows([t.measured_torque for t in samples.trials]).std(axis=0)).max())
 
 
-def without_faint(attribution: Attribution) -> Attribution:
+def drop_faint_effects(attribution: Attribution) -> Attribution:
     """The effects up to the first that rebuilt torques are not exact enough for.
 
     The noise floor stays, and the parameters of the effects before it that were fitted beside it: what is so faint
     moves neither by more than 0.3 %.
     """
     strengths = [effect_strength(item) for item in attribution.accepted]
-    return attribution.first(next((k for k, size in enumerate(strengths) if size < EXACT), len(strengths)))
+    return attribution.first_n(next((k for k, size in enumerate(strengths) if size < EXACT), len(strengths)))
 
 
 def delay_for_lag(attribution: Attribution, record: ServoRecord) -> Estimate | None:
@@ -347,26 +349,25 @@ def delay_for_lag(attribution: Attribution, record: ServoRecord) -> Estimate | N
 
     Args:
         attribution: the effects.
-        record: the log.
     """
     first = next(iter(attribution.accepted), None)
     if first is None or first.name != ActuatorLag.name:
         return None
 
     def late_commands(base: Baseline, delay: float) -> Array:
-        parts, order = [], record.order(base.samples)
+        parts, order = [], record.joint_order(base.samples)
         for trial in base.samples.trials:
             s = record.signals[trial.name]
             now = s.commanded_torque(record.servo)
-            change = delayed(s.time, now - delayed(s.time, now, delay), record.lag)
+            change = delay_torques(s.time, now - delay_torques(s.time, now, delay), record.lag)
             parts.append(change[: len(trial.time), order])
         return np.concatenate(parts)
 
     def late_torques(base: Baseline, delay: float) -> Array:
-        return late(base, -delay)
+        return delay_change(base, -delay)
 
     base, lag = first.hypothesis.baseline, first.hypothesis
-    told = [told_delay(base, float(lag.fit.extra[0]), change) for change in (late_commands, late_torques)]
+    told = [estimate_delay(base, float(lag.fit.extra[0]), change) for change in (late_commands, late_torques)]
     best = min((one for one in told if one is not None), key=lambda one: one.loss, default=None)
     if best is None:
         return None
@@ -404,7 +405,7 @@ def position_floor(samples: ArmSamples, logged: Mapping[str, Trial], joints: Seq
             off = lowpass(np.round(steps) - steps, rate, band) * marks[coarse]
             rounded[coarse] += (off**2).sum(axis=0) / _PLACES
     rows = [q[t.rows].T for q, t in zip(positions, samples.trials, strict=True)]
-    pairs = [on_the_clock_of_the_first(repeat, samples.trials, rows) for repeat in samples.repeats]
+    pairs = [align_repeat(repeat, samples.trials, rows) for repeat in samples.repeat_pairs]
     apart = np.hstack([np.zeros((n, 1)) if not pairs else np.zeros((n, 0)), *(b - a for a, b in pairs)])
     return np.asarray(
         np.max([white, np.sqrt(rounded / count), np.sqrt(0.5 * (apart**2).mean(axis=1))], axis=0)
@@ -416,19 +417,18 @@ def tracking_sentences(baseline: Baseline, record: ServoRecord) -> tuple[str, ..
 
     Args:
         baseline: with all accepted effects.
-        record: the log.
     """
     samples, servo = baseline.samples, record.servo
-    order = record.order(samples)
+    order = record.joint_order(samples)
     kp, errors, weight = servo.kp[order], [], []
-    for trial, rigid in zip(samples.trials, samples.split(baseline.rigid), strict=True):
+    for trial, rigid in zip(samples.trials, samples.by_trial(baseline.rigid), strict=True):
         if trial.identification:
             s = record.signals[trial.name]
             errors.append((s.measured.value - s.commanded.value)[:, order])
-            given = s.feedforward(servo.feedforward)[: len(rigid), order]
+            given = s.feedforward_torque(servo.feedforward)[: len(rigid), order]
             weight.append((given - rigid[: len(s.time)]) / kp)
     hangs, weighs = (np.concatenate(x).mean(axis=0) for x in (errors, weight))
-    dry = np.array([max(coulomb_level(baseline.modelled, own), 0.0) for own in baseline.fit.own]) / kp
+    dry = np.array([max(coulomb_level(baseline.modelled, own), 0.0) for own in baseline.fit.own_coefs]) / kp
     low = [
         f"{name} {1e3 * h:+.0f} mrad (weight over kp: {1e3 * w:+.0f})"
         for name, h, w in zip(samples.joints, hangs, weighs, strict=True)
@@ -456,7 +456,7 @@ _LITTLE = 0.1
 
 
 @dataclass(frozen=True)
-class Witness:
+class RolloutAgreement:
     """What roll-outs say of effects.
 
     Attributes:
@@ -471,7 +471,7 @@ class Witness:
     heard: float
 
     @property
-    def speaks_against(self) -> bool:
+    def is_contradicting(self) -> bool:
         """Whether the change is surely less than foretold, and not surely any of it the right way.
 
         A simulation that gets nowhere says nothing, nor does a change within the error.
@@ -481,7 +481,7 @@ class Witness:
         return self.slope < 1.0 - _SURE * self.error and self.slope < max(_SURE * self.error, _LITTLE)
 
 
-def witness(before: Array, after: Array, band: float = 1.0) -> Witness:
+def measure_rollout_agreement(before: Array, after: Array, band: float = 1.0) -> RolloutAgreement:
     """Regress what the record asks for on what effects do.
 
     Under feedback the positions hardly show an effect that the torques show well: how much of the error goes
@@ -503,7 +503,7 @@ def witness(before: Array, after: Array, band: float = 1.0) -> Witness:
     size = np.sqrt((before**2).mean(axis=(0, 1))) + 1e-12
     change = (after - before) / size
     if not np.isfinite(after).all() or not change.any():
-        return Witness(np.nan, np.nan, 0.0)
+        return RolloutAgreement(np.nan, np.nan, 0.0)
     heard = float(np.sqrt((change**2).mean(axis=(0, 1))).max())
     # Of the cosine transform: what begins and ends apart leaks next to nothing into it.
     count = max(round(band * before.shape[1]), 1)
@@ -517,4 +517,4 @@ def witness(before: Array, after: Array, band: float = 1.0) -> Witness:
     slope = float(asked.sum()) / total
     # Of a ratio of sums over the joints and frequencies of each roll-out (Cochran 1977, section 6.3).
     spread = float(np.sqrt(n / max(n - 1, 1) * ((asked - slope * made) ** 2).sum()))
-    return Witness(slope, spread / total if n >= _ROLLOUTS else np.inf, heard)
+    return RolloutAgreement(slope, spread / total if n >= _ROLLOUTS else np.inf, heard)

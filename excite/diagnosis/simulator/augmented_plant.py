@@ -12,8 +12,8 @@ from excite.arrays import Array
 from excite.diagnosis.answer.candidate import RobotChanges, in_words
 from excite.diagnosis.attribution import Attribution, Scored
 from excite.diagnosis.effects.effect import Effect
-from excite.diagnosis.effects.form import Beyond, Context, Draft, Form, Note, Noted, Sizes, Told
-from excite.diagnosis.effects.friction import PRESLIDING, BuildUp
+from excite.diagnosis.effects.form import Absence, Context, Draft, Form, InitialState, Note, Noted, Sizes
+from excite.diagnosis.effects.friction import PRESLIDING, PreslidingNote
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.baseline_fit import model_phi
@@ -65,7 +65,7 @@ def plant_with(baseline: Baseline, forms: Iterable[tuple[str, Form]]) -> Plant:
         forms: places and forms of the effects.
     """
     samples, terms = baseline.samples, own_terms(baseline.modelled)
-    own = np.array([o[: len(terms)] for o in baseline.fit.own]).reshape(baseline.n_joints, len(terms)).T
+    own = np.array([o[: len(terms)] for o in baseline.fit.own_coefs]).reshape(baseline.n_joints, len(terms)).T
     values = dict(zip(terms, own, strict=True))
     known = {item.term: item.values for item in known_terms(samples, baseline.modelled)}
     nothing = np.zeros(baseline.n_joints)
@@ -78,14 +78,14 @@ def plant_with(baseline: Baseline, forms: Iterable[tuple[str, Form]]) -> Plant:
     for j, form in joints:
         drives[:, j] += form.viscous, form.coulomb, form.armature
         bias[j] += form.bias
-    links = _links(baseline)
+    links = _body_links(baseline)
     for place, form in changes:
         if form.body is not None:
             phi.reshape(-1, 10)[links.index(place)] += form.body
     return Plant(phi, drives, bias)
 
 
-def _links(baseline: Baseline) -> list[str]:
+def _body_links(baseline: Baseline) -> list[str]:
     """The links whose bodies the inertial parameters are, in order."""
     model = baseline.samples.robot.model
     return [carried_link(model, joint) for joint in range(1, model.njoints)]
@@ -105,17 +105,17 @@ def physical_plant(baseline: Baseline, wanted: Plant, gravity: Array | None = No
     nominal, n = model_phi(baseline.samples), len(wanted.phi)
     units = np.maximum(np.abs(wanted.drives).max(axis=1, initial=0.0), 1e-3)
     bodies = PhysicalBodies(nominal, np.repeat(units, baseline.n_joints))
-    wish = bodies.coordinates(np.concatenate([wanted.phi, wanted.drives.ravel()]))
-    if bodies.holds(wish):
+    wish = bodies.to_coordinates(np.concatenate([wanted.phi, wanted.drives.ravel()]))
+    if bodies.is_feasible(wish):
         return wanted
-    middle = bodies.coordinates(np.concatenate([nominal, np.maximum(wanted.drives, 0.0).ravel()]))
-    rows = _rows(baseline, gravity).reshape(-1, len(wish)) @ bodies.map
+    middle = bodies.to_coordinates(np.concatenate([nominal, np.maximum(wanted.drives, 0.0).ravel()]))
+    rows = _scaled_regressor(baseline, gravity).reshape(-1, len(wish)) @ bodies.map
     z, off = nearest_bodies(bodies, rows, wish, middle)
     found = bodies.map @ z
     return Plant(found[:n], found[n:].reshape(3, -1), wanted.bias, off)
 
 
-def _rows(baseline: Baseline, gravity: Array | None) -> Array:
+def _scaled_regressor(baseline: Baseline, gravity: Array | None) -> Array:
     """Torque per unit of every parameter in units of each joint's residual, ``(n_rows, n_joints, n)``."""
     s = baseline.samples
     inside = [k for k, trial in enumerate(s.trials) if trial.identification]
@@ -125,16 +125,16 @@ def _rows(baseline: Baseline, gravity: Array | None) -> Array:
         return stacked[:: max(1, len(stacked) // _ROWS)]
 
     motion = [at_rows([getattr(t, name) for t in s.trials]) for name in ("q", "v", "a")]
-    v, a = (s.motors(rate) for rate in motion[1:])
+    v, a = (s.motor_values(rate) for rate in motion[1:])
     model, n = s.robot.model, len(s.joints)
     drives = np.zeros((len(v), n, 3, n))
     for j in range(n):
-        dry = at_rows(s.split(sign_of_motion(s, j, baseline.signs[j])))
+        dry = at_rows(s.by_trial(sign_of_motion(s, j, baseline.signs[j])))
         drives[:, j, :, j] = np.column_stack([v[:, j], dry, a[:, j]])
     if gravity is not None:
         model = model.copy()
         model.gravity.linear = gravity
-    maps = s.maps if len(s.maps) == 1 else at_rows(s.split(s.maps))
+    maps = s.motion_maps if len(s.motion_maps) == 1 else at_rows(s.by_trial(s.motion_maps))
     bodies = s.on_motors(joint_torque_regressor(model, *motion), maps)
     return np.concatenate([bodies, drives.reshape(len(v), n, -1)], axis=2) / baseline.fit.sigma[None, :, None]
 
@@ -142,23 +142,22 @@ def _rows(baseline: Baseline, gravity: Array | None) -> Array:
 # The MuJoCo model, and notes on what XML cannot say.
 
 
-def augmented_model(baseline: Baseline, effects: Sequence[Found]) -> AugmentedModel:
+def augmented_model(baseline: Baseline, effects: Sequence[FoundEffect]) -> AugmentedModel:
     """The simulator with effects; without any, the fitted or trusted baseline.
 
     Args:
         baseline: the baseline as fitted together with them.
-        effects: the effects.
 
     Raises:
         InputError: the robot has joints that cannot be simulated, or MuJoCo refuses the bodies.
     """
     joints, robot = baseline.samples.joints, baseline.samples.robot
-    forms = [item.form(joints) for item in effects]
+    forms = [item.mujoco_form(joints) for item in effects]
     wanted = plant_with(baseline, zip((item.location for item in effects), forms, strict=True))
-    plant = physical_plant(baseline, wanted, _turned(np.array(robot.model.gravity.linear), forms))
-    draft = Draft(joints, _draft(baseline, plant))
-    draft.spec.option.gravity = _turned(np.array(draft.spec.option.gravity), forms)
-    for noted in _presliding(baseline):
+    plant = physical_plant(baseline, wanted, _turn_gravity(np.array(robot.model.gravity.linear), forms))
+    draft = Draft(joints, _draft_model(baseline, plant))
+    draft.spec.option.gravity = _turn_gravity(np.array(draft.spec.option.gravity), forms)
+    for noted in _presliding_notes(baseline):
         write_note(draft.spec, noted)
     for form in forms:
         if form.elements is not None:
@@ -171,32 +170,32 @@ def augmented_model(baseline: Baseline, effects: Sequence[Found]) -> AugmentedMo
     try:
         draft.spec.compile()
     except ValueError as error:
-        raise refused(error) from error
-    formless = (item.formless for item in effects)
-    said = (*(text for text in formless if text is not None), *unphysical(plant.mismatch, "residual"))
+        raise refused_model_error(error) from error
+    formless = (item.reason_of_absence for item in effects)
+    said = (*(text for text in formless if text is not None), *describe_mismatch(plant.mismatch, "residual"))
     return AugmentedModel(draft.spec.to_xml(), said)
 
 
-def _turned(gravity: Array, forms: Sequence[Form]) -> Array:
+def _turn_gravity(gravity: Array, forms: Sequence[Form]) -> Array:
     """Gravity ``(3,)`` as effects turn it [m/s²]."""
     for form in forms:
         gravity = gravity if form.gravity is None else form.gravity(gravity)
     return gravity
 
 
-def _presliding(baseline: Baseline) -> list[Noted]:
+def _presliding_notes(baseline: Baseline) -> list[Noted]:
     """What is noted of the baseline's own friction: where it builds up over a deflection."""
-    if not COULOMB.asked(baseline.modelled):
+    if not COULOMB.is_modelled(baseline.modelled):
         return []
     noted = []
     for j, (joint, sign) in enumerate(zip(baseline.samples.joints, baseline.signs, strict=True)):
-        if sign.bent:
-            damped = (baseline.bristle_damping(j), sign.damped_below) if sign.damped else (None, None)
-            noted.append(Noted(PRESLIDING, joint, BuildUp(sign.breakaway, *damped)))
+        if sign.has_bristles:
+            damped = (baseline.bristle_damping(j), sign.damped_below) if sign.has_damping else (None, None)
+            noted.append(Noted(PRESLIDING, joint, PreslidingNote(sign.breakaway, *damped)))
     return noted
 
 
-def _draft(baseline: Baseline, plant: Plant) -> mujoco.MjSpec:
+def _draft_model(baseline: Baseline, plant: Plant) -> mujoco.MjSpec:
     """Bodies, friction and rotor inertia, a motor for each joint."""
     robot, index = baseline.samples.robot, list(baseline.samples.index)
     every = np.zeros((4, robot.n_joints))
@@ -256,7 +255,7 @@ class PhysicalBodies:
         self.size = len(nominal)
         self.inverse_radius = 1.0 / np.maximum(radius, 0.02)
         self.mass = 0.5 * mass
-        blocks = [self._stacked(np.eye(10)[k]).T for k in range(10)]
+        blocks = [self._stack_coordinates(np.eye(10)[k]).T for k in range(10)]
         forward = np.stack(blocks, axis=2).transpose(1, 0, 2)
         total = np.zeros((self.size + len(drives),) * 2)
         for k, block in enumerate(forward):
@@ -264,17 +263,17 @@ class PhysicalBodies:
         total[self.size :, self.size :] = np.diag(drives)
         self.map = total
         self._inverse = np.linalg.inv(total)
-        self.least = _INSIDE * np.trace(self._scaled(pseudo), axis1=1, axis2=2)
+        self.least = _INSIDE * np.trace(self._normalise_pseudo_inertias(pseudo), axis1=1, axis2=2)
 
-    def coordinates(self, x: Array) -> Array:
+    def to_coordinates(self, x: Array) -> Array:
         """Coordinates of parameters ``(n,)``."""
         return self._inverse @ x
 
-    def holds(self, y: Array) -> bool:
+    def is_feasible(self, y: Array) -> bool:
         """Whether these coordinates are those of bodies and drive terms that can be."""
-        return bool(np.allclose(self.nearest(y), y, rtol=1e-9, atol=1e-9))
+        return bool(np.allclose(self.nearest_feasible(y), y, rtol=1e-9, atol=1e-9))
 
-    def nearest(self, y: Array) -> Array:
+    def nearest_feasible(self, y: Array) -> Array:
         """Coordinates of the nearest bodies and drive terms."""
         out = np.maximum(y, 0.0)
         bodies = y[: self.size].reshape(-1, 10)
@@ -286,15 +285,15 @@ class PhysicalBodies:
         out[: self.size] = (near[:, _UPPER[0], _UPPER[1]] * _WEIGHT).ravel()
         return out
 
-    def _scaled(self, pseudo: Array) -> Array:
+    def _normalise_pseudo_inertias(self, pseudo: Array) -> Array:
         d = np.ones((len(pseudo), 4))
         d[:, :3] = self.inverse_radius[:, None]
         return pseudo * d[:, :, None] * d[:, None, :] / self.mass[:, None, None]
 
-    def _stacked(self, ten: Array) -> Array:
+    def _stack_coordinates(self, ten: Array) -> Array:
         """Coordinates ``(n_segments, 10)`` of the same ten parameters in every segment."""
         pseudo = np.tile(pseudo_inertia_matrices(ten), (len(self.mass), 1, 1))
-        return self._scaled(pseudo)[:, _UPPER[0], _UPPER[1]] * _WEIGHT
+        return self._normalise_pseudo_inertias(pseudo)[:, _UPPER[0], _UPPER[1]] * _WEIGHT
 
 
 def nearest_bodies(bodies: PhysicalBodies, rows: Array, wish: Array, middle: Array) -> tuple[Array, float]:
@@ -316,17 +315,17 @@ def nearest_bodies(bodies: PhysicalBodies, rows: Array, wish: Array, middle: Arr
     right = gram @ wish + _PRIOR * middle
     penalty = float(np.sqrt(_PRIOR * np.linalg.eigvalsh(gram)[-1]))
     inverse = np.linalg.inv(gram + (_PRIOR + penalty) * np.eye(len(wish)))
-    z, u = bodies.nearest(wish), np.zeros(len(wish))
+    z, u = bodies.nearest_feasible(wish), np.zeros(len(wish))
     for _ in range(_ITERATIONS):
         x = _RELAXATION * inverse @ (right + penalty * (z - u)) + (1.0 - _RELAXATION) * z
-        last, z = z, bodies.nearest(x + u)
+        last, z = z, bodies.nearest_feasible(x + u)
         u = u + x - z
         if max(np.abs(z - last).max(), np.abs(x - z).max()) < _DONE:
             break
     return z, float(np.sqrt(np.mean((rows @ (z - wish)) ** 2)))
 
 
-def unphysical(mismatch: float, unit: str) -> tuple[str, ...]:
+def describe_mismatch(mismatch: float, unit: str) -> tuple[str, ...]:
     """What is to be said of bodies that are off a fit by so many times a ``unit``; nothing where that is little."""
     if mismatch <= _NOTABLE:
         return ()
@@ -344,17 +343,14 @@ def robot_changes(attribution: Attribution) -> tuple[RobotChanges, ...]:
 
     Friction and rotor inertia are all that the model of the record has, with what ``modelled`` had fitted; bodies are
     the effects' alone, as near to them as bodies can be.
-
-    Args:
-        attribution: the attribution.
     """
     effects = found_effects(attribution)
-    return tuple(_changes(attribution.beside(n), effects[:n]) for n in range(len(effects) + 1))
+    return tuple(_robot_changes(attribution.baseline_at(n), effects[:n]) for n in range(len(effects) + 1))
 
 
-def _changes(baseline: Baseline, effects: Sequence[Found]) -> RobotChanges:
-    samples, links = baseline.samples, _links(baseline)
-    pairs = [(item, item.form(samples.joints)) for item in effects]
+def _robot_changes(baseline: Baseline, effects: Sequence[FoundEffect]) -> RobotChanges:
+    samples, links = baseline.samples, _body_links(baseline)
+    pairs = [(item, item.mujoco_form(samples.joints)) for item in effects]
     plant = plant_with(baseline, ((item.location, form) for item, form in pairs))
     loaded = {item.location for item, form in pairs if form.body is not None}
     if loaded:
@@ -365,11 +361,11 @@ def _changes(baseline: Baseline, effects: Sequence[Found]) -> RobotChanges:
     )
     change = (plant.phi - model_phi(samples)).reshape(-1, 10)
     bodies = {name: row for name, row in zip(links, change, strict=True) if name in loaded}
-    beyond = tuple(line for item, form in pairs for line in _beyond(item, form))
+    beyond = tuple(line for item, form in pairs for line in _undescribed_parts(item, form))
     return RobotChanges(viscous, coulomb, armature, bodies, beyond)
 
 
-def _beyond(item: Found, form: Form) -> list[str]:
+def _undescribed_parts(item: FoundEffect, form: Form) -> list[str]:
     """Parts of an effect that a description has no place for."""
     what = in_words(item.effect.name, item.location)
     if form.absent is not None:
@@ -382,11 +378,11 @@ def _beyond(item: Found, form: Form) -> list[str]:
     if form.elements is not None or form.finish is not None or form.notes:
         all_of_it = not (form.viscous or form.coulomb or form.armature)
         more = f"{what}: how it builds up and changes stands in {MODEL} alone"
-        said.append(in_no_description(item.effect.name, item.location) if all_of_it else more)
+        said.append(describe_missing(item.effect.name, item.location) if all_of_it else more)
     return said
 
 
-def in_no_description(effect: str, location: str) -> str:
+def describe_missing(effect: str, location: str) -> str:
     """The sentence for an effect that a simulator has and no description of a robot."""
     return f"{in_words(effect, location)}: it stands in {MODEL} alone"
 
@@ -412,7 +408,7 @@ class AugmentedModel:
     warnings: tuple[str, ...]
 
 
-def without(left: Sequence[str]) -> tuple[str, ...]:
+def describe_left_out(left: Sequence[str]) -> tuple[str, ...]:
     """What is said where a model lacks effects, each ``NAME at PLACE``, that bring roll-outs no nearer."""
     if not left:
         return ()
@@ -427,10 +423,10 @@ def load_model(xml: str) -> mujoco.MjModel:
     try:
         return mujoco.MjModel.from_xml_string(xml)
     except ValueError as error:
-        raise refused(error) from error
+        raise refused_model_error(error) from error
 
 
-def refused(error: ValueError) -> InputError:
+def refused_model_error(error: ValueError) -> InputError:
     """What is said of a model that MuJoCo refuses."""
     said = " ".join(str(error).split())
     return InputError(f"MuJoCo refuses the model ({said})", remedy="judge by the torques or wrenches")
@@ -452,10 +448,10 @@ def model_notes(model: mujoco.MjModel) -> list[tuple[str, str]]:
 # Sizes of the accepted effects as a simulator needs them.
 
 
-def found_effects(attribution: Attribution) -> tuple[Found, ...]:
+def found_effects(attribution: Attribution) -> tuple[FoundEffect, ...]:
     """The accepted effects with their sizes as fitted together, beside a channel's gain in units of the true torque."""
-    found = [_found(item) for item in attribution.accepted]
-    forms = [item.form((item.location,)) for item in found]
+    found = [_accepted_effect(item) for item in attribution.accepted]
+    forms = [item.mujoco_form((item.location,)) for item in found]
     reads = {item.location: form.reads for item, form in zip(found, forms, strict=True) if form.reads != 1.0}
     return tuple(
         _read_at(item, reads[item.location]) if item.location in reads and _of_the_joint(item, form) else item
@@ -463,33 +459,35 @@ def found_effects(attribution: Attribution) -> tuple[Found, ...]:
     )
 
 
-def _of_the_joint(item: Found, form: Form) -> bool:
+def _of_the_joint(item: FoundEffect, form: Form) -> bool:
     """Whether an effect is a torque of its joint, neither a body nor of the channel that reads it."""
     return item.effect.own_joint and form.reads == 1.0 and form.bias == 0.0
 
 
-def _read_at(item: Found, factor: float) -> Found:
+def _read_at(item: FoundEffect, factor: float) -> FoundEffect:
     """An effect that a channel reads larger by a factor: its torques, and its shares of the load."""
     torques = {p.name for p in item.effect.linear if item.effect.by_load or p.unit != "1"}
     return replace(item, values={n: v / factor if n in torques else v for n, v in item.values.items()})
 
 
-def _found(item: Scored) -> Found:
+def _accepted_effect(item: Scored) -> FoundEffect:
     h = item.hypothesis
-    return Found(h.effect, item.location, h.effect.sizes(Context(h.baseline), h.location, h.theta, h.fit))
+    return FoundEffect(
+        h.effect, item.location, h.effect.to_sizes(Context(h.baseline), h.location, h.theta, h.fit)
+    )
 
 
-def told_states(attribution: Attribution) -> tuple[tuple[str, Told], ...]:
+def initial_states(attribution: Attribution) -> tuple[tuple[str, InitialState], ...]:
     """By place, what the record tells of each accepted effect's own state."""
     hypotheses = [item.hypothesis for item in attribution.accepted]
-    return tuple((h.location, h.effect.told(h.context, h.location, h.theta)) for h in hypotheses)
+    return tuple((h.location, h.effect.initial_state(h.fit_context, h.location, h.theta)) for h in hypotheses)
 
 
 # An accepted effect with its sizes, as a simulator takes it up.
 
 
 @dataclass(frozen=True)
-class Found:
+class FoundEffect:
     """An accepted effect with its sizes.
 
     Attributes:
@@ -502,16 +500,16 @@ class Found:
     location: str
     values: Mapping[str, float]
 
-    def form(self, joints: tuple[str, ...]) -> Form:
+    def mujoco_form(self, joints: tuple[str, ...]) -> Form:
         """Its form in a model of an arm with torque at these joints."""
         if self.effect.behind and self.location not in joints:
-            return Form(absent=Beyond.BEHIND)
+            return Form(absent=Absence.BEHIND)
         return self.effect.in_mujoco(Sizes(self.location, self.values, joints))
 
     @property
-    def formless(self) -> str | None:
+    def reason_of_absence(self) -> str | None:
         """Why no model can have it, in a sentence; None where models can."""
-        absent = self.form((self.location,)).absent
+        absent = self.mujoco_form((self.location,)).absent
         if absent is None:
             return None
         return f"{self.effect.name} has no form in a simulator and is left out of the model: {absent}"
@@ -522,7 +520,7 @@ class Found:
 
 def write_note(spec: mujoco.MjSpec, item: Noted) -> None:
     """Leave a note in a specification."""
-    spec.add_text(name=f"{NOTE}.{item.word}.{item.place}", data=item.note.text())
+    spec.add_text(name=f"{NOTE}.{item.word}.{item.place}", data=item.note.to_text())
 
 
 def read_notes(model: mujoco.MjModel) -> tuple[Noted, ...]:
@@ -531,12 +529,12 @@ def read_notes(model: mujoco.MjModel) -> tuple[Noted, ...]:
     Raises:
         InputError: a note is of no effect that is known, or lacks a number.
     """
-    return tuple(_read(name, text) for name, text in model_notes(model))
+    return tuple(_read_note(name, text) for name, text in model_notes(model))
 
 
-def _read(name: str, text: str) -> Noted:
+def _read_note(name: str, text: str) -> Noted:
     word, _, place = name.partition(".")
-    kind = BuildUp if word == PRESLIDING else _of_effect(word)
+    kind = PreslidingNote if word == PRESLIDING else _of_effect(word)
     if kind is None or not place:
         raise InputError(
             f"the model has a note of no effect that is known ({NOTE}.{name})",
@@ -546,19 +544,19 @@ def _read(name: str, text: str) -> Noted:
     pairs = [pair.partition("=") for pair in text.split()]
     try:
         values = {key: float(value) for key, _, value in pairs}
-        note = kind.of(values)
+        note = kind.from_values(values)
     except (TypeError, ValueError) as error:
-        raise _unreadable(name, text, kind) from error
-    if set(values) - set(kind.numbers()):
-        raise _unreadable(name, text, kind)
+        raise _unreadable_note(name, text, kind) from error
+    if set(values) - set(kind.number_names()):
+        raise _unreadable_note(name, text, kind)
     return Noted(word, place, note)
 
 
-def _unreadable(name: str, text: str, kind: type[Note]) -> InputError:
+def _unreadable_note(name: str, text: str, kind: type[Note]) -> InputError:
     return InputError(
         f"the note {NOTE}.{name} cannot be read ({text})",
         field=name,
-        remedy=f"write NAME=NUMBER, with the names {', '.join(kind.numbers())}",
+        remedy=f"write NAME=NUMBER, with the names {', '.join(kind.number_names())}",
     )
 
 

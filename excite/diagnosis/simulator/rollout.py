@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class Past:
+class WindowHistory:
     """The record before a window: what bristles, filters and soft gears remember.
 
     Attributes:
@@ -62,7 +62,7 @@ class Window:
     time: Array
     session_s: float
     growth: Mapping[str, float] = field(default_factory=dict)
-    past: Past | None = None
+    past: WindowHistory | None = None
     deflected: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
@@ -88,7 +88,7 @@ class Drive:
         share = np.clip((times - self.time[k]) / (self.time[k + 1] - self.time[k]), 0.0, 1.0)[:, None]
         return (1.0 - share) * self.torque[k] + share * self.torque[k + 1]
 
-    def answer(self, torque: Array, q: Array, v: Array) -> Array:
+    def motor_torque(self, torque: Array, q: Array, v: Array) -> Array:
         """What the motors are asked for at positions and velocities, all ``(…, n_joints)``."""
         return torque if self.kp is None or self.kd is None else torque - self.kp * q - self.kd * v
 
@@ -134,19 +134,21 @@ class Simulator:
         for item in every:
             if item.place not in joints:
                 continue
-            j, note, bristle = joints.index(item.place), item.note, item.note.bristle()
+            j, note, bristle = joints.index(item.place), item.note, item.note.make_bristle()
             self._logged[j] += note.log_offset
             if bristle is not None and note.takes_all:
                 self._whole[j], bristle, self._steps[j].bends = bristle, None, True
             self._notes.setdefault(j, []).append((note, bristle))
         for j, whole in self._whole.items():
-            whole.static = next((n.static for n, own in self._notes[j] if n.static and own is None), None)
+            whole.static = next(
+                (n.static_friction for n, own in self._notes[j] if n.static_friction and own is None), None
+            )
         self._stepwise = any(note.every_step for notes in self._notes.values() for note, _ in notes)
         self.runs: list[mujoco.MjData] = []
         self._load = np.zeros((0, len(joints)))
         self._borne: Array | None = None
 
-    def run(self, window: Window, drive: Drive, keep: int) -> Array:
+    def run_window(self, window: Window, drive: Drive, keep: int) -> Array:
         """:meth:`run_all` of one window, ``(n_kept, n_joints)`` [rad]."""
         return np.asarray(self.run_all([window], [drive], keep)[0])
 
@@ -168,7 +170,7 @@ class Simulator:
             self.runs.append(mujoco.MjData(self.model))
         self._load = np.array([window.load for window in windows])
         for run, window in zip(self.runs, windows, strict=False):
-            self._put(run, window)
+            self._place_run(run, window)
         self._start_notes(windows)
         late = self._delay if drives[0].kp is None else 0.0
         filtered = np.array(
@@ -185,7 +187,7 @@ class Simulator:
                 path[-1] = np.nan
         return kept
 
-    def _put(self, run: mujoco.MjData, window: Window) -> None:
+    def _place_run(self, run: mujoco.MjData, window: Window) -> None:
         """Put a run where its window begins; gears start as they are said to swing, or where their load puts them."""
         import mujoco
 
@@ -193,7 +195,7 @@ class Simulator:
         run.qpos[self._qpos], run.qvel[self._dof] = window.q, window.v
         for j, notes in self._notes.items():
             for note, _ in notes:
-                resting = note.deflection(float(window.load[j]))
+                resting = note.resting_deflection(float(window.load[j]))
                 if resting is not None:
                     joint = self.model.joint(self.joints[j] + DEFLECTION)
                     angle, speed = window.deflected.get(self.joints[j], (resting, 0.0))
@@ -204,8 +206,8 @@ class Simulator:
         for j in self._notes:
             told = [window.growth[self.joints[j]] for window in windows if self.joints[j] in window.growth]
             self._steps[j].growth = np.array(told) if len(told) == len(windows) else None
-        for j, bristle in self._bristles():
-            bristle.start(
+        for j, bristle in self._all_bristles():
+            bristle.start_runs(
                 [
                     (np.zeros(0), 0.0)
                     if (past := window.past) is None
@@ -214,7 +216,7 @@ class Simulator:
                 ]
             )
 
-    def _bristles(self) -> list[tuple[int, Bristle]]:
+    def _all_bristles(self) -> list[tuple[int, Bristle]]:
         own = [(j, own) for j, notes in self._notes.items() for _, own in notes if own is not None]
         return [*self._whole.items(), *own]
 
@@ -222,15 +224,15 @@ class Simulator:
         """What the filter before the motors has come to at a window's start, ``(n_joints,)``; sets the model's own."""
         past = window.past
         if past is None or not self.model.na:
-            one = two = drive.answer(drive.at_times(window.time[:1] + late)[0], window.q, window.v)
+            one = two = drive.motor_torque(drive.at_times(window.time[:1] + late)[0], window.q, window.v)
         else:
             period = float(past.time[1] - past.time[0])
             within = float(self.model.actuator_dynprm[self._motor[0], 0])
             first, second = _step_share(period, self._filter_s), _step_share(period, within)
-            one = two = drive.answer(drive.at_times(past.time[:1] + late)[0], past.q[0], past.v[0])
+            one = two = drive.motor_torque(drive.at_times(past.time[:1] + late)[0], past.q[0], past.v[0])
             # Half a period on: the command of an interval, not of its start.
             times = past.time[:-1] + 0.5 * period + late
-            for torque in drive.answer(drive.at_times(times), past.q[:-1], past.v[:-1]):
+            for torque in drive.motor_torque(drive.at_times(times), past.q[:-1], past.v[:-1]):
                 one = one + first * (torque - one)
                 two = two + second * (one - two)
         run.act[:] = two[: self.model.na]
@@ -262,7 +264,6 @@ class Simulator:
         """:meth:`run_all` where something has to be looked at on the way.
 
         Args:
-            windows: the windows.
             drive: one of the drives; they differ by their torques alone.
             asked: ``(n_steps, n_runs, n_joints)`` torques of the motors in the zero position at rest [N·m].
             filtered: ``(n_runs, n_joints)`` what the filter before the motors has come to [N·m].
@@ -285,8 +286,10 @@ class Simulator:
         friction, damped = model.dof_frictionloss, model.dof_damping
         friction[:], damped[:] = self._friction, damping
         for step, elapsed in enumerate((windows[0].time - windows[0].time[0]).tolist()):
-            filtered = filtered + share * (drive.answer(asked[step], q - self._logged, v) - filtered)
-            acting = self._acting(q, v, np.array(clocks) + elapsed, damping) if self._stepwise else None
+            filtered = filtered + share * (drive.motor_torque(asked[step], q - self._logged, v) - filtered)
+            acting = (
+                self._acting_forces(q, v, np.array(clocks) + elapsed, damping) if self._stepwise else None
+            )
             for k, (run, _, _, control, applied) in enumerate(states):
                 control[self._motor] = filtered[k]
                 if acting is not None:
@@ -294,13 +297,13 @@ class Simulator:
                 mujoco.mj_step(model, run)
             q = np.array([state[1] for state in states])[:, self._qpos]
             v = np.array([state[2] for state in states])[:, self._dof]
-            for j, bristle in self._bristles():
-                bristle.move(v[:, j], model.opt.timestep)
+            for j, bristle in self._all_bristles():
+                bristle.advance_deflection(v[:, j], model.opt.timestep)
             if (step + 1) % keep == 0:
                 kept.append(q)
         return np.stack(kept, axis=1)
 
-    def _acting(self, q: Array, v: Array, clocks: Array, damping: Array) -> Array:
+    def _acting_forces(self, q: Array, v: Array, clocks: Array, damping: Array) -> Array:
         """Dry friction, damping and torques of the coming step, ``(3, n_runs, nv)``.
 
         Args:
@@ -319,16 +322,16 @@ class Simulator:
             level, held = np.full(n, self._friction[dof]), []
             for note, bristle in notes:
                 if bristle is not None:
-                    held.append((bristle, note.held(level)))
-                level, viscous = note.friction(level, at)
+                    held.append((bristle, note.held_friction(level)))
+                level, viscous = note.joint_friction(level, at)
                 made[1, :, dof] += viscous
-                made[2, :, dof] += note.torque(at)
+                made[2, :, dof] += note.joint_torque(at)
             level = np.maximum(level, 0.0)
             if j in self._whole:
                 held, level = [(self._whole[j], level), *held], np.zeros(n)
             made[0, :, dof] = level
             for bristle, size in held:
-                force, more = bristle.force(np.maximum(size, 0.0), v[:, j], step)
+                force, more = bristle.friction_force(np.maximum(size, 0.0), v[:, j], step)
                 made[1, :, dof] += more
                 made[2, :, dof] += force
         return made
@@ -420,7 +423,6 @@ def cut_pieces(samples: ArmSamples, rigid: Array, plan: Plan) -> list[Piece]:
     """Windows of the trials that the plan asks for, of all trials where there are no such ones.
 
     Args:
-        samples: the samples.
         rigid: ``(n_samples, n_joints)`` torque that the gears carry, for their deflection [N·m].
         plan: horizon and drives.
     """
@@ -439,7 +441,7 @@ def cut_pieces(samples: ArmSamples, rigid: Array, plan: Plan) -> list[Piece]:
         starts = [starts[p] for p in np.flatnonzero(guessed <= np.quantile(guessed, _KNOWN))]
     most = max(1, int(plan.total_s / plan.horizon_s))
     pick = np.unique(np.linspace(0, len(starts) - 1, min(most, len(starts))).round().astype(int))
-    loads, cut, index = samples.split(rigid), min(_START_HZ, 0.2 * rate), list(samples.index)
+    loads, cut, index = samples.by_trial(rigid), min(_START_HZ, 0.2 * rate), list(samples.index)
     smooth = {
         k: central_differences(lowpass(trials[k].q[:, index], rate, cut), rate)
         for k in {starts[p][0] for p in pick}
@@ -460,7 +462,7 @@ def cut_pieces(samples: ArmSamples, rigid: Array, plan: Plan) -> list[Piece]:
             np.asarray(t0 + step * np.arange(n * keep), dtype=np.float64),
             float(trial.session_s[i]),
             {joint: float(values[k][i]) for joint, values in plan.growth.items()},
-            Past(trial.time[before], smooth[k].value[before], trial.v[before][:, index]),
+            WindowHistory(trial.time[before], smooth[k].value[before], trial.v[before][:, index]),
             {
                 joint: (float(values[k][i, 0]), float(np.interp(half, trial.time, values[k][:, 1])))
                 for joint, values in plan.deflections.items()

@@ -22,9 +22,9 @@ from excite.diagnosis.simulator.augmented_plant import (
     MODEL,
     AugmentedModel,
     augmented_model,
+    describe_left_out,
     found_effects,
-    told_states,
-    without,
+    initial_states,
 )
 from excite.diagnosis.simulator.rollout import HORIZON_S, Drive, Piece, Plan, Simulator, cut_pieces
 from excite.errors import InputError
@@ -57,7 +57,7 @@ class Comparison:
     spans: tuple[tuple[str, float, float], ...]
     errors: tuple[Array, Array] | None = None
 
-    def written(self, out: Path | None) -> Rollout:
+    def write_model(self, out: Path | None) -> Rollout:
         """The errors, once the model is written to a folder; without one, as they are."""
         if out is None:
             return self.rollout
@@ -67,14 +67,14 @@ class Comparison:
 
 
 @step("roll out in the simulator")
-def simulated(attribution: Attribution, out: Path | None) -> Rollout:
+def simulate_effects(attribution: Attribution, out: Path | None) -> Rollout:
     """Roll-outs before and after the accepted effects; the augmented model is written where there is a folder.
 
     Each runs for half a second with the logged torques and no feedback, which would hide the gap.
     """
-    drives = {t.name: Drive(t.time, t.measured) for t in attribution.baseline.samples.trials}
+    drives = {t.name: Drive(t.time, t.measured_torque) for t in attribution.baseline.samples.trials}
     try:
-        return compare_rollouts(attribution, Plan(HORIZON_S, drives, "logged torque")).written(out)
+        return compare_rollouts(attribution, Plan(HORIZON_S, drives, "logged torque")).write_model(out)
     except InputError as error:
         # A joint that no simulator has, or a log that leaves joints out, is no reason to say nothing else.
         return Rollout({}, {}, HORIZON_S, None, warnings=(f"no roll-outs: {error}",))
@@ -87,7 +87,6 @@ def compare_rollouts(attribution: Attribution, plan: Plan) -> Comparison:
     last accepted first, and a warning says so.
 
     Args:
-        attribution: the attribution.
         plan: horizon and drives.
 
     Raises:
@@ -95,7 +94,7 @@ def compare_rollouts(attribution: Attribution, plan: Plan) -> Comparison:
     """
     baseline, effects = attribution.baseline, found_effects(attribution)
     samples = baseline.samples
-    if samples.coupled:
+    if samples.is_coupled:
         raise InputError(
             "motors turn with several joints, and the simulator's turn with one",
             field="coupling",
@@ -107,7 +106,7 @@ def compare_rollouts(attribution: Attribution, plan: Plan) -> Comparison:
             field="joints",
             remedy="log them all, or give a model without them",
         )
-    told = told_states(attribution)
+    told = initial_states(attribution)
     plan = replace(
         plan,
         growth={place: state.growth for place, state in told if state.growth is not None},
@@ -117,7 +116,7 @@ def compare_rollouts(attribution: Attribution, plan: Plan) -> Comparison:
     @cache
     def with_first(count: int) -> tuple[AugmentedModel, Array]:
         """The model with the first effects, and the torque that its gears carry."""
-        beside = attribution.beside(count)
+        beside = attribution.baseline_at(count)
         return augmented_model(beside, effects[:count]), beside.rigid
 
     def errors_with(count: int, plan: Plan) -> Array:
@@ -144,21 +143,23 @@ def compare_rollouts(attribution: Attribution, plan: Plan) -> Comparison:
     dropped = effects[kept:]
     warnings = (
         *model.warnings,
-        *(e.formless for e in dropped if e.formless is not None),
-        *without([f"{e.effect.name} at {e.location}" for e in dropped if e.formless is None]),
+        *(e.reason_of_absence for e in dropped if e.reason_of_absence is not None),
+        *describe_left_out(
+            [f"{e.effect.name} at {e.location}" for e in dropped if e.reason_of_absence is None]
+        ),
     )
     pieces = cut_pieces(samples, rigid, plan)
     rollout = Rollout(
-        before=_rms(plain, samples.joints),
-        after=_rms(after, samples.joints),
+        before=_joint_rms(plain, samples.joints),
+        after=_joint_rms(after, samples.joints),
         horizon_s=plan.horizon_s,
         model=None,
         driven_by=plan.driven_by,
         warnings=warnings,
-        floor=_rms(_replica_errors(with_first(0)[0].xml, baseline, plan) - plain, samples.joints),
-        path=_path(samples, pieces, plain, after),
+        floor=_joint_rms(_replica_errors(with_first(0)[0].xml, baseline, plan) - plain, samples.joints),
+        path=_rollout_path(samples, pieces, plain, after),
     )
-    spans = tuple((samples.trials[p.trial].name, *_ends(samples, p)) for p in pieces)
+    spans = tuple((samples.trials[p.trial].name, *_piece_times(samples, p)) for p in pieces)
     return Comparison(rollout, model.xml, kept, spans, (plain, every) if effects else None)
 
 
@@ -216,21 +217,20 @@ def _white_noise(samples: ArmSamples) -> Array:
     return np.asarray(np.sqrt(0.5 * rate * np.median(found, axis=0)))
 
 
-def _rms(error: Array, joints: Sequence[str]) -> dict[str, float]:
+def _joint_rms(error: Array, joints: Sequence[str]) -> dict[str, float]:
     values = np.sqrt((error**2).mean(axis=(0, 1)))
     return {name: float(v) for name, v in zip(joints, values, strict=True)}
 
 
-def _ends(samples: ArmSamples, piece: Piece) -> tuple[float, float]:
+def _piece_times(samples: ArmSamples, piece: Piece) -> tuple[float, float]:
     time = samples.trials[piece.trial].time
     return float(time[piece.first]), float(time[piece.first + len(piece.recorded) - 1])
 
 
-def _path(samples: ArmSamples, pieces: Sequence[Piece], before: Array, after: Array) -> RolloutPath:
+def _rollout_path(samples: ArmSamples, pieces: Sequence[Piece], before: Array, after: Array) -> RolloutPath:
     """The trial of which most was simulated, for a picture in motion.
 
     Args:
-        samples: the samples.
         pieces: that were simulated.
         before: errors of the nominal simulator, ``(n_windows, n_kept, n_joints)`` [rad].
         after: of the augmented one, likewise.

@@ -51,7 +51,7 @@ from excite.rows.settings import ProblemSettings
 _STEPS_HZ = 2.0
 
 
-def walks(log: Log) -> bool:
+def is_walking(log: Log) -> bool:
     """Whether a log is of a robot that steps, whose contact forces nobody measures; moving foot by foot is standing."""
     if log.header.base != "floating" or log.header.sensors:
         return False
@@ -76,17 +76,17 @@ def diagnose_walking(robot: Robot, log: Log) -> Diagnosis:
     if log.header.torque == "none":
         log = _with_asked_torques(log)
     cutoff = min(CUTOFF_HZ, 0.2 * log.header.rate_hz)
-    limbs = Limbs.of(robot, log, cutoff)
+    limbs = Limbs.from_log(robot, log, cutoff)
     others = (*servo_effects(robot, log, servos), *_foot_effects(limbs.problem.robot, log, cutoff))
-    effects = tuple(sorted([*others, *limbs.effects()], key=lambda one: -one.evidence))
-    rivals = tuple(limbs.rivals())
+    effects = tuple(sorted([*others, *limbs.chosen_effects()], key=lambda one: -one.evidence))
+    rivals = tuple(limbs.find_rivals())
     at_servos = any(one.effect in OF_COMMANDS for one in effects)
     gap = _with_servos(limbs.gap, servos) if at_servos else limbs.gap
-    first, untold = effects[0] if effects else None, list(_untold(log, servos, effects, rivals))
+    first, untold = effects[0] if effects else None, list(_propose_recordings(log, servos, effects, rivals))
     verdict: Verdict = "none"
     if first is not None:
         verdict = "ambiguous" if rivals and first.effect not in {*OF_COMMANDS, SLIP.effect} else "effect"
-    elif any(not servo.follows for servo in servos):
+    elif any(not servo.is_following for servo in servos):
         verdict = "unknown"
     return Diagnosis(
         robot=robot.name,
@@ -97,16 +97,16 @@ def diagnose_walking(robot: Robot, log: Log) -> Diagnosis:
         candidates=(*effects[:1], *rivals, *effects[1:]),
         effects=effects,
         gap=gap,
-        where=limbs.where(),
+        where=limbs.locate_gap(),
         n_tied=1 + len(rivals) if verdict == "ambiguous" else 0,
         next_experiment=untold[0] if untold else None,
-        warnings=(*_limits(log, servos, effects), *(f"not told: {one.why}" for one in untold[1:])),
+        warnings=(*_list_limits(log, servos, effects), *(f"not told: {one.why}" for one in untold[1:])),
         absorbed=tuple(_told_of_servos(servos)),
-        changes=tuple(_changes(effects[:k]) for k in range(len(effects) + 1)),
+        changes=tuple(_robot_changes(effects[:k]) for k in range(len(effects) + 1)),
     )
 
 
-def _changes(effects: Sequence[Candidate]) -> RobotChanges:
+def _robot_changes(effects: Sequence[Candidate]) -> RobotChanges:
     """Friction into the robot's description, beside what it has; the rest has no place there."""
     sizes = {(one.effect, one.location or ""): next(iter(one.parameters.values())).value for one in effects}
     viscous, coulomb = (
@@ -131,19 +131,19 @@ def _with_asked_torques(log: Log) -> Log:
             remedy="state kp and kd of the policy's servos, or log their torque estimates as tau.*",
         )
 
-    def asked(trial: Trial) -> Trial:
+    def ask_torques(trial: Trial) -> Trial:
         if trial.q_cmd is None:
             raise LogError("has no commands", source=trial.name, field="q_cmd", remedy="log q_cmd.*")
         v = np.gradient(trial.q, trial.time, axis=0) if trial.v is None else trial.v
         return replace(trial, tau=servo.kp * (trial.q_cmd - trial.q) - servo.kd * v)
 
     header = log.header.model_copy(update={"torque": "motor_side"})
-    return replace(log, header=header, trials=tuple(asked(t) for t in log.trials))
+    return replace(log, header=header, trials=tuple(ask_torques(t) for t in log.trials))
 
 
 def _with_servos(gap: Gap, servos: Sequence[Servo]) -> Gap:
     """The gap with a channel ``JOINT.servo`` for each servo: its torque beside what the stated law asks for."""
-    follow = [servo for servo in servos if servo.follows]
+    follow = [servo for servo in servos if servo.is_following]
     parts = np.array([np.array(servo.gap[:2]) / max(servo.gap[2], 1e-12) for servo in follow]) ** 2
     old, n = np.array([gap.before, gap.after, gap.noise_floor]) ** 2, len(gap.per_channel)
     added = np.array([parts[:, 0].sum(), parts[:, 1].sum(), parts[:, 1].sum()])
@@ -157,14 +157,14 @@ def _with_servos(gap: Gap, servos: Sequence[Servo]) -> Gap:
 
 def _told_of_servos(servos: Sequence[Servo]) -> Iterator[Absorbed]:
     for servo in servos:
-        sizes, stds = servo.sizes(np.ones(2))
+        sizes, stds = servo.estimate_sizes(np.ones(2))
         for k, name, unit in ((0, "kp", "N·m/rad"), (1, "kd", "N·m·s/rad"), (4, "command_delay", "s")):
             value, std = float(sizes[k]), float(stds[k])
             between = (value - 1.645 * std, value + 1.645 * std)
             yield Absorbed(servo.joint, name, Estimate(value, std, unit), between)
 
 
-def _limits(log: Log, servos: Sequence[Servo], effects: Sequence[Candidate]) -> Iterator[str]:
+def _list_limits(log: Log, servos: Sequence[Servo], effects: Sequence[Candidate]) -> Iterator[str]:
     """What limits the answer, but for what another recording would tell."""
     for one in effects:
         if one.effect == ORDER.effect:
@@ -174,7 +174,7 @@ def _limits(log: Log, servos: Sequence[Servo], effects: Sequence[Candidate]) -> 
                 "the policy and the robot order their joints differently, or two cables are exchanged"
             )
     for servo in servos:
-        if not servo.follows:
+        if not servo.is_following:
             yield (
                 f"{100 * servo.explained:.0f} % of the torque of {servo.joint} follows a servo's law of a command: "
                 "a feedforward, or gains that change"
@@ -185,7 +185,7 @@ def _limits(log: Log, servos: Sequence[Servo], effects: Sequence[Candidate]) -> 
         yield "no IMU: the base's motion is that of its pose, differentiated twice"
 
 
-def _untold(
+def _propose_recordings(
     log: Log, servos: Sequence[Servo], effects: Sequence[Candidate], rivals: Sequence[Candidate]
 ) -> Iterator[NextExperiment]:
     """What this walk cannot tell, and which seconds would."""
@@ -238,11 +238,10 @@ def _foot_effects(robot: Robot, log: Log, cutoff_hz: float) -> Iterator[Candidat
 
     Args:
         robot: the nominal model.
-        log: its log.
         cutoff_hz: of the filter of positions.
     """
     names = [foot.name for foot in robot.feet]
-    speed = np.concatenate([_speeds(robot, log, trial, cutoff_hz) for trial in log.trials])
+    speed = np.concatenate([_foot_speeds(robot, log, trial, cutoff_hz) for trial in log.trials])
     parts = [part for part in np.array_split(speed, _STRETCHES) if (~np.isnan(part)).any(axis=0).all()]
     if len(names) < 2 or len(parts) < _STRETCHES // 2:
         return
@@ -252,16 +251,16 @@ def _foot_effects(robot: Robot, log: Log, cutoff_hz: float) -> Iterator[Candidat
     share, std = shares.mean(axis=0), shares.std(axis=0) / np.sqrt(len(shares)) + 1e-3
     usual = float(np.median(share))
     if usual > SLIP.least:
-        yield SLIP.candidate("feet", usual, float(np.median(std)))
+        yield SLIP.make_candidate("feet", usual, float(np.median(std)))
     clear = share - usual > np.maximum(SLIP.least, SURE * std)
     for k in np.flatnonzero(clear):
         alike = tuple(name for i, name in enumerate(names) if clear[i] and abs(share[i] - share[k]) < std[k])
         fast = Estimate(float(np.nanmedian(speed[speed[:, k] > _SLIDES, k])), None, "m/s")
-        named = SLIP.candidate(names[k], share[k], std[k], usual=usual)
+        named = SLIP.make_candidate(names[k], share[k], std[k], usual=usual)
         yield replace(named, parameters={**named.parameters, "speed": fast}, tied_locations=alike)
 
 
-def _speeds(robot: Robot, log: Log, trial: Trial, cutoff_hz: float) -> Array:
+def _foot_speeds(robot: Robot, log: Log, trial: Trial, cutoff_hz: float) -> Array:
     """Speeds at which feet that carry move along the ground against the others, ``(n, n_feet)`` [m/s]; else NaN."""
     settings = ProblemSettings(cutoff_hz=cutoff_hz)
     filters = settings.filters(floating=False, lowpass_hz=log.header.lowpass_hz)
@@ -322,7 +321,7 @@ class Atom(NamedTuple):
         return self.kind.effect, self.place
 
 
-class _Sized(NamedTuple):
+class _FittedSizes(NamedTuple):
     """Sizes of columns in units of their deviations, and their covariance."""
 
     size: Array
@@ -359,7 +358,7 @@ class Limbs:
     judge: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, robot: Robot, log: Log, cutoff_hz: float) -> Limbs:
+    def from_log(cls, robot: Robot, log: Log, cutoff_hz: float) -> Limbs:
         """What the rows of a log's trials tell, filtered at a frequency."""
         settings = ProblemSettings(cutoff_hz=cutoff_hz, drive_terms=tuple(ROW_KINDS))
         problem = build_problem(robot, log, settings, role=None)
@@ -382,7 +381,7 @@ class Limbs:
                 alike = [place[f"{term}.{j}"] for j in problem.channel_names if kinds[j] == kind]
                 if alike:
                     blocks.append(problem.Y[:, alike].sum(axis=1, keepdims=True))
-                    scales.append(max(_scale(term, load[j], fast[j]) for j in problem.channel_names))
+                    scales.append(max(_expected_scale(term, load[j], fast[j]) for j in problem.channel_names))
         n_base = len(scales)
         for term, kind_of in ROW_KINDS.items():
             for joint in problem.channel_names:
@@ -391,13 +390,13 @@ class Limbs:
                     continue
                 atoms.append(Atom(kind_of, joint, len(scales) - n_base, 1))
                 blocks.append(problem.Y[:, [place[f"{term}.{joint}"]]])
-                scales.append(_scale(term, load[joint], fast[joint]))
-        readings = list(_readings(log))
+                scales.append(_expected_scale(term, load[joint], fast[joint]))
+        readings = list(_imu_readings(log))
         for reading in readings:
             atoms.append(Atom(reading.kind, "imu", len(scales) - n_base, len(reading.changes)))
             scales += [reading.kind.spread] * len(reading.changes)
         if readings:
-            blocks.append(_changed(problem, log, settings, readings))
+            blocks.append(_row_changes(problem, log, settings, readings))
         columns = np.hstack(blocks) * scales
         prior = problem.prior.copy()
         prior[n:] = 0.0
@@ -414,14 +413,14 @@ class Limbs:
             tuple(atoms),
             n_base,
             target,
-            1.0 / _noise(problem, target),
+            1.0 / _row_noise(problem, target),
             tuple(np.array_split(fitted, _BLOCKS)),
             judge,
         )
-        return replace(limbs, weight=1.0 / _noise(problem, limbs.left(range(len(scales)))))
+        return replace(limbs, weight=1.0 / _row_noise(problem, limbs.residual_rows(range(len(scales)))))
 
     @cached_property
-    def parts(self) -> list[tuple[Array, Array]]:
+    def learning_products(self) -> list[tuple[Array, Array]]:
         """By stretch to learn on, weighted products of columns with each other and with the target."""
         made = []
         for rows in self.learn:
@@ -429,17 +428,17 @@ class Limbs:
             made.append((x.T @ x, x.T @ y))
         return made
 
-    def fitted(self, columns: Sequence[int], *, without: int | None = None) -> _Sized:
+    def fit_columns(self, columns: Sequence[int], *, without: int | None = None) -> _FittedSizes:
         """Columns fitted, a stretch left out."""
-        kept = [part for k, part in enumerate(self.parts) if k != without]
+        kept = [part for k, part in enumerate(self.learning_products) if k != without]
         a = np.sum([part[0] for part in kept], axis=0)[np.ix_(columns, columns)] + np.eye(len(columns))
         h = np.sum([part[1] for part in kept], axis=0)[list(columns)]
         factor = cho_factor(a)
-        return _Sized(cho_solve(factor, h), cho_solve(factor, np.eye(len(columns))))
+        return _FittedSizes(cho_solve(factor, h), cho_solve(factor, np.eye(len(columns))))
 
-    def left(self, columns: Sequence[int]) -> Array:
+    def residual_rows(self, columns: Sequence[int]) -> Array:
         """``(n_rows,)`` target less what columns explain of it."""
-        return np.asarray(self.target - self.columns[:, columns] @ self.fitted(columns).size)
+        return np.asarray(self.target - self.columns[:, columns] @ self.fit_columns(columns).size)
 
     def with_atoms(self, atoms: Sequence[int]) -> list[int]:
         """Columns of the baseline, then of atoms."""
@@ -447,9 +446,9 @@ class Limbs:
         own = [self.n_base + atom.first + i for atom in chosen for i in range(atom.width)]
         return [*range(self.n_base), *own]
 
-    def _selection(self, barred: set[int]) -> sampler.Problem:
+    def _selection_problem(self, barred: set[int]) -> sampler.Problem:
         """Which effects there are, all else integrated out; each pays for the choice among all."""
-        gram, right = (np.sum(part, axis=0) for part in zip(*self.parts, strict=True))
+        gram, right = (np.sum(part, axis=0) for part in zip(*self.learning_products, strict=True))
         n, k, atoms = self.n_base, len(right) - self.n_base, self.atoms
         seen = np.linalg.solve(gram[:n, :n] + np.eye(n), np.column_stack([gram[:n, n:], right[:n]]))
         free, groups = np.full(k, 1e30), list(dict.fromkeys(atom.group for atom in atoms))
@@ -474,61 +473,65 @@ class Limbs:
         )
 
     @cached_property
-    def chosen(self) -> dict[int, float]:
+    def chosen_atoms(self) -> dict[int, float]:
         """Atoms of effects and the evidence of each, most first; none that is small or leaves judging rows more."""
         barred: set[int] = set()
         while True:
-            problem = self._selection(barred)
-            mode = sampler.climb(problem, np.full(len(problem.begin), -1))
+            problem = self._selection_problem(barred)
+            mode = sampler.find_mode(problem, np.full(len(problem.begin), -1))
             chosen = [int(a) for a in mode if a >= 0]
-            gains = {k: self._gains(problem, [other for other in chosen if other != k])[k] for k in chosen}
-            idle = {k for k in chosen if not self._matters(k, chosen)}
+            gains = {
+                k: self._atom_gains(problem, [other for other in chosen if other != k])[k] for k in chosen
+            }
+            idle = {k for k in chosen if not self._is_significant(k, chosen)}
             if not idle:
                 return dict(sorted(gains.items(), key=lambda item: -item[1]))
             # One after the other, the faintest first: what stands beside the true one takes its part until it goes.
             barred.add(min(idle, key=lambda k: gains[k]))
 
-    def _gains(self, problem: sampler.Problem, others: Sequence[int]) -> dict[int, float]:
+    def _atom_gains(self, problem: sampler.Problem, others: Sequence[int]) -> dict[int, float]:
         """By atom, evidence of an effect beside others."""
         state = np.full(len(problem.begin), -1)
         state[problem.group[list(others)]] = list(others)
         return dict(enumerate(sampler.gains_beside(problem, state).tolist()))
 
-    def _matters(self, k: int, chosen: Sequence[int]) -> bool:
+    def _is_significant(self, k: int, chosen: Sequence[int]) -> bool:
         """Whether a size is one, and the judging rows that it acts on are clearly better for it."""
         atom, rest = self.atoms[k], [other for other in chosen if other != k]
         least = atom.kind.least / atom.kind.spread * self.scales[self.n_base + atom.first]
-        size, std = (float(np.linalg.norm(part[-atom.width :])) for part in self.sizes([*rest, k]))
+        size, std = (float(np.linalg.norm(part[-atom.width :])) for part in self.estimate_sizes([*rest, k]))
         names = self.problem.channel_names
         rows = self.judge & (self.problem.rows_of(atom.place) if atom.place in names else True)
         with_it, without = (
-            float((self.left(self.with_atoms(some))[rows] ** 2).sum()) for some in ([*rest, k], rest)
+            float((self.residual_rows(self.with_atoms(some))[rows] ** 2).sum()) for some in ([*rest, k], rest)
         )
         return size > max(least, SURE * std) and with_it < _CLEAR * without
 
-    def sizes(self, atoms: Sequence[int]) -> tuple[Array, Array]:
+    def estimate_sizes(self, atoms: Sequence[int]) -> tuple[Array, Array]:
         """Sizes of atoms' columns, with deviations: the larger of the equations' and of stretches left out."""
         columns = self.with_atoms(atoms)
-        whole, covariance = self.fitted(columns)
-        without = np.array([self.fitted(columns, without=k).size for k in range(len(self.parts))])
+        whole, covariance = self.fit_columns(columns)
+        without = np.array(
+            [self.fit_columns(columns, without=k).size for k in range(len(self.learning_products))]
+        )
         spread = np.sqrt((len(without) - 1) * without.var(axis=0))
         std = np.maximum(spread, np.sqrt(np.diagonal(covariance)))
         scales = self.scales[columns]
         return (whole * scales)[self.n_base :], (std * scales)[self.n_base :]
 
-    def effects(self) -> Iterator[Candidate]:
+    def chosen_effects(self) -> Iterator[Candidate]:
         """What was chosen."""
         before = self.gap.before
-        for k, evidence in self.chosen.items():
-            alone = self._gap(self.with_atoms([k]))
+        for k, evidence in self.chosen_atoms.items():
+            alone = self._relative_gap(self.with_atoms([k]))
             share = share_closed(before, alone, self.gap.noise_floor)
-            named = self.candidate(k, [other for other in self.chosen if other != k], evidence)
+            named = self.make_candidate(k, [other for other in self.chosen_atoms if other != k], evidence)
             yield replace(named, gap_after=alone, share_closed=share)
 
-    def candidate(self, k: int, others: Sequence[int], evidence: float) -> Candidate:
+    def make_candidate(self, k: int, others: Sequence[int], evidence: float) -> Candidate:
         """An effect beside others; torque that is lost reads as a gain of what is logged over what is delivered."""
         atom = self.atoms[k]
-        sizes, stds = (part[-atom.width :] for part in self.sizes([*others, k]))
+        sizes, stds = (part[-atom.width :] for part in self.estimate_sizes([*others, k]))
         kind, size, std = atom.kind, float(sizes[0]), float(stds[0])
         parameters = {kind.parameter: Estimate(size, std, kind.unit)}
         if atom.width == 3:
@@ -544,18 +547,18 @@ class Limbs:
             }
         return Candidate(kind.effect, atom.place, parameters, evidence, 0.0, 0.0, (atom.place,))
 
-    def rivals(self) -> Iterator[Candidate]:
+    def find_rivals(self) -> Iterator[Candidate]:
         """What could stand in the place of the first effect, beside the others, at odds of one to twenty."""
-        if not self.chosen:
+        if not self.chosen_atoms:
             return
-        first, *others = self.chosen
-        taken = {self.atoms[k].group for k in self.chosen}
-        for k, evidence in self._gains(self._selection(set()), others).items():
-            if self.atoms[k].group not in taken and evidence > self.chosen[first] - np.log(20.0):
-                yield self.candidate(k, others, evidence)
+        first, *others = self.chosen_atoms
+        taken = {self.atoms[k].group for k in self.chosen_atoms}
+        for k, evidence in self._atom_gains(self._selection_problem(set()), others).items():
+            if self.atoms[k].group not in taken and evidence > self.chosen_atoms[first] - np.log(20.0):
+                yield self.make_candidate(k, others, evidence)
 
-    def _gap(self, columns: Sequence[int]) -> float:
-        rows, left = self.judge, self.left(columns)
+    def _relative_gap(self, columns: Sequence[int]) -> float:
+        rows, left = self.judge, self.residual_rows(columns)
         shares = [
             (left[rows & self.problem.rows_of(j)] ** 2).mean()
             / max(self.problem.y[self.problem.rows_of(j)].var(), 1e-12)
@@ -567,10 +570,10 @@ class Limbs:
     def gap(self) -> Gap:
         """Before any effect and with those chosen; the floor is what a model with every column leaves."""
         names, rows = self.problem.channel_names, self.judge
-        models = (self.with_atoms([]), self.with_atoms([*self.chosen]), list(range(len(self.scales))))
-        before, after, floor = (self._gap(columns) for columns in models)
+        models = (self.with_atoms([]), self.with_atoms([*self.chosen_atoms]), list(range(len(self.scales))))
+        before, after, floor = (self._relative_gap(columns) for columns in models)
         floor = min(before, after, floor)
-        lefts = [self.left(columns) for columns in models]
+        lefts = [self.residual_rows(columns) for columns in models]
         channels = {}
         for joint, unit in zip(names, self.problem.channel_units, strict=True):
             own = rows & self.problem.rows_of(joint)
@@ -578,7 +581,7 @@ class Limbs:
             channels[joint] = ChannelGap(was, now, min(was, now, least), unit)
         return Gap(before, after, floor, share_closed(before, after, floor), channels)
 
-    def where(self) -> tuple[Where, ...]:
+    def locate_gap(self) -> tuple[Where, ...]:
         """Joints by their part of the gap."""
         power = {
             name: max(one.before**2 - one.noise_floor**2, 0.0) for name, one in self.gap.per_channel.items()
@@ -596,35 +599,35 @@ Change = Callable[[Array, Array], Array]
 """From times ``(n,)`` [s] and readings ``(n, 6)`` of the IMU to what they would be."""
 
 
-class _Reading(NamedTuple):
+class _ImuChange(NamedTuple):
     """Changes of the IMU's readings, each with the size that it is of."""
 
     kind: Kind
     changes: tuple[tuple[Change, float], ...]
 
 
-def _readings(log: Log) -> Iterator[_Reading]:
+def _imu_readings(log: Log) -> Iterator[_ImuChange]:
     """Effects of the IMU, where a log has one."""
     if any(trial.imu is None for trial in log.trials):
         return
-    yield _Reading(TURNED, tuple((_turned(turn), TURNED.least) for turn in np.eye(3) * TURNED.least))
+    yield _ImuChange(TURNED, tuple((_turn_imu(turn), TURNED.least) for turn in np.eye(3) * TURNED.least))
     for delay in _IMU_DELAYS:
-        yield _Reading(LATE_IMU, ((_earlier(delay), delay),))
+        yield _ImuChange(LATE_IMU, ((_shift_readings(delay), delay),))
 
 
-def _turned(turn: Array) -> Change:
+def _turn_imu(turn: Array) -> Change:
     """Readings of an IMU that is turned by a rotation vector, in the frame that it is said to have."""
     back = Rotation.from_rotvec(turn).as_matrix().T
     return lambda _, imu: np.hstack([imu[:, :3] @ back, imu[:, 3:] @ back])
 
 
-def _earlier(delay: float) -> Change:
+def _shift_readings(delay: float) -> Change:
     """Readings that a log tells so much later [s]."""
     return lambda time, imu: np.column_stack([np.interp(time + delay, time, column) for column in imu.T])
 
 
-def _changed(
-    problem: IdentificationProblem, log: Log, settings: ProblemSettings, readings: Sequence[_Reading]
+def _row_changes(
+    problem: IdentificationProblem, log: Log, settings: ProblemSettings, readings: Sequence[_ImuChange]
 ) -> Array:
     """Change of the rows per unit of each change of the readings, ``(n_rows, n_changes)``."""
     robot, filters = problem.robot, settings.filters(floating=False, lowpass_hz=log.header.lowpass_hz)
@@ -640,7 +643,7 @@ def _changed(
     return np.asarray(np.concatenate(parts))
 
 
-def _noise(problem: IdentificationProblem, left: Array) -> Array:
+def _row_noise(problem: IdentificationProblem, left: Array) -> Array:
     """``(n_rows,)`` deviation that each row counts with: of its joint's rest, as effective samples are fewer."""
     out = np.ones(len(left))
     for k in range(len(problem.channel_names)):
@@ -650,7 +653,7 @@ def _noise(problem: IdentificationProblem, left: Array) -> Array:
     return out
 
 
-def _scale(term: str, load: float, fast: float) -> float:
+def _expected_scale(term: str, load: float, fast: float) -> float:
     """Standard deviation expected of a term: of friction and constants what makes a share of a joint's torque.
 
     Args:

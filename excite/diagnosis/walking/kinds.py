@@ -36,7 +36,9 @@ class Kind:
     least: float
     usual: float = 0.0
 
-    def candidate(self, place: str, value: float, std: float, *, usual: float | None = None) -> Candidate:
+    def make_candidate(
+        self, place: str, value: float, std: float, *, usual: float | None = None
+    ) -> Candidate:
         """The effect with its size; its evidence is that of a normal likelihood, against the usual size."""
         off = (value - (self.usual if usual is None else usual)) / max(std, 1e-12)
         size = {self.parameter: Estimate(float(value), float(std), self.unit)}

@@ -42,7 +42,7 @@ _CUT_OFTEN, _TIMES = 0.005, 3
 Indices = NDArray[np.int64]
 
 
-class Way(NamedTuple):
+class CommandPath(NamedTuple):
     """What a servo follows: the command of a joint, by its column, and whether its rate as well."""
 
     column: int
@@ -57,7 +57,7 @@ class _Law(NamedTuple):
     power: float
 
     @property
-    def explained(self) -> float:
+    def r_squared(self) -> float:
         """Share of the torque's power."""
         return 1.0 - self.left / max(self.power, 1e-300)
 
@@ -82,7 +82,7 @@ class Servo:
     """
 
     joint: str
-    way: Way
+    way: CommandPath
     law: Array
     parts: Array
     stated: Array
@@ -93,25 +93,25 @@ class Servo:
     step: float
 
     @property
-    def follows(self) -> bool:
+    def is_following(self) -> bool:
         """Whether the joint has such a servo."""
         return self.explained > _FOLLOWS
 
-    def sizes(self, usual: Array) -> tuple[Array, Array]:
+    def estimate_sizes(self, usual: Array) -> tuple[Array, Array]:
         """Sizes of :data:`SERVO_KINDS` and their deviations, gains over usual ones ``(2,)``."""
 
-        def told(law: Array) -> Array:
+        def law_sizes(law: Array) -> Array:
             kp = np.where(law[..., 0] == 0.0, 1e-9, law[..., 0])
             offset, scale = law[..., 2] / kp, 1.0 + law[..., 3] / kp
             gains = law[..., :2] / usual
             return np.stack([gains[..., 0], gains[..., 1], offset, scale, law[..., 5] * self.step], axis=-1)
 
-        std = self.spread(told(self.parts))
+        std = self.jackknife_std(law_sizes(self.parts))
         std[4] = np.hypot(std[4], 0.3 * self.step)
-        return told(self.law), std
+        return law_sizes(self.law), std
 
     @staticmethod
-    def spread(parts: Array) -> Array:
+    def jackknife_std(parts: Array) -> Array:
         """Deviations by the jackknife."""
         return np.asarray(np.sqrt((len(parts) - 1) * parts.var(axis=0)))
 
@@ -123,20 +123,21 @@ def read_servos(log: Log) -> Iterator[Servo]:
     said = log.header.controller
     if said and said.get("mode", "position") != "position":
         return
-    stated, signals = stated_servo(said, log.header.joints), [_Signals.of(t) for t in log.trials]
+    stated, signals = stated_servo(said, log.header.joints), [_Signals.from_trial(t) for t in log.trials]
     columns = range(len(log.header.joints))
     for j, joint in enumerate(log.header.joints):
         if joint in log.header.no_torque:
             continue
         told = max(
-            (_told(signals, j, Way(j, rate)) for rate in stated.follows), key=lambda one: one.law.explained
+            (_fit_law(signals, j, CommandPath(j, rate)) for rate in stated.follows),
+            key=lambda one: one.law.r_squared,
         )
-        if told.law.explained <= _FOLLOWS or not 0.5 < 1.0 + told.law.sizes[3] / told.law.sizes[0] < 1.5:
+        if told.law.r_squared <= _FOLLOWS or not 0.5 < 1.0 + told.law.sizes[3] / told.law.sizes[0] < 1.5:
             # What follows no command of its own, or turned about, may follow another's as it is.
-            ways = [Way(k, rate) for k in columns for rate in stated.follows]
-            plain = {way: _law(_grams(signals, j, way), scaled=False) for way in ways}
-            other = max(plain, key=lambda one: plain[one].explained)
-            told = _told(signals, j, other) if plain[other].explained > _FOLLOWS else told
+            ways = [CommandPath(k, rate) for k in columns for rate in stated.follows]
+            plain = {way: _solve_law(_delay_grams(signals, j, way), scaled=False) for way in ways}
+            other = max(plain, key=lambda one: plain[one].r_squared)
+            told = _fit_law(signals, j, other) if plain[other].r_squared > _FOLLOWS else told
         way, grams, law, limit, cut = told
         whole, kept = grams.sum(axis=0), np.array([stated.kp[j], stated.kd[j], np.nan])
         usual = np.where(np.isnan(kept), law.sizes[:3], kept)
@@ -147,9 +148,9 @@ def read_servos(log: Log) -> Iterator[Servo]:
             joint,
             way,
             law.sizes,
-            np.array([_law(grams, without=k).sizes for k in range(len(grams))]),
+            np.array([_solve_law(grams, without=k).sizes for k in range(len(grams))]),
             kept[:2],
-            law.explained,
+            law.r_squared,
             (gap[0], gap[1], gap[2]),
             limit if cut > _CUT_OFTEN else np.inf,
             cut,
@@ -157,23 +158,23 @@ def read_servos(log: Log) -> Iterator[Servo]:
         )
 
 
-class _Told(NamedTuple):
+class _FittedLaw(NamedTuple):
     """A joint's law: of which command, its products, and where it is cut how often."""
 
-    way: Way
+    way: CommandPath
     grams: Array
     law: _Law
     limit: float
     cut: float
 
 
-def _told(signals: Sequence[_Signals], j: int, way: Way) -> _Told:
-    law = _law(grams := _grams(signals, j, way))
-    limit, cut = _limit(signals, j, way, law)
+def _fit_law(signals: Sequence[_Signals], j: int, way: CommandPath) -> _FittedLaw:
+    law = _solve_law(grams := _delay_grams(signals, j, way))
+    limit, cut = _torque_limit(signals, j, way, law)
     for _ in range(_TIMES if cut > _CUT_OFTEN else 0):
-        law = _law(grams := _grams(signals, j, way, limit))
-        limit, cut = _limit(signals, j, way, law)
-    return _Told(way, grams, law, limit, cut)
+        law = _solve_law(grams := _delay_grams(signals, j, way, limit))
+        limit, cut = _torque_limit(signals, j, way, law)
+    return _FittedLaw(way, grams, law, limit, cut)
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,7 +190,7 @@ class _Signals:
     step: float
 
     @classmethod
-    def of(cls, trial: Trial) -> _Signals:
+    def from_trial(cls, trial: Trial) -> _Signals:
         """The law is linear: filtered alike on both sides it holds, and the noise of velocities is less."""
         step = float(np.median(np.diff(trial.time)))
         v = np.gradient(trial.q, trial.time, axis=0) if trial.v is None else trial.v
@@ -200,22 +201,22 @@ class _Signals:
         q, v, tau, command = (lowpass(x, 1.0 / step, cutoff) for x in raw)
         return cls(q, v, tau, command, np.gradient(command, step, axis=0), raw, step)
 
-    def asked(self, j: int, way: Way, sizes: Array) -> Array:
+    def asked_torque(self, j: int, way: CommandPath, sizes: Array) -> Array:
         """Torque ``(n,)`` that a law asks for, unfiltered."""
         q, v, _, command = self.raw
-        heard = _later(command[:, way.column], round(sizes[5]))
-        turning = way.rate * _later(self.rate[:, way.column], round(sizes[5]))
+        heard = _shift_later(command[:, way.column], round(sizes[5]))
+        turning = way.rate * _shift_later(self.rate[:, way.column], round(sizes[5]))
         beyond = heard - command[:, way.column].mean()
         return np.asarray(
             np.column_stack([heard - q[:, j], turning - v[:, j], np.ones(len(q)), beyond]) @ sizes[:4]
         )
 
 
-def _later(values: Array, samples: int) -> Array:
+def _shift_later(values: Array, samples: int) -> Array:
     return np.asarray(values[np.maximum(np.arange(len(values)) - samples, 0)])
 
 
-def _grams(signals: Sequence[_Signals], j: int, way: Way, limit: float = np.inf) -> Array:
+def _delay_grams(signals: Sequence[_Signals], j: int, way: CommandPath, limit: float = np.inf) -> Array:
     """By stretch and delay, products of errors of position and velocity, one, the command, its bend, and torque.
 
     ``(n_stretches, n_delays, 6, 6)``, of samples that no torque at a limit is filtered into.
@@ -241,7 +242,7 @@ def _grams(signals: Sequence[_Signals], j: int, way: Way, limit: float = np.inf)
     return np.array(made)
 
 
-def _law(grams: Array, *, without: int | None = None, scaled: bool = True) -> _Law:
+def _solve_law(grams: Array, *, without: int | None = None, scaled: bool = True) -> _Law:
     """Law of least squares over all delays, a stretch left out; unless ``scaled`` the command counts as kp says."""
     whole = grams.sum(axis=0) - (0.0 if without is None else grams[without])
     a, b = whole[:, :5, :5], whole[:, :5, 5]
@@ -258,9 +259,9 @@ def _law(grams: Array, *, without: int | None = None, scaled: bool = True) -> _L
     return _Law(np.array([*sizes[best], best + between]), float(left[best]), float(whole[best][5, 5] - mean))
 
 
-def _limit(signals: Sequence[_Signals], j: int, way: Way, law: _Law) -> tuple[float, float]:
+def _torque_limit(signals: Sequence[_Signals], j: int, way: CommandPath, law: _Law) -> tuple[float, float]:
     """Torque at which a law is cut, that leaves least of what the law leaves, and the share of samples beyond it."""
-    asked = np.concatenate([one.asked(j, way, law.sizes) for one in signals])
+    asked = np.concatenate([one.asked_torque(j, way, law.sizes) for one in signals])
     told = np.concatenate([one.raw[2][:, j] for one in signals])
     limits = np.linspace(0.3, 1.0, 71) * np.abs(asked).max()
     left = [((told - np.clip(asked, -limit, limit)) ** 2).sum() for limit in limits]
@@ -275,27 +276,27 @@ def _limit(signals: Sequence[_Signals], j: int, way: Way, law: _Law) -> tuple[fl
 
 def servo_effects(robot: Robot, log: Log, servos: Sequence[Servo]) -> Iterator[Candidate]:
     """What of servos is not as stated, or not as those of the joint's kind, of one drive or of all."""
-    follow = [servo for servo in servos if servo.follows]
+    follow = [servo for servo in servos if servo.is_following]
     if not follow:
         return
-    yield from _sizes(robot, follow)
+    yield from _size_candidates(robot, follow)
     for servo in follow:
         if np.isfinite(servo.limit) and servo.limit < 0.95 * _stated_limit(robot, servo.joint):
-            yield SATURATION.candidate(servo.joint, servo.limit, servo.gap[1], usual=0.0)
+            yield SATURATION.make_candidate(servo.joint, servo.limit, servo.gap[1], usual=0.0)
         if log.header.joints[servo.way.column] != servo.joint:
-            yield ORDER.candidate(servo.joint, servo.way.column, 0.0, usual=-1.0)
-    jitter = _jitter(log, follow)
+            yield ORDER.make_candidate(servo.joint, servo.way.column, 0.0, usual=-1.0)
+    jitter = _delay_jitter(log, follow)
     if jitter is not None and jitter[0] > max(JITTER.least, SURE * jitter[1]):
-        yield JITTER.candidate("command", *jitter)
+        yield JITTER.make_candidate("command", *jitter)
 
 
-def _sizes(robot: Robot, servos: Sequence[Servo]) -> Iterator[Candidate]:
+def _size_candidates(robot: Robot, servos: Sequence[Servo]) -> Iterator[Candidate]:
     """Sizes of laws that are not the stated ones, or not those of the joint's kind, of one drive or of all."""
     kinds, told = joint_kinds(robot), []
     for servo in servos:
         alike = [one.law[:2] for one in servos if kinds[one.joint] == kinds[servo.joint]]
         usual = np.where(servo.stated > 0.0, servo.stated, np.median(alike, axis=0))
-        told.append(servo.sizes(np.where(usual == 0.0, 1e-9, usual)))
+        told.append(servo.estimate_sizes(np.where(usual == 0.0, 1e-9, usual)))
     sizes, stds = (np.array(part) for part in zip(*told, strict=True))
     # A command that is scaled about some pose is off at any other: its offset is no cause of its own.
     scaled = np.abs(sizes[:, 3] - 1.0) > np.maximum(SERVO_KINDS[3].least, SURE * stds[:, 3])
@@ -303,12 +304,12 @@ def _sizes(robot: Robot, servos: Sequence[Servo]) -> Iterator[Candidate]:
     for k, kind in enumerate(SERVO_KINDS):
         common, std = float(np.median(sizes[:, k])), float(np.median(stds[:, k]))
         if abs(common - kind.usual) > max(kind.least, SURE * std):
-            yield kind.candidate("command", common, std)
+            yield kind.make_candidate("command", common, std)
         else:
             common = kind.usual
         for servo, size, spread in zip(servos, sizes[:, k], stds[:, k], strict=True):
             if abs(size - common) > max(kind.least, SURE * spread):
-                yield kind.candidate(servo.joint, size, spread, usual=common)
+                yield kind.make_candidate(servo.joint, size, spread, usual=common)
 
 
 def command_ticks(trial: Trial) -> Indices:
@@ -325,7 +326,7 @@ def _stated_limit(robot: Robot, joint: str) -> float:
     return limit if limit > 0.0 else np.inf
 
 
-def _jitter(log: Log, servos: Sequence[Servo]) -> tuple[float, float] | None:
+def _delay_jitter(log: Log, servos: Sequence[Servo]) -> tuple[float, float] | None:
     """Deviation of the delays of held commands, and its own deviation [s]; None where commands are not held.
 
     A command that acts δ late leaves ``−k_p Δq_cmd`` for δ, an area about its tick. Every other joint tells δ for
@@ -333,7 +334,7 @@ def _jitter(log: Log, servos: Sequence[Servo]) -> tuple[float, float] | None:
     """
     areas, pushes = [], []
     for trial in log.trials:
-        one = _Signals.of(trial)
+        one = _Signals.from_trial(trial)
         command = one.raw[3]
         ticks = command_ticks(trial)
         if not len(ticks):
@@ -343,7 +344,7 @@ def _jitter(log: Log, servos: Sequence[Servo]) -> tuple[float, float] | None:
         area, push = [], []
         for servo in servos:
             j = log.header.joints.index(servo.joint)
-            rest = np.cumsum(one.raw[2][:, j] - one.asked(j, servo.way, servo.law))
+            rest = np.cumsum(one.raw[2][:, j] - one.asked_torque(j, servo.way, servo.law))
             at = ticks + round(servo.law[5]) - 1
             area.append((rest[at + hold // 2] - rest[at - hold // 2]) * one.step)
             push.append(servo.law[0] * (command[ticks] - command[ticks - 1])[:, servo.way.column])

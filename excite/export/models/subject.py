@@ -13,7 +13,7 @@ from excite.arrays import Array
 from excite.diagnosis.answer.answer import Diagnosis
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.units import unit_at
-from excite.diagnosis.simulator.augmented_plant import in_no_description
+from excite.diagnosis.simulator.augmented_plant import describe_missing
 from excite.documents.campaign import Campaign
 from excite.documents.document import model_of, read_document
 from excite.errors import InputError, UnknownNameError
@@ -255,7 +255,7 @@ def _stated_delay(document: Diagnosis) -> tuple[float | None, str]:
         effect = EFFECTS.get(found.effect)
         value = found.parameters.get(effect.late_by) if effect is not None else None
         if value is not None and value.value is not None:
-            return value.value, in_no_description(found.effect, str(found.location))
+            return value.value, describe_missing(found.effect, str(found.location))
     return None, ""
 
 

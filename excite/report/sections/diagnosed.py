@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from excite.diagnosis.answer.answer import HELD, doubt_of_share, left_elsewhere, named_beside_closed
-from excite.diagnosis.answer.gap import NOT_REPEATED, closed_in_words, of_positions
+from excite.diagnosis.answer.answer import HELD, explain_named_share, explain_other_joint, explain_share
+from excite.diagnosis.answer.gap import NOT_REPEATED, describe_closed, of_positions
 from excite.display import span
 from excite.report.conclusions import VERDICTS
 from excite.report.folder import Document, Findings
@@ -189,9 +189,9 @@ def show_budget_by_channel(findings: Findings) -> Shown:
             f"instant counts. The {HELD}."
         ),
         _note_paragraph(
-            named_beside_closed(named, found["gap"]["share_closed"], accepted=bool(found["effects"]))
+            explain_named_share(named, found["gap"]["share_closed"], accepted=bool(found["effects"]))
         ),
-        _note_paragraph(left_elsewhere(gaps, weights, found["modelled"])),
+        _note_paragraph(explain_other_joint(gaps, weights, found["modelled"])),
         f'<p class="legend">{legend}</p>',
         *(block for name, block in blocks.items() if name not in small),
         folded_content(f"Joints with less than {100 * _SMALL:.0f} % of the whole gap", folded)
@@ -204,7 +204,7 @@ _PARTS_COLUMNS: Columns = {
     "part": lambda part: part.what,
     "share": lambda part: percent_cell(part.share),
     "90 % interval": lambda part: _interval_text(map(percent_text, part.interval or ())),
-    "": lambda part: "" if part.interval is None else doubt_of_share(part.share, *part.interval),
+    "": lambda part: "" if part.interval is None else explain_share(part.share, *part.interval),
 }
 
 
@@ -443,7 +443,7 @@ def show_effects(findings: Findings) -> Shown:
     return [
         "Evidence is a log-likelihood ratio over effective samples, less the price of the parameters and of the "
         "candidates tried: e to that power is by how much an effect is likelier than none. "
-        f"{closed_in_words(of_positions(_channel_units(found['gap']))).capitalize()}."
+        f"{describe_closed(of_positions(_channel_units(found['gap']))).capitalize()}."
         + ("" if found["effects"] else " None was accepted."),
         columns_table(rows, _EFFECTS),
         html_paragraph(f"Places that the record cannot tell apart: {', '.join(tied)}.") if tied else "",

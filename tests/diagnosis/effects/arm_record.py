@@ -20,7 +20,7 @@ from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.joint_torque import Fit
 from excite.diagnosis.equations.noise_floor import spectral_floor
 from excite.diagnosis.equations.resampling import arm_samples
-from excite.diagnosis.simulator.augmented_plant import Found
+from excite.diagnosis.simulator.augmented_plant import FoundEffect
 from excite.diagnosis.simulator.rollout import Drive, Plan
 from excite.diagnosis.simulator.rollout_compare import rollout_errors
 from excite.logs.files import load_log, save_log
@@ -115,10 +115,10 @@ class Case:
         return replace(self.context.baseline.fit, extra=self.beta, extra_std=np.full(len(self.beta), 1e-3))
 
     @property
-    def found(self) -> Found:
+    def found(self) -> FoundEffect:
         """It as a simulator takes it up."""
-        values = self.effect.sizes(self.context, self.location, self.theta, self.fit)
-        return Found(self.effect, self.location, values)
+        values = self.effect.to_sizes(self.context, self.location, self.theta, self.fit)
+        return FoundEffect(self.effect, self.location, values)
 
     def errors(self, xml: str, *, extra: Array | None = None) -> Array:
         """RMS by which roll-outs of a model are off the record, driven by the torques that it then needs [rad]."""
@@ -126,9 +126,9 @@ class Case:
         samples, torque = base.samples, base.total + (self.torques if extra is None else extra)
         drives = {
             trial.name: Drive(trial.time, part)
-            for trial, part in zip(samples.trials, samples.split(torque), strict=True)
+            for trial, part in zip(samples.trials, samples.by_trial(torque), strict=True)
         }
-        told = self.effect.told(self.context, self.location, self.theta)
+        told = self.effect.initial_state(self.context, self.location, self.theta)
         plan = Plan(
             0.4,
             drives,
@@ -145,7 +145,7 @@ def forms() -> dict[str, Effect]:
     """All effects of the library and all their forms, by name and class."""
     found: dict[str, Effect] = {}
     for effect in EFFECTS.values():
-        for form in (effect, *effect.richer, *effect.forms):
+        for form in (effect, *effect.extended_forms, *effect.variant_forms):
             found.setdefault(f"{form.name}-{type(form).__name__}", form)
     return found
 

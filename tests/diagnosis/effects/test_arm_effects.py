@@ -15,7 +15,7 @@ from excite.diagnosis.answer.effect_summary import effect_summaries
 from excite.diagnosis.effects.bodies import BaseTilt, KnownLeverTilt, LinkLengthError, Payload, SteepTilt
 from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
 from excite.diagnosis.effects.forces import LowerSlackSpring, RippleHarmonics, SlackSpring, TorqueRipple
-from excite.diagnosis.effects.form import Beyond, Context, JointStep, Note, Sizes
+from excite.diagnosis.effects.form import Absence, Context, JointStep, Note, Sizes
 from excite.diagnosis.effects.friction import (
     Stribeck,
     StribeckBristles,
@@ -29,7 +29,7 @@ from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.baseline import Baseline, Derived
 from excite.diagnosis.equations.dry_friction.friction_sign import SignChange
 from excite.diagnosis.servo.diagnose import LoggedOffset
-from excite.diagnosis.simulator.augmented_plant import Found, augmented_model, read_notes
+from excite.diagnosis.simulator.augmented_plant import FoundEffect, augmented_model, read_notes
 from excite.logs.vocabulary import EFFECTS as WORDS
 from tests.diagnosis.effects.arm_record import Case, baseline, forms, place
 
@@ -74,9 +74,13 @@ def case(effect: Effect) -> Case:
         theta, beta = SIZES[type(effect)]
         return Case(effect, location, theta, np.array(beta))
     context = Context(baseline(drives=effect.term is None))
-    grid = EFFECTS[effect.name].grid(context, location)
+    grid = EFFECTS[effect.name].search_grid(context, location)
     theta = grid[len(grid) // 2]
-    theta = theta if len(theta) == len(effect.searched) and effect.richer else effect.starts(theta)[0]
+    theta = (
+        theta
+        if len(theta) == len(effect.searched) and effect.extended_forms
+        else effect.search_starts(theta)[0]
+    )
     return Case(effect, location, theta, _shares(effect, effect.shape(context, location, theta), context))
 
 
@@ -102,10 +106,10 @@ def test_columns_are_torques_of_joints_per_unit_of_its_parameters(name: str) -> 
         assert columns.shape == (n, len(effect.linear)) and np.isfinite(columns).all()
     for offset in shape.offset.values():
         assert offset.shape == (n,) and np.isfinite(offset).all()
-    assert len(effect.widths) == len(effect.linear)
+    assert len(effect.prior_widths) == len(effect.linear)
     for t, parameter in zip(made.theta, effect.searched, strict=True):
         assert parameter.low <= t <= parameter.high
-    estimates = effect.estimates(context, made.location, made.theta, made.fit)
+    estimates = effect.to_estimates(context, made.location, made.theta, made.fit)
     assert estimates and all(item.unit and np.isfinite(item.value) for item in estimates.values())
 
 
@@ -134,14 +138,14 @@ def test_what_follows_the_motion_alone_is_the_same_whatever_else_was_found(name:
     assert alike or not made.effect.by_motion
 
 
-def fitted_beside(base: Baseline, found: Found) -> Baseline:
+def fitted_beside(base: Baseline, found: FoundEffect) -> Baseline:
     """The baseline as a fit beside an effect leaves it: a joint's drive is in units of the channel that reads it."""
-    form, j = found.form(base.samples.joints), found.location
+    form, j = found.mujoco_form(base.samples.joints), found.location
     if form.reads == 1.0:
         return base
     own = [
         form.reads * values if joint == j else values
-        for joint, values in zip(base.samples.joints, base.fit.own, strict=True)
+        for joint, values in zip(base.samples.joints, base.fit.own_coefs, strict=True)
     ]
     return replace(base, fit=replace(base.fit, held=tuple(own)))
 
@@ -156,9 +160,9 @@ def test_a_model_with_it_follows_the_record_that_its_columns_say(name: str) -> N
     base, found = made.context.baseline, made.found
     model = augmented_model(fitted_beside(base, found), [found])
     plain = augmented_model(base, ()).xml
-    if found.formless is not None:
-        assert found.form(base.samples.joints).absent in Beyond
-        assert found.formless in model.warnings
+    if found.reason_of_absence is not None:
+        assert found.mujoco_form(base.samples.joints).absent in Absence
+        assert found.reason_of_absence in model.warnings
         return
     assert model.warnings == ()
     missed = made.errors(plain, extra=np.zeros_like(base.total))
@@ -167,26 +171,26 @@ def test_a_model_with_it_follows_the_record_that_its_columns_say(name: str) -> N
     assert np.linalg.norm(with_it) ** 2 < np.linalg.norm(missed) ** 2 + (_LEFT * np.linalg.norm(without)) ** 2
 
 
-def acts(note: Note) -> dict[Beyond, bool]:
+def acts(note: Note) -> dict[Absence, bool]:
     """By what a model cannot say, whether the note says such a thing."""
     there = JointStep(carried=lambda: np.ones(1), q=np.array([0.1]), v=np.array([0.1]))
     return {
-        Beyond.FRICTION: note.rubs,
-        Beyond.SPRING: note.torque(there) != 0.0,
-        Beyond.CHANNEL: note.late_by > 0.0 or note.filter_before > 0.0,
-        Beyond.READING: note.log_offset != 0.0,
-        Beyond.START: note.deflection(1.0) is not None,
+        Absence.FRICTION: note.has_friction,
+        Absence.SPRING: note.joint_torque(there) != 0.0,
+        Absence.CHANNEL: note.late_by > 0.0 or note.filter_before > 0.0,
+        Absence.READING: note.log_offset != 0.0,
+        Absence.START: note.resting_deflection(1.0) is not None,
     }
 
 
 @pytest.mark.parametrize("name", FORMS)
 def test_what_is_left_to_the_runner_is_read_as_it_was_written_and_has_a_reason(name: str) -> None:
     made = case(FORMS[name])
-    form = made.found.form(made.context.joints)
+    form = made.found.mujoco_form(made.context.joints)
     model = mujoco.MjModel.from_xml_string(augmented_model(made.context.baseline, [made.found]).xml)
     read = read_notes(model)
-    assert [(item.word, item.place, item.note.text()) for item in read] == [
-        (item.word, item.place, item.note.text()) for item in form.notes
+    assert [(item.word, item.place, item.note.to_text()) for item in read] == [
+        (item.word, item.place, item.note.to_text()) for item in form.notes
     ]
     for noted, again in zip(form.notes, read, strict=True):
         assert type(noted.note) is type(again.note)
@@ -206,10 +210,10 @@ def test_it_says_what_it_is_where_it_can_be_and_what_it_looks_like(effect: Effec
     related = (effect.confusable_with, effect.twins_without_torque, effect.twins_of_a_gain)
     for name in (name for names in related for name in names):
         assert name in known and name != effect.name
-    for form in (*effect.richer, *effect.forms):
+    for form in (*effect.extended_forms, *effect.variant_forms):
         assert form.name == effect.name
     asked = ("rigid_body_fixed",) if effect.term is None else effect.term.words
-    assert not effect.offered((*asked, effect.name))
+    assert not effect.is_candidate((*asked, effect.name))
 
 
 class Formless(Effect):
@@ -224,17 +228,19 @@ class Formless(Effect):
 
 
 def test_an_effect_without_a_form_is_said_to_have_none() -> None:
-    item = Found(Formless(), "elbow", {"coefficient": 1.0})
+    item = FoundEffect(Formless(), "elbow", {"coefficient": 1.0})
     base = baseline(drives=True)
-    assert item.formless is not None and item.formless.startswith("formless has no form in a simulator")
+    assert item.reason_of_absence is not None and item.reason_of_absence.startswith(
+        "formless has no form in a simulator"
+    )
     model = augmented_model(base, [item])
-    assert model.warnings == (item.formless,)
+    assert model.warnings == (item.reason_of_absence,)
     assert model.xml == augmented_model(base, ()).xml
 
 
 def test_only_what_an_effect_leaves_to_a_runner_is_noted() -> None:
     with pytest.raises(TypeError, match="formless"):
-        Formless().noted(Sizes("elbow", {}))
+        Formless().make_note(Sizes("elbow", {}))
 
 
 def test_an_offset_that_the_servo_does_not_have_is_left_to_the_runner() -> None:

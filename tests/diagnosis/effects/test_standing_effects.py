@@ -10,7 +10,7 @@ import pytest
 from excite.arrays import Array
 from excite.diagnosis.answer.effect_summary import effect_summaries
 from excite.diagnosis.effects.registry import EFFECTS
-from excite.diagnosis.floating.effect import Beyond, FloatingEffect, Part, Reads, StandingNote, segment_of
+from excite.diagnosis.floating.effect import Absence, FloatingEffect, Part, Reads, StandingNote, segment_of
 from excite.diagnosis.floating.forces import PressedContact, Surface, UnloggedContact
 from excite.diagnosis.floating.hypotheses import Fitted, Placed, explained_state, nominal_fit
 from excite.diagnosis.floating.problem import Problem, build_problem
@@ -68,7 +68,7 @@ def place(effect: FloatingEffect, state: State) -> str:
 
 def sized(effect: FloatingEffect, state: State, location: str, share: float) -> Array:
     """Parameters at a share of what is expected, from where the effect begins."""
-    return effect.beginnings(state, location)[0] + share * effect.scales(state, location)
+    return effect.fit_starts(state, location)[0] + share * effect.parameter_scales(state, location)
 
 
 def with_effect(problem: Problem, effect: FloatingEffect, location: str, theta: Array) -> Fitted:
@@ -88,10 +88,10 @@ def test_it_says_what_it_is_where_it_can_be_and_what_it_looks_like(problem: Prob
     effect = known(effect, problem.nominal)
     places = effect.locations(problem.nominal)
     assert places and len(set(places)) == len(places)
-    parameters = effect.parameters(problem.nominal, places[0])
+    parameters = effect.parameters_at(problem.nominal, places[0])
     assert all(p.scale > 0.0 and p.step > 0.0 for p in parameters)
     assert len({p.name for p in parameters}) == len(parameters)
-    assert (effect.mujoco != "") == isinstance(effect.says, Part)
+    assert (effect.mujoco_part != "") == isinstance(effect.says, Part)
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -99,12 +99,12 @@ def test_it_vanishes_at_the_beginning_and_follows_its_columns(problem: Problem, 
     state = problem.nominal
     effect = known(EVERY_FORM[form], state)
     location = place(effect, state)
-    start = effect.beginnings(state, location)[0]
-    np.testing.assert_allclose(effect.apply(state, location, start).residual, state.residual, atol=1e-9)
-    columns = effect.columns(state, location, start)
+    start = effect.fit_starts(state, location)[0]
+    np.testing.assert_allclose(effect.apply_to(state, location, start).residual, state.residual, atol=1e-9)
+    columns = effect.residual_columns(state, location, start)
     assert columns.shape == (len(state.q), 6, len(start))
     theta = sized(effect, state, location, _SMALL)
-    moved = effect.apply(state, location, theta).residual - state.residual
+    moved = effect.apply_to(state, location, theta).residual - state.residual
     assert np.abs(moved).max() > 0.0
     assert np.abs(moved + columns @ (theta - start)).max() < _BENT * np.abs(moved).max() + 1e-9
 
@@ -116,7 +116,7 @@ def test_a_model_has_the_part_that_it_says_and_no_other(problem: Problem, form: 
     effect = known(EVERY_FORM[form], state)
     location = place(effect, state)
     theta = sized(effect, state, location, 0.3)
-    changed = effect.apply(state, location, theta)
+    changed = effect.apply_to(state, location, theta)
     parts = {
         Part.BODIES: not np.array_equal(changed.phi, state.phi),
         Part.LENGTHS: not np.array_equal(changed.tree.translations, state.tree.translations),
@@ -126,12 +126,12 @@ def test_a_model_has_the_part_that_it_says_and_no_other(problem: Problem, form: 
     assert {part for part, moved in parts.items() if moved} == ({said} if isinstance(said, Part) else set())
     if isinstance(said, StandingNote):
         reasons = {
-            Beyond.MOTION: not np.array_equal(changed.q, state.q),
-            Beyond.READINGS: any(changed.readings[n] is not x for n, x in state.readings.items()),
-            Beyond.FORCES: np.any(changed.extra != state.extra),
+            Absence.MOTION: not np.array_equal(changed.q, state.q),
+            Absence.READINGS: any(changed.readings[n] is not x for n, x in state.readings.items()),
+            Absence.FORCES: np.any(changed.extra != state.extra),
         }
         assert [reason for reason, moved in reasons.items() if moved] == [said.beyond]
-        assert tuple(said.parameters) == tuple(p.name for p in effect.parameters(state, location))
+        assert tuple(said.parameters) == tuple(p.name for p in effect.parameters_at(state, location))
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -144,12 +144,12 @@ def test_a_model_with_it_moves_as_its_wrench_says(problem: Problem, plain: Simul
     simulator = Simulator(standing_model(problem, fitted).xml, problem.record)
     made = explained_state(problem, fitted).residual
     wrench = np.asarray(made - state.residual)
-    assert np.abs(simulator.drive.residual - made).max() < _RELOADED * np.abs(wrench).max()
+    assert np.abs(simulator.driving_state.residual - made).max() < _RELOADED * np.abs(wrench).max()
     # How far the effect takes the base, in metres.
     metres = np.array([1.0, 1.0, 1.0, _ARM_M, _ARM_M, _ARM_M])
-    unmoved = plain.run(_WINDOW)
-    moved = metres * (simulator.run(_WINDOW) - unmoved)
-    pulled = metres * (plain.run(_WINDOW, noise=wrench) - unmoved)
+    unmoved = plain.run_window(_WINDOW)
+    moved = metres * (simulator.run_window(_WINDOW) - unmoved)
+    pulled = metres * (plain.run_window(_WINDOW, noise=wrench) - unmoved)
     assert np.abs(pulled).max() > 1e-4
     assert np.linalg.norm(moved - pulled) < _LEFT * np.linalg.norm(pulled)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from excite.diagnosis.answer.candidate import Candidate, in_words, measured
+from excite.diagnosis.answer.candidate import Candidate, format_estimate, in_words
 from tests.reproduction.real_robots.entry import Bar, Entry, said
 
 _HEAD = """# Diagnoses of real robots
@@ -100,7 +100,7 @@ def _candidates(entry: Entry) -> list[str]:
 
 
 def _values(item: Candidate) -> str:
-    values = [f"{name.replace('_', ' ')} {measured(value)}" for name, value in item.parameters.items()]
+    values = [f"{name.replace('_', ' ')} {format_estimate(value)}" for name, value in item.parameters.items()]
     return ", ".join(values[:4])
 
 

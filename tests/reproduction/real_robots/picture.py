@@ -11,7 +11,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.atomic import atomic_path
-from excite.diagnosis.arm.diagnose import judged_record
+from excite.diagnosis.arm.diagnose import judge_record
 from excite.diagnosis.arm.record import TorqueRecord
 from excite.diagnosis.equations.units import force_unit
 from excite.doctor.examine import examine
@@ -62,14 +62,14 @@ def with_torques(log: Log) -> Log:
 def curves(robot: Robot, log: Log, joints: Sequence[str]) -> list[Curves]:
     """What the steps of a diagnosis predict on its first validation trial."""
     log = with_torques(log)
-    judged = judged_record(TorqueRecord(robot, examine(robot, log).log, log.header.modelled))
+    judged = judge_record(TorqueRecord(robot, examine(robot, log).log, log.header.modelled))
     samples, baseline, found = judged.samples, judged.baseline, judged.attribution
     trial = next(k for k, t in enumerate(samples.trials) if not t.identification)
     rows = samples.trial_of_row == trial
     time = samples.trials[trial].time[samples.trials[trial].rows]
-    tau = samples.rows([t.tau for t in samples.trials])[rows]
+    tau = samples.to_rows([t.tau for t in samples.trials])[rows]
     before, after = (
-        samples.unweighed(baseline.plain(fit.residual))[:, rows]
+        samples.without_slip_weights(baseline.plain_residual(fit.residual))[:, rows]
         for fit in (found.baseline.fit, found.final.fit)
     )
     shown = time - time[0] <= _LONGEST_S

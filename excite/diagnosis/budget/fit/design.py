@@ -62,7 +62,7 @@ class Grams:
     total: tuple[Array, ...]
 
     @property
-    def together(self) -> Grams:
+    def sum_over_blocks(self) -> Grams:
         """All blocks as one."""
         return Grams(tuple(g[None] for g in self.total), self.count.sum(keepdims=True), self.total)
 
@@ -104,21 +104,21 @@ class Design:
                 matrix[:, first : first + part.shape[1]] = part
             matrix[:, at] = self.rows.y[j]
             self.matrices.append(matrix)
-        self.fitted = self._grams(self.rows.block)
+        self.fitted = self._compute_grams(self.rows.block)
 
     @cached_property
-    def judged(self) -> Grams:
+    def judging_grams(self) -> Grams:
         """Gram matrices of the trials that judge; those that are fitted where there are none."""
-        return self.fitted if self.rows.judged is self.rows.block else self._grams(self.rows.judged)
+        return self.fitted if self.rows.judged is self.rows.block else self._compute_grams(self.rows.judged)
 
-    def _grams(self, block: NDArray[np.int64]) -> Grams:
+    def _compute_grams(self, block: NDArray[np.int64]) -> Grams:
         n = int(block.max()) + 1
         members = [np.flatnonzero(block == b) for b in range(n)]
         made = [np.stack([part.T @ part for part in (m[rows] for rows in members)]) for m in self.matrices]
         count = np.array([len(rows) for rows in members], dtype=float)
         return Grams(tuple(made), count, tuple(g.sum(axis=0) for g in made))
 
-    def index(self, chosen: Sequence[int]) -> Layout:
+    def lay_out_parameters(self, chosen: Sequence[int]) -> Layout:
         """Where the parameters of a model stand in each joint's columns."""
         n_shared = self.rows.shared.shape[2]
         at = n_shared
@@ -130,7 +130,7 @@ class Design:
             at += width
         begin = []
         for k in chosen:
-            width = self.terms[k].size
+            width = self.terms[k].n_free
             begin.append(at)
             for j, where in self.place[k].items():
                 columns[j].append(where)
@@ -164,7 +164,6 @@ def blocks_of(samples: ArmSamples, *, identification: bool) -> NDArray[np.int64]
     A trial that repeats another shares its blocks: what is left out must not be known from its repeat.
 
     Args:
-        samples: the samples.
         identification: whether to cut the trials that are fitted, or those that judge.
     """
     own = [k for k, t in enumerate(samples.trials) if t.identification is identification]

@@ -57,43 +57,43 @@ class Model:
         return np.array(rest)
 
     @cached_property
-    def share(self) -> Array:
+    def effective_share(self) -> Array:
         """Effective part of the rows by the autocorrelation of what is left, ``(n_joints,)``."""
-        return _share(self.correlated) * self.told
+        return _effective_share(self.residual_autocorrelation) * self.known_torque_share
 
     @cached_property
-    def told(self) -> Array:
+    def known_torque_share(self) -> Array:
         """Share of the rows that hold known torques, ``(n_joints,)``."""
-        return _told(self.residual, self.design.rows.block >= 0)
+        return _known_torque_share(self.residual, self.design.rows.block >= 0)
 
     @cached_property
-    def correlated(self) -> Array:
+    def residual_autocorrelation(self) -> Array:
         """Autocorrelation of what is left, ``(n_joints, n_lags)``."""
-        return autocorrelation(self.residual, self.design.rows.block >= 0, self.design.rows.trial)
+        return estimate_autocorrelation(self.residual, self.design.rows.block >= 0, self.design.rows.trial)
 
     @property
     def terms(self) -> tuple[Term, ...]:
         """Its terms."""
         return tuple(self.design.terms[k] for k in self.chosen)
 
-    def parameters(self, k: int, x: Array | None = None) -> Array:
+    def term_parameters(self, k: int, x: Array | None = None) -> Array:
         """Fitted parameters of the design's term ``k``, ``(size,)``."""
         first = self.layout.begin[self.chosen.index(k)]
-        return (self.x if x is None else x)[first : first + self.design.terms[k].size]
+        return (self.x if x is None else x)[first : first + self.design.terms[k].n_free]
 
     def taken_by(self, k: int) -> float:
         """About how much the design's term ``k`` takes away: the weakest are judged first."""
-        size, x = 0.0, self.parameters(k)
+        size, x = 0.0, self.term_parameters(k)
         for j, block in self.design.terms[k].columns.items():
             size += float(self.weight[j] * ((block @ x) ** 2).sum())
         return size
 
-    def power(self, grams: Grams, x: Array | None = None) -> Array:
+    def residual_power(self, grams: Grams, x: Array | None = None) -> Array:
         """Mean square that it leaves of each joint in each block, ``(n_blocks, n_joints)``."""
-        return _left(grams, self.layout, self.x if x is None else x) / grams.count[:, None]
+        return _residual_squares(grams, self.layout, self.x if x is None else x) / grams.count[:, None]
 
 
-def fit(
+def fit_model(
     design: Design,
     chosen: Sequence[int],
     weight: Array | None = None,
@@ -113,18 +113,18 @@ def fit(
         freed: a term whose size is fitted though it is known.
     """
     chosen = tuple(chosen)
-    layout, grams, floor = design.index(chosen), design.fitted, design.rows.floor
+    layout, grams, floor = design.lay_out_parameters(chosen), design.fitted, design.rows.floor
     count = float(grams.count.sum())
-    rows = Stacked.of_model(grams if left_out else grams.together, layout)
+    rows = StackedGrams.of_model(grams if left_out else grams.sum_over_blocks, layout)
     if weight is None:
         power = np.array([g[-1, -1] for g in grams.total]) / count
         weight = 1.0 / np.maximum(power, floor**2)
-    prior, known = _prior(design, chosen, layout, sizes or {}, freed)
+    prior, known = _parameter_priors(design, chosen, layout, sizes or {}, freed)
     for _ in range(_ITERATIONS):
-        normal, right = rows.normal(weight, by_block=False)
+        normal, right = rows.normal_equations(weight, by_block=False)
         full = normal[0] + np.diag(prior + _RIDGE * np.diag(normal[0]))
         x = np.linalg.solve(full, right[0] + known)
-        power = rows.left_of_all(x) / count
+        power = rows.total_squares(x) / count
         new = 1.0 / np.maximum(power, floor**2)
         done = np.max(np.abs(np.log(new / weight))) < 0.05
         weight = new
@@ -133,14 +133,14 @@ def fit(
     if not left_out:
         nothing = np.zeros((0, layout.size))
         return Model(design, chosen, layout, x, weight, full, nothing, nothing)
-    blocks, rights = rows.normal(weight, by_block=True)
+    blocks, rights = rows.normal_equations(weight, by_block=True)
     total, right = blocks.sum(axis=0), rights.sum(axis=0)
     full = total + np.diag(prior + _RIDGE * np.diag(total))
     without = np.linalg.solve(full - blocks, (right - rights + known)[..., None])[..., 0]
-    return Model(design, chosen, layout, x, weight, full, without, rows.left(without))
+    return Model(design, chosen, layout, x, weight, full, without, rows.residual_squares(without))
 
 
-def _prior(
+def _parameter_priors(
     design: Design, chosen: Sequence[int], layout: Layout, sizes: Mapping[int, Array], freed: int | None
 ) -> tuple[Array, Array]:
     """Precision of each parameter a priori, and that times what it is then."""
@@ -148,18 +148,18 @@ def _prior(
     prior[: design.rows.shared.shape[2]] = 1.0
     for k, first in zip(chosen, layout.begin, strict=True):
         term = design.terms[k]
-        here = slice(first, first + term.size)
+        here = slice(first, first + term.n_free)
         if k == freed:
             continue
         if term.known or k in sizes:
             prior[here] = _KNOWN * float(design.fitted.count.sum())
             known[here] = prior[here] * sizes.get(k, np.ones(1))
         else:
-            prior[here] += term.precision
+            prior[here] += term.prior_precision
     return prior, known
 
 
-def _left(grams: Grams, layout: Layout, x: Array) -> Array:
+def _residual_squares(grams: Grams, layout: Layout, x: Array) -> Array:
     """Sums of squares that parameters leave, ``(n_blocks, n_joints)``; of each block its own where ``x`` has rows."""
     out = np.empty((len(grams.count), len(grams.of)))
     for j, (g, c, p) in enumerate(zip(grams.of, layout.columns, layout.numbers, strict=True)):
@@ -177,22 +177,24 @@ def effective_share(residual: Array, use: NDArray[np.bool_], trial: NDArray[np.i
         use: ``(n_rows,)`` rows that are fitted.
         trial: ``(n_rows,)`` index of the trial.
     """
-    return _share(autocorrelation(residual, use, trial)) * _told(residual, use)
+    return _effective_share(estimate_autocorrelation(residual, use, trial)) * _known_torque_share(
+        residual, use
+    )
 
 
-def _told(residual: Array, use: NDArray[np.bool_]) -> Array:
+def _known_torque_share(residual: Array, use: NDArray[np.bool_]) -> Array:
     """Share of the rows in which anything is left, ``(n_joints,)``: nothing is where the torque is not known."""
     return np.count_nonzero(residual[:, use], axis=1) / max(int(use.sum()), 1)
 
 
-def _share(rho: Array) -> Array:
+def _effective_share(rho: Array) -> Array:
     """The same from autocorrelations ``(n_joints, n_lags)``."""
     pairs = rho[:, 0:-1:2] + rho[:, 1::2]
     positive = np.cumprod(pairs > 0.0, axis=1)
     return 1.0 / np.maximum(2.0 * (pairs * positive).sum(axis=1) - 1.0, 1.0)
 
 
-def autocorrelation(values: Array, use: NDArray[np.bool_], trial: NDArray[np.int64]) -> Array:
+def estimate_autocorrelation(values: Array, use: NDArray[np.bool_], trial: NDArray[np.int64]) -> Array:
     """Of rows that are fitted, ``(n_joints, n_lags)``: within trials, over all of them."""
     numbers = np.unique(trial[use])
     members = [np.flatnonzero(trial == k) for k in numbers]
@@ -211,7 +213,7 @@ def autocorrelation(values: Array, use: NDArray[np.bool_], trial: NDArray[np.int
 
 
 @dataclass(frozen=True, eq=False)
-class Stacked:
+class StackedGrams:
     """Gram matrices of a model's parameters, as sums of squares are made of them.
 
     Attributes:
@@ -227,7 +229,7 @@ class Stacked:
     total: Array
 
     @classmethod
-    def of_model(cls, grams: Grams, layout: Layout) -> Stacked:
+    def of_model(cls, grams: Grams, layout: Layout) -> StackedGrams:
         """Those of a model whose parameters stand as the layout says."""
         n_joints, n_blocks, p = len(grams.of), len(grams.count), layout.size
         of, right = np.zeros((n_joints, n_blocks, p, p)), np.zeros((n_joints, n_blocks, p))
@@ -238,7 +240,7 @@ class Stacked:
             square[j] = g[:, -1, -1]
         return cls(of, right, square, of.sum(axis=1))
 
-    def normal(self, weight: Array, *, by_block: bool) -> tuple[Array, Array]:
+    def normal_equations(self, weight: Array, *, by_block: bool) -> tuple[Array, Array]:
         """Normal matrices and right sides at joints' weights, ``(n, p, p)`` and ``(n, p)``.
 
         Args:
@@ -251,12 +253,12 @@ class Stacked:
         inner = (weight @ of.reshape(len(of), -1)).reshape(n, p, p)
         return inner, (weight @ right.reshape(len(right), -1)).reshape(n, p)
 
-    def left(self, x: Array) -> Array:
+    def residual_squares(self, x: Array) -> Array:
         """Sums of squares that parameters ``(n_blocks, p)`` leave of each block, ``(n_blocks, n_joints)``."""
         inner = (self.of @ x[None, :, :, None])[..., 0] - 2.0 * self.right
         return np.maximum((self.square + (inner * x).sum(axis=-1)).T, 1e-300)
 
-    def left_of_all(self, x: Array) -> Array:
+    def total_squares(self, x: Array) -> Array:
         """The same of parameters ``(p,)`` over all blocks, ``(n_joints,)``."""
         inner = (self.total @ x) @ x - 2.0 * self.right.sum(axis=1) @ x
         return np.maximum(self.square.sum(axis=1) + inner, 1e-300)

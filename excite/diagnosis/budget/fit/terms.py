@@ -56,24 +56,24 @@ class Term:
         """Name and place."""
         return self.name, self.location
 
-    def can_be(self, context: Context, x: Array) -> bool:
+    def is_possible(self, context: Context, x: Array) -> bool:
         """Whether fitted parameters ``(size,)`` are of something that can be, as its name says it."""
         if self.known:
-            return self.admissible(context, x)
-        beta = self.beta(x)
-        if not self.effect.possible(context, self.location, beta):
+            return self.is_admissible(context, x)
+        beta = self.to_beta(x)
+        if not self.effect.is_possible(context, self.location, beta):
             return False
         if self.started:
             return self.effect.in_bounds(beta, np.zeros(len(beta)))
-        return self.admissible(context, x)
+        return self.is_admissible(context, x)
 
-    def admissible(self, context: Context, x: Array) -> bool:
+    def is_admissible(self, context: Context, x: Array) -> bool:
         """Whether its name says fitted parameters ``(size,)`` best."""
-        beta = np.zeros(0) if self.known else self.beta(x)
-        return self.effect.admissible(context, self.location, self.theta, beta)
+        beta = np.zeros(0) if self.known else self.to_beta(x)
+        return self.effect.is_admissible(context, self.location, self.theta, beta)
 
     @property
-    def size(self) -> int:
+    def n_free(self) -> int:
         """Number of linear parameters."""
         return len(self.scale)
 
@@ -83,13 +83,13 @@ class Term:
         return (0 if self.known else len(self.kept)) + len(self.theta)
 
     @property
-    def precision(self) -> Array:
+    def prior_precision(self) -> Array:
         """Inverse variances of its parameters a priori, ``(size,)``."""
         if self.direction is not None:
-            return np.array([float(((self.scale[0] * self.direction / self.effect.widths) ** 2).sum())])
-        return np.asarray((self.scale / self.effect.widths[list(self.kept)]) ** 2)
+            return np.array([float(((self.scale[0] * self.direction / self.effect.prior_widths) ** 2).sum())])
+        return np.asarray((self.scale / self.effect.prior_widths[list(self.kept)]) ** 2)
 
-    def beta(self, x: Array) -> Array:
+    def to_beta(self, x: Array) -> Array:
         """The effect's linear parameters from fitted ones ``(size,)``; none of what it does not have."""
         if self.known:
             return np.zeros(0)
@@ -105,16 +105,15 @@ class ShapeStep(Term):
     """The change of a term's torque with a shape parameter's logarithm, as a column whose size is fitted freely."""
 
     @property
-    def precision(self) -> Array:
+    def prior_precision(self) -> Array:
         """None a priori, ``(1,)``."""
         return np.zeros(1)
 
     @classmethod
-    def of(cls, term: Term, change: Mapping[int, Array]) -> ShapeStep:
+    def from_change(cls, term: Term, change: Mapping[int, Array]) -> ShapeStep:
         """The step of a term's shape parameter.
 
         Args:
-            term: the term.
             change: by joint, ``(n_rows,)``.
         """
         columns = {j: values[:, None] for j, values in change.items()}
@@ -134,44 +133,48 @@ class TermMaker:
     weight: Array
     _loaded: dict = field(default_factory=dict)
 
-    def make(
+    def make_term(
         self, effect: Effect, location: str, theta: Theta, kept: tuple[int, ...] | None = None
     ) -> Term | None:
         """The term; None where no joint feels it or it is not finite."""
         form = effect, location, theta
-        return self._term(
-            *(self._kept(form) or self._filtered([self._signals(form)], keep=not theta)[0]), kept
+        return self._as_term(
+            *(
+                self._find_cached_rows(form)
+                or self._filter_signals([self._compute_signals(form)], keep=not theta)[0]
+            ),
+            kept,
         )
 
     def make_all(self, forms: Iterable[_Form]) -> list[Term]:
-        """The terms of effects at places and non-linear parameters, without those that :meth:`make` makes none of.
+        """The terms of effects at places and non-linear parameters, without those that :meth:`make_term` makes none of.
 
         Their columns go through the filter side by side; those of the motion alone are kept with it.
         """
         made: dict[int, Term | None] = {}
         waiting: dict[int, _Signals] = {}
 
-        def filtered() -> None:
-            rows = self._filtered(list(waiting.values()), keep=True)
-            made.update((k, self._term(*one)) for k, one in zip(waiting, rows, strict=True))
+        def filter_waiting() -> None:
+            rows = self._filter_signals(list(waiting.values()), keep=True)
+            made.update((k, self._as_term(*one)) for k, one in zip(waiting, rows, strict=True))
             waiting.clear()
 
         for k, form in enumerate(forms):
-            known = self._kept(form)
+            known = self._find_cached_rows(form)
             if known is not None:
-                made[k] = self._term(*known)
+                made[k] = self._as_term(*known)
                 continue
-            signals = self._signals(form)
-            if sum(other.width for other in (*waiting.values(), signals)) > SIDE_BY_SIDE:
-                filtered()
+            signals = self._compute_signals(form)
+            if sum(other.n_cols for other in (*waiting.values(), signals)) > SIDE_BY_SIDE:
+                filter_waiting()
             waiting[k] = signals
-        filtered()
+        filter_waiting()
         return [term for _, term in sorted(made.items()) if term is not None]
 
-    def again(self, term: Term) -> Term | None:
+    def remake_term(self, term: Term) -> Term | None:
         """A term made anew at these predictions."""
         whole = len(term.kept) == len(term.effect.linear)
-        return self.make(term.effect, term.location, term.theta, None if whole else term.kept)
+        return self.make_term(term.effect, term.location, term.theta, None if whole else term.kept)
 
     def _context_for(self, effect: Effect) -> Context:
         """Effects of the load are told from the rigid bodies' torque: friction would explain itself."""
@@ -182,7 +185,7 @@ class TermMaker:
             self._loaded["load"] = Context(replace(base, total=base.rigid))
         return self._loaded["load"]
 
-    def _signals(self, form: _Form) -> _Signals:
+    def _compute_signals(self, form: _Form) -> _Signals:
         effect, location, theta = form
         context = self._context_for(effect)
         shape = effect.shape(context, location, theta)
@@ -190,20 +193,22 @@ class TermMaker:
         felt = [j for j in sorted(blocks) if blocks[j].any()]
         return _Signals(effect, location, theta, context, bool(shape.offset), felt, [blocks[j] for j in felt])
 
-    def _kept(self, form: _Form) -> tuple[_Signals, Array] | None:
+    def _find_cached_rows(self, form: _Form) -> tuple[_Signals, Array] | None:
         """Signals and rows of the motion alone that were made before, whatever else has been found since."""
         known = self.context.baseline.derived.rows.get((type(form[0]), *form[1:]))
         return None if known is None else (replace(known[0], context=self.context), known[1])
 
-    def _filtered(self, several: Sequence[_Signals], *, keep: bool) -> list[tuple[_Signals, Array]]:
+    def _filter_signals(self, several: Sequence[_Signals], *, keep: bool) -> list[tuple[_Signals, Array]]:
         """Signals with what the filter makes of them, ``(n_rows, n)`` each; ``keep`` those of the motion alone."""
         blocks = [block for signals in several for block in signals.blocks]
         if not blocks:
             return [(signals, np.zeros((0, 0))) for signals in several]
         # Each column in one piece, as most come.
         joints = [j for s in several for j, block in zip(s.felt, s.blocks, strict=True) for _ in block.T]
-        together = self.context.baseline.samples.rows(np.concatenate([block.T for block in blocks]).T, joints)
-        ends = np.cumsum([signals.width for signals in several])
+        together = self.context.baseline.samples.to_rows(
+            np.concatenate([block.T for block in blocks]).T, joints
+        )
+        ends = np.cumsum([signals.n_cols for signals in several])
         made = list(zip(several, np.split(together, ends[:-1], axis=1), strict=True))
         for signals, rows in made if keep else ():
             if signals.effect.by_motion:
@@ -212,7 +217,7 @@ class TermMaker:
                 self.context.baseline.derived.rows[key] = bare, rows.copy(order="K")
         return made
 
-    def _term(self, signals: _Signals, rows: Array, kept: tuple[int, ...] | None = None) -> Term | None:
+    def _as_term(self, signals: _Signals, rows: Array, kept: tuple[int, ...] | None = None) -> Term | None:
         effect, location, theta, context = signals.effect, signals.location, signals.theta, signals.context
         joints, known = self.context.joints, signals.known
         anywhere = location not in joints or effect.timing or effect.reaches_others
@@ -267,6 +272,6 @@ class _Signals:
     blocks: list[Array]
 
     @property
-    def width(self) -> int:
+    def n_cols(self) -> int:
         """Number of columns."""
         return sum(block.shape[1] for block in self.blocks)

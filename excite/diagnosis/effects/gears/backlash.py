@@ -9,7 +9,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.effects.effect import Belief, Effect, Parameter, Theta
-from excite.diagnosis.effects.form import DEFLECTION, Beyond, Context, Draft, Form, Note, Sizes
+from excite.diagnosis.effects.form import DEFLECTION, Absence, Context, Draft, Form, Note, Sizes
 from excite.diagnosis.effects.gears.gear import Gear, contact_stiffness, gear_damping
 from excite.diagnosis.effects.gears.gear_effect import GearEffect, joint_behind
 from excite.diagnosis.equations.joint_torque import Fit
@@ -44,11 +44,11 @@ class SoftPlay:
     damping: float
 
     @property
-    def middle(self) -> float:
+    def middle_stiffness_share(self) -> float:
         """Share of the stiffness that the two flanks add up to at x = 0."""
         return 1.0 - float(np.tanh(0.5 * self.half / self.softness))
 
-    def deflection(self, torque: float) -> float:
+    def resting_deflection(self, torque: float) -> float:
         """Where it rests under a torque [N·m] that it opposes [rad]."""
         y = abs(torque) / self.stiffness / self.softness
         ratio = self.half / self.softness
@@ -67,12 +67,12 @@ class SoftPlay:
         is the soft contacts' own.
         """
         ratio = self.half / self.softness
-        left = (1.0 - self.middle) * (1.0 - np.arange(1, count) / count)
+        left = (1.0 - self.middle_stiffness_share) * (1.0 - np.arange(1, count) / count)
         # Slope 1 − sinh(g/s)/(cosh(x/s) + cosh(g/s)).
         x = np.arccosh(np.maximum(np.sinh(ratio) / left - np.cosh(ratio), 1.0))
         held = np.logaddexp(0.0, x - ratio) - np.logaddexp(0.0, -x - ratio)
         moment = np.concatenate([[0.0], x * (1.0 - left) - held, [ratio]])
-        return np.asarray(self.softness * np.diff(moment) * count / (1.0 - self.middle))
+        return np.asarray(self.softness * np.diff(moment) * count / (1.0 - self.middle_stiffness_share))
 
 
 def add_soft_play(spec: mujoco.MjSpec, joint: str, play: SoftPlay) -> None:
@@ -84,7 +84,6 @@ def add_soft_play(spec: mujoco.MjSpec, joint: str, play: SoftPlay) -> None:
 
     Args:
         spec: the specification, with all its bodies and joints.
-        joint: the joint.
         play: its contacts.
     """
     import mujoco
@@ -92,23 +91,26 @@ def add_soft_play(spec: mujoco.MjSpec, joint: str, play: SoftPlay) -> None:
     compiled = spec.compile()
     mobility = float(compiled.dof_invweight0[compiled.joint(joint).dofadr[0]])
     step = float(spec.option.timestep)
-    share = (1.0 - play.middle) / _COUNT
-    solref, solimp = _spring(share * play.stiffness, share * play.damping, mobility, step)
+    share = (1.0 - play.middle_stiffness_share) / _COUNT
+    solref, solimp = _contact_parameters(share * play.stiffness, share * play.damping, mobility, step)
     for number, distance in enumerate(play.hard_contacts(_COUNT)):
         tendon = spec.add_tendon(name=f"{joint}.contact.{number}", limited=True)
         tendon.range = [-distance, distance]
         tendon.solref_limit, tendon.solimp_limit = solref, solimp
         tendon.wrap_joint(joint, 1.0)
-    if play.middle > _LEAST_MIDDLE:
+    if play.middle_stiffness_share > _LEAST_MIDDLE:
         middle = spec.add_equality(name=f"{joint}.middle", type=mujoco.mjtEq.mjEQ_JOINT, name1=joint)
         middle.objtype = mujoco.mjtObj.mjOBJ_JOINT
         middle.data[:5] = 0.0
-        middle.solref, middle.solimp = _spring(
-            play.middle * play.stiffness, play.middle * play.damping, mobility, step
+        middle.solref, middle.solimp = _contact_parameters(
+            play.middle_stiffness_share * play.stiffness,
+            play.middle_stiffness_share * play.damping,
+            mobility,
+            step,
         )
 
 
-def _spring(
+def _contact_parameters(
     stiffness: float, damping: float, mobility: float, step: float
 ) -> tuple[list[float], list[float]]:
     """``solref`` and ``solimp`` of a constraint that is a spring and a damper."""
@@ -125,7 +127,7 @@ _SETTLED = 0.9
 
 
 @dataclass(frozen=True)
-class Play(Note):
+class BacklashNote(Note):
     """Where a loose gear begins a roll-out of which nothing is told: at one end of its play.
 
     Attributes:
@@ -138,12 +140,12 @@ class Play(Note):
     softness: float | None = None
     stiffness: float | None = None
 
-    beyond = Beyond.START
+    beyond = Absence.START
     every_step = False
 
-    def deflection(self, torque: float) -> float:
+    def resting_deflection(self, torque: float) -> float:
         if self.softness is not None and self.stiffness is not None:
-            return -SoftPlay(0.5 * self.width, self.softness, self.stiffness, 0.0).deflection(torque)
+            return -SoftPlay(0.5 * self.width, self.softness, self.stiffness, 0.0).resting_deflection(torque)
         return float(-0.5 * np.sign(torque) * self.width)
 
 
@@ -152,7 +154,7 @@ class Backlash(GearEffect):
 
     name = "backlash"
     belief = Belief(group="gear")
-    told_by = frozenset({Doubt.DELAY})
+    observed_by = frozenset({Doubt.DELAY})
     searched: ClassVar[tuple[Parameter, ...]] = (
         Parameter("width", "rad", 2e-4, 0.08),
         Parameter("contact_hz", "Hz", 4.0, 150.0),
@@ -160,33 +162,33 @@ class Backlash(GearEffect):
     confusable_with = ("torque_bias", "stribeck", "joint_elasticity")
     separating_motion = "torque crossing zero at constant speed"
     mujoco = "a second joint with limited range behind the motor's"
-    note = Play
+    note = BacklashNote
 
     @property
-    def richer(self) -> tuple[Effect, ...]:
+    def extended_forms(self) -> tuple[Effect, ...]:
         return (DampedBacklash(), SoftBacklash(), RoundBacklash())
 
-    def grid(self, context: Context, location: str) -> list[Theta]:
+    def search_grid(self, context: Context, location: str) -> list[Theta]:
         return [(w, 20.0) for w in (0.002, 0.004, 0.007, 0.011, 0.016, 0.024, 0.036)]
 
-    def gear(self, context: Context, location: str, theta: Theta) -> Gear:
+    def make_gear(self, context: Context, location: str, theta: Theta) -> Gear:
         return self._between_contacts(context, location, theta[0], theta[1], 1.0)
 
-    def settled(self, context: Context, location: str, theta: Theta, fit: Fit) -> bool:
+    def is_within_scope(self, context: Context, location: str, theta: Theta, fit: Fit) -> bool:
         """Play as wide as any that is searched is a soft gear that passes for it."""
         return theta[0] < _SETTLED * self.searched[0].high
 
     def in_mujoco(self, item: Sizes) -> Form:
-        def loose(draft: Draft) -> None:
+        def add_play_joint(draft: Draft) -> None:
             # Its range is as wide as the play; its stops have the contact's frequency and damping.
             joint = joint_behind(draft, item.location)
-            half = 0.5 * item.value("width")
+            half = 0.5 * item.value_of("width")
             joint.limited, joint.range = True, [-half, half]
-            ratio = item.value("damping_ratio", 1.0)
-            joint.solref_limit = [1.0 / (2.0 * np.pi * item.value("contact_hz", 20.0) * ratio), ratio]
+            ratio = item.value_of("damping_ratio", 1.0)
+            joint.solref_limit = [1.0 / (2.0 * np.pi * item.value_of("contact_hz", 20.0) * ratio), ratio]
             joint.solimp_limit = [0.99, 0.99, 0.001, 0.5, 2.0]
 
-        return Form(elements=loose, notes=(self.noted(item),))
+        return Form(elements=add_play_joint, notes=(self.make_note(item),))
 
     def _between_contacts(
         self, context: Context, location: str, width: float, hertz: float, ratio: float
@@ -202,13 +204,13 @@ class DampedBacklash(Backlash):
     searched = (*Backlash.searched, Parameter("damping_ratio", "1", 0.1, 4.0))
 
     @property
-    def richer(self) -> tuple[Effect, ...]:
+    def extended_forms(self) -> tuple[Effect, ...]:
         return ()
 
-    def starts(self, theta: Theta) -> list[Theta]:
+    def search_starts(self, theta: Theta) -> list[Theta]:
         return [(theta[0], theta[1], 1.0), (theta[0], 2.0 * theta[1], 2.0), (theta[0], theta[1], 0.5)]
 
-    def gear(self, context: Context, location: str, theta: Theta) -> Gear:
+    def make_gear(self, context: Context, location: str, theta: Theta) -> Gear:
         return self._between_contacts(context, location, theta[0], theta[1], theta[2])
 
 
@@ -218,31 +220,31 @@ class SoftBacklash(Backlash):
     searched = (*Backlash.searched, Parameter("softness", "rad", 2e-4, 0.02))
 
     @property
-    def richer(self) -> tuple[Effect, ...]:
+    def extended_forms(self) -> tuple[Effect, ...]:
         return ()
 
-    def starts(self, theta: Theta) -> list[Theta]:
+    def search_starts(self, theta: Theta) -> list[Theta]:
         # Where contacts are soft, play that was found with hard ones is too narrow.
         return [(w, theta[1], 0.15 * w) for w in (theta[0], 3.0 * theta[0], 0.03)]
 
-    def gear(self, context: Context, location: str, theta: Theta) -> Gear:
-        return super().gear(context, location, theta)._replace(soft=theta[2])
+    def make_gear(self, context: Context, location: str, theta: Theta) -> Gear:
+        return super().make_gear(context, location, theta)._replace(soft=theta[2])
 
-    def sizes(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, float]:
-        values, j = super().sizes(context, location, theta, fit), context.row(location)
+    def to_sizes(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, float]:
+        values, j = super().to_sizes(context, location, theta, fit), context.row(location)
         stiffness = contact_stiffness(context, j, values["contact_hz"])
         return values | {"stiffness": stiffness, "damping": gear_damping(context, j, stiffness, 1.0)}
 
     def in_mujoco(self, item: Sizes) -> Form:
-        def free(draft: Draft) -> None:
+        def add_free_joint(draft: Draft) -> None:
             joint_behind(draft, item.location)
 
-        def held(draft: Draft) -> None:
-            of_contact = (item.value(name) for name in ("softness", "stiffness", "damping"))
-            play = SoftPlay(0.5 * item.value("width"), *of_contact)
+        def add_soft_contacts(draft: Draft) -> None:
+            of_contact = (item.value_of(name) for name in ("softness", "stiffness", "damping"))
+            play = SoftPlay(0.5 * item.value_of("width"), *of_contact)
             add_soft_play(draft.spec, item.location + DEFLECTION, play)
 
-        return Form(elements=free, finish=held, notes=(self.noted(item),))
+        return Form(elements=add_free_joint, finish=add_soft_contacts, notes=(self.make_note(item),))
 
 
 class RoundBacklash(Backlash):
@@ -255,13 +257,13 @@ class RoundBacklash(Backlash):
     )
 
     @property
-    def richer(self) -> tuple[Effect, ...]:
+    def extended_forms(self) -> tuple[Effect, ...]:
         return ()
 
-    def starts(self, theta: Theta) -> list[Theta]:
+    def search_starts(self, theta: Theta) -> list[Theta]:
         return [(w, f, 0.3) for w in (0.7 * theta[0], theta[0]) for f in (2.0, 4.0, 8.0)]
 
-    def gear(self, context: Context, location: str, theta: Theta) -> Gear:
+    def make_gear(self, context: Context, location: str, theta: Theta) -> Gear:
         found = self._between_contacts(context, location, theta[0], theta[1], theta[2])
         load = float(np.abs(context.baseline.rigid[:, context.row(location)]).mean())
         return found._replace(depth=load / found.stiffness)

@@ -32,7 +32,7 @@ class Gear(NamedTuple):
     depth: float = 0.0
 
 
-class Behind(NamedTuple):
+class DrivenLink(NamedTuple):
     """What a gear has behind it at every sample, ``(n_samples,)`` each.
 
     Attributes:
@@ -52,34 +52,35 @@ class Behind(NamedTuple):
     by_qv: Array
 
     @classmethod
-    def joint(cls, context: Context, j: int, *, second_order: bool = False) -> Behind:
+    def of_joint(cls, context: Context, j: int, *, second_order: bool = False) -> DrivenLink:
         """What joint j's gear has behind it; second derivatives are none to first order."""
         load = np.ascontiguousarray(context.baseline.rigid[:, j])
         key, kept = (j, "behind, curved" if second_order else "behind"), context.baseline.derived.values
         if key not in kept:
-            slopes = [context.gradient(j, what)[:, j] for what in ("q", "v")]
+            slopes = [context.torque_gradient(j, what)[:, j] for what in ("q", "v")]
             curves = [
-                context.curvature(j, what)[:, j] if second_order else 0.0 * load for what in ("qq", "qv")
+                context.torque_curvature(j, what)[:, j] if second_order else 0.0 * load
+                for what in ("qq", "qv")
             ]
             kept[key] = np.array([*slopes, *curves])
         by_q, by_v, by_qq, by_qv = kept[key]
         return cls(load, by_q, by_v, link_inertia(context, j), by_qq, by_qv)
 
-    def needed(self, x: Array, s: Array, acc: Array) -> Array:
+    def required_torque(self, x: Array, s: Array, acc: Array) -> Array:
         """Torque that the link needs at a deflection, its speed and its acceleration, ``(n_samples,)``."""
         turned = (self.by_q + 0.5 * self.by_qq * x) * x + (self.by_v + self.by_qv * x) * s
         return self.load + turned + self.inertia * acc
 
-    def at(self, samples: NDArray[np.int64]) -> Behind:
+    def at_samples(self, samples: NDArray[np.int64]) -> DrivenLink:
         """The same at some samples."""
-        return Behind(*(values[samples] for values in self))
+        return DrivenLink(*(values[samples] for values in self))
 
 
 def link_inertia(context: Context, j: int) -> Array:
     """Inertia that a joint moves, ``(n_samples,)``, kept positive where fitted parameters make it none [kg·m²]."""
     key, kept = (j, "inertia"), context.baseline.derived.values
     if key not in kept:
-        mass = context.gradient(j, "a")[:, j]
+        mass = context.torque_gradient(j, "a")[:, j]
         kept[key] = np.maximum(mass, 0.05 * max(float(np.abs(mass).mean()), 1e-6))
     return kept[key]
 

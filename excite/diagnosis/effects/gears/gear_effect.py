@@ -13,8 +13,14 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.diagnosis.effects.effect import Belief, Effect, Parameter, Shape, Theta
-from excite.diagnosis.effects.form import DEFLECTION, Beyond, Context, Draft, Form, Note, Sizes, Told
-from excite.diagnosis.effects.gears.gear import Behind, Gear, contact_stiffness, gear_damping, link_inertia
+from excite.diagnosis.effects.form import DEFLECTION, Absence, Context, Draft, Form, InitialState, Note, Sizes
+from excite.diagnosis.effects.gears.gear import (
+    DrivenLink,
+    Gear,
+    contact_stiffness,
+    gear_damping,
+    link_inertia,
+)
 from excite.diagnosis.equations.joint_torque import Fit
 from excite.diagnosis.equations.own_columns import ARMATURE
 from excite.diagnosis.equations.samples import ArmSamples
@@ -40,7 +46,7 @@ class GearEffect(Effect, ABC):
     second_order: bool = False
 
     @property
-    def closer(self) -> Effect | None:
+    def refined_form(self) -> Effect | None:
         """To second order: a gear that is soft for its load turns gravity with it."""
         if self.second_order:
             return None
@@ -49,7 +55,7 @@ class GearEffect(Effect, ABC):
         return other
 
     @abstractmethod
-    def gear(self, context: Context, location: str, theta: Theta) -> Gear:
+    def make_gear(self, context: Context, location: str, theta: Theta) -> Gear:
         """The gear that non-linear parameters stand for."""
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
@@ -59,30 +65,30 @@ class GearEffect(Effect, ABC):
         joints moving as logged (Spong 1987, eq. 5, with the motor's side prescribed).
         """
         j = context.row(location)
-        moved = self.deflection(context, location, theta)
-        by_q, by_v, mass = (context.gradient(j, what) for what in ("q", "v", "a"))
+        moved = self.link_deflection(context, location, theta)
+        by_q, by_v, mass = (context.torque_gradient(j, what) for what in ("q", "v", "a"))
         if self.second_order:
             x, s = moved[0][:, None], moved[1][:, None]
-            qq, qv, vv, qa = (context.curvature(j, what) for what in ("qq", "qv", "vv", "qa"))
+            qq, qv, vv, qa = (context.torque_curvature(j, what) for what in ("qq", "qv", "vv", "qa"))
             by_q, by_v, mass = by_q + 0.5 * qq * x, by_v + qv * x + 0.5 * vv * s, mass + qa * x
         return Shape(offset=dict(enumerate(added_torque(by_q, by_v, mass, moved))))
 
-    def deflection(self, context: Context, location: str, theta: Theta) -> Array:
+    def link_deflection(self, context: Context, location: str, theta: Theta) -> Array:
         """The link's angle less the motor's, its speed and its acceleration, the rows of ``(3, n_samples)``."""
         j, samples = context.row(location), context.baseline.samples
-        behind = Behind.joint(context, j, second_order=self.second_order)
-        gear = self.gear(context, location, theta)
+        behind = DrivenLink.of_joint(context, j, second_order=self.second_order)
+        gear = self.make_gear(context, location, theta)
         begin = first_states(context, j, behind, gear)
-        return deflect(behind, gear, samples.starts, begin, 1.0 / samples.rate_hz)
+        return integrate_deflection(behind, gear, samples.is_start, begin, 1.0 / samples.rate_hz)
 
-    def told(self, context: Context, location: str, theta: Theta) -> Told:
-        moved = self.deflection(context, location, theta)
-        return Told(deflection=context.baseline.samples.split(moved[:2].T))
+    def initial_state(self, context: Context, location: str, theta: Theta) -> InitialState:
+        moved = self.link_deflection(context, location, theta)
+        return InitialState(deflection=context.baseline.samples.by_trial(moved[:2].T))
 
 
 def joint_behind(draft: Draft, motor: str) -> mujoco.MjsJoint:
     """A second joint of the body that a motor moves, behind the motor's, whose rotor alone the armature then is."""
-    joint = draft.joint(motor)
+    joint = draft.find_joint(motor)
     joint.armature = max(joint.armature, _LEAST_ROTOR)
     return draft.moved_body(motor).add_joint(name=motor + DEFLECTION, type=joint.type, axis=joint.axis)
 
@@ -99,11 +105,11 @@ _X, _S, _MEAN, _NOW, _THEN, _INERTIA, _TURN, _DRAG, _BEND, _TWIST = range(10)
 
 
 @LazyKernel
-def deflect(behind, gear, starts, begin, dt):  # pragma: no cover - compiled
+def integrate_deflection(behind, gear, starts, begin, dt):  # pragma: no cover - compiled
     """Integrate ``M δ̈ = −τ(δ, δ̇) − k(δ) − D δ̇`` with a dead band of ±gap, by its midpoints.
 
-    ``behind`` (:class:`~excite.diagnosis.effects.gears.gear.Behind`) is the torque τ that the link needs and what it
-    changes with. The inertia behind a joint does not change with its own angle, and so nothing does with the square of
+    ``behind`` (:class:`~excite.diagnosis.effects.gears.gear.DrivenLink`) is the torque τ that the link needs and its
+    changes. The inertia behind a joint does not change with its own angle, and so nothing does with the square of
     its own speed. ``starts`` marks the first sample of each trial, the first of all among them, where the deflection is
     the static one and ``begin (n_trials, 2)`` more, angle and speed.
 
@@ -116,7 +122,7 @@ def deflect(behind, gear, starts, begin, dt):  # pragma: no cover - compiled
     """
     load, stiffness, gap, cubic = behind.load, gear.stiffness, gear.gap, gear.cubic
     out = np.empty((3, len(load)))
-    first, lengths = _trials(starts)
+    first, lengths = _trial_bounds(starts)
     flat = gear.soft == 0.0 and gear.depth == 0.0
     room = np.empty(10 * LANES)
     for group in range(0, len(first), LANES):
@@ -127,7 +133,7 @@ def deflect(behind, gear, starts, begin, dt):  # pragma: no cover - compiled
             start, longest = first[trial], max(longest, lengths[trial])
             # A load that falls as the link gives way softens the gear; it is not let carry all of it.
             held = max(1.0 + behind.by_q[start] / stiffness, 0.2)
-            rest = _settled(-load[start] / (stiffness * held), gap, cubic / held)
+            rest = _static_deflection(-load[start] / (stiffness * held), gap, cubic / held)
             room[_X * LANES + k], room[_S * LANES + k] = rest + begin[trial, 0], begin[trial, 1]
         for i in range(longest):
             for k in range(LANES):
@@ -178,19 +184,19 @@ def _flat_step(room, stiffness, damping, gap, cubic, share, h):  # pragma: no co
         held, kk = stiffness * (1.0 + grown) * beyond, stiffness * (1.0 + 3.0 * grown)
         apart = (beyond == 0.0) | ((gap > 0.0) & ((held + damping * s) * beyond < 0.0))
         held, kk, dd = 0.0 if apart else held, 0.0 if apart else kk, 0.0 if apart else damping
-        _midpoint(room, k, held, kk, dd, share, h)
+        _midpoint_step(room, k, held, kk, dd, share, h)
 
 
 @LazyKernel
 def _round_step(room, gear, share, h):  # pragma: no cover - compiled
     """A quarter of a sample of all lanes, flanks soft or round."""
     for k in range(LANES):
-        held, kk, dd = _gear(room[_X * LANES + k], room[_S * LANES + k], gear)
-        _midpoint(room, k, held, kk, dd, share, h)
+        held, kk, dd = _gear_torque(room[_X * LANES + k], room[_S * LANES + k], gear)
+        _midpoint_step(room, k, held, kk, dd, share, h)
 
 
 @LazyKernel
-def _midpoint(room, k, held, kk, dd, share, h):  # pragma: no cover - compiled
+def _midpoint_step(room, k, held, kk, dd, share, h):  # pragma: no cover - compiled
     """A step of a lane whose gear holds ``held`` with a stiffness ``kk`` and a damping ``dd``."""
     x, s, m = room[_X * LANES + k], room[_S * LANES + k], room[_INERTIA * LANES + k]
     turn, drag = room[_TURN * LANES + k], room[_DRAG * LANES + k]
@@ -214,11 +220,11 @@ def _midpoint(room, k, held, kk, dd, share, h):  # pragma: no cover - compiled
 
 
 @LazyKernel
-def _gear(x, s, gear):  # pragma: no cover - compiled
+def _gear_torque(x, s, gear):  # pragma: no cover - compiled
     """Torque of a gear's spring at a deflection, its stiffness there, and its damping."""
     stiffness, damping, gap = gear.stiffness, gear.damping, gear.gap
     if gear.soft > 0.0:
-        held, share = _flanks(x, gap, gear.soft)
+        held, share = _flank_torque(x, gap, gear.soft)
         return stiffness * held, stiffness * share, damping * share
     beyond = x - gap if x > gap else min(x + gap, 0.0)
     if beyond == 0.0:
@@ -235,7 +241,7 @@ def _gear(x, s, gear):  # pragma: no cover - compiled
 
 
 @LazyKernel
-def _settled(stretch, gap, cubic):  # pragma: no cover - compiled
+def _static_deflection(stretch, gap, cubic):  # pragma: no cover - compiled
     """Deflection under a constant load, of which a linear spring would take ``stretch``."""
     x = stretch
     # Newton's method for x (1 + cubic x²) = stretch; from the softest spring's side it comes down.
@@ -245,7 +251,7 @@ def _settled(stretch, gap, cubic):  # pragma: no cover - compiled
 
 
 @LazyKernel
-def _flanks(x, gap, soft):  # pragma: no cover - compiled
+def _flank_torque(x, gap, soft):  # pragma: no cover - compiled
     """Torque per stiffness of two soft contacts at ±gap, and its slope, 0…1."""
     up, down = (x - gap) / soft, (-x - gap) / soft
     held = soft * (math.log1p(math.exp(-abs(up))) + max(up, 0.0))
@@ -254,7 +260,7 @@ def _flanks(x, gap, soft):  # pragma: no cover - compiled
 
 
 @LazyKernel
-def _trials(starts):  # pragma: no cover - compiled
+def _trial_bounds(starts):  # pragma: no cover - compiled
     """First sample and length of each trial, ``(n_trials,)`` both."""
     # Plain loops where numpy has a function: each of those takes a tenth of a second to compile.
     count = 0
@@ -278,7 +284,7 @@ _FORGOTTEN = 5.0
 _STEPS = 4
 
 
-def first_states(context: Context, j: int, behind: Behind, gear: Gear) -> Array:
+def first_states(context: Context, j: int, behind: DrivenLink, gear: Gear) -> Array:
     """Deflection and its speed at each trial's first sample, beyond rest under the load, ``(n_trials, 2)``.
 
     Where a trial begins in motion the gear already swings, and a soft one goes on for longer than the rows wait. The
@@ -298,13 +304,13 @@ def first_states(context: Context, j: int, behind: Behind, gear: Gear) -> Array:
     length = float(counts.max()) / samples.rate_hz
     if not len(told) or 0.5 * gear.damping / inertia * length > _FORGOTTEN:
         return begin
-    firsts = np.flatnonzero(samples.starts)
+    firsts = np.flatnonzero(samples.is_start)
     rows = np.concatenate([firsts[k] + np.arange(counts[k]) for k in told])
-    measured = np.concatenate([samples.trials[k].measured[: counts[k], j] for k in told])
+    measured = np.concatenate([samples.trials[k].measured_torque[: counts[k], j] for k in told])
     own = base.total[rows, j] - base.rigid[rows, j]
-    early = _Early(
-        behind.at(rows),
-        samples.starts[rows],
+    early = _EarlySamples(
+        behind.at_samples(rows),
+        samples.is_start[rows],
         measured - own,
         moving[rows],
         np.cumsum(counts[told])[:-1],
@@ -313,12 +319,12 @@ def first_states(context: Context, j: int, behind: Behind, gear: Gear) -> Array:
     )
     load = float(np.sqrt(np.mean(behind.load**2)))
     reach = gear.gap + load / gear.stiffness
-    begin[told] = early.fitted(reach, reach * math.sqrt(gear.stiffness / inertia))
+    begin[told] = early.fit_states(reach, reach * math.sqrt(gear.stiffness / inertia))
     return begin
 
 
 @dataclass(frozen=True, eq=False)
-class _Early:
+class _EarlySamples:
     """The samples before the rows, of the trials in which they tell something.
 
     Attributes:
@@ -331,7 +337,7 @@ class _Early:
         gear: the gear.
     """
 
-    behind: Behind
+    behind: DrivenLink
     starts: NDArray[np.bool_]
     carried: Array
     moving: NDArray[np.bool_]
@@ -339,40 +345,40 @@ class _Early:
     dt: float
     gear: Gear
 
-    def left(self, begin: Array) -> Array:
+    def residual_torque(self, begin: Array) -> Array:
         """Torque that a gear does not carry which begins so, ``(n_samples,)``; none where the motor stands."""
-        swung = deflect(self.behind, self.gear, self.starts, begin, self.dt)
-        return (self.carried - self.behind.needed(*swung)) * self.moving
+        swung = integrate_deflection(self.behind, self.gear, self.starts, begin, self.dt)
+        return (self.carried - self.behind.required_torque(*swung)) * self.moving
 
-    def fitted(self, reach: float, speed: float) -> Array:
+    def fit_states(self, reach: float, speed: float) -> Array:
         """First states ``(n_trials, 2)``, as large as ``reach`` and ``speed`` before anything is measured."""
         count = len(self.ends) + 1
         size = np.array([reach, speed])
         states, linear = np.zeros((count, 2)), self.gear.gap == 0.0 and self.gear.cubic == 0.0
-        left = np.split(self.left(states), self.ends)
+        left = np.split(self.residual_torque(states), self.ends)
         # Noise as between neighbours.
         moves = np.split(self.moving, self.ends)
         noise = (float(np.std(np.diff(y[m]))) for y, m in zip(left, moves, strict=True))
         weights = [1.0 / max(level, 1e-12) ** 2 for level in noise]
         for _ in range(1 if linear else _STEPS):
-            wanted = self._newton(states, left, weights, size, 1.0 if linear else 0.05)
+            wanted = self._newton_states(states, left, weights, size, 1.0 if linear else 0.05)
             # A step that makes a trial worse is taken by a third, or not at all.
             for share in (1.0, 0.3):
                 if np.array_equal(wanted, states):
                     break
                 tried = states + share * (wanted - states)
-                after = np.split(self.left(tried), self.ends)
+                after = np.split(self.residual_torque(tried), self.ends)
                 for k, w in enumerate(weights):
                     closer = w * float(left[k] @ left[k] - after[k] @ after[k])
                     if closer > float(((tried[k] ** 2 - states[k] ** 2) / size**2).sum()):
                         states[k], left[k], wanted[k] = tried[k], after[k], tried[k]
         return states
 
-    def _newton(
+    def _newton_states(
         self, states: Array, left: list[Array], weights: list[float], size: Array, step: float
     ) -> Array:
         """States at which what is left would be least, were the gear linear about these, ``(n_trials, 2)``."""
-        moved = [np.split(self.left(states + step * size * unit), self.ends) for unit in np.eye(2)]
+        moved = [np.split(self.residual_torque(states + step * size * unit), self.ends) for unit in np.eye(2)]
         wanted = states.copy()
         for k, w in enumerate(weights):
             slope = np.column_stack([left[k] - m[k] for m in moved]) / step
@@ -385,7 +391,7 @@ def _before_rows(samples: ArmSamples, j: int, moving: NDArray[np.bool_]) -> NDAr
     """Number of a trial's samples that are out of its rows' reach, ``(n_trials,)``; 0 where the joint stands."""
     edge = settling_samples(samples.rate_hz, samples.bands.rows_hz)
     counts = np.zeros(len(samples.trials), np.int64)
-    by_trial = np.split(moving, np.flatnonzero(samples.starts)[1:])
+    by_trial = np.split(moving, np.flatnonzero(samples.is_start)[1:])
     for k, (trial, moves) in enumerate(zip(samples.trials, by_trial, strict=True)):
         count = max(int(trial.rows[0]) - edge, 0)
         if moves[:count].sum() >= max(_LEAST, _LEAST_SHARE * count) and np.isfinite(trial.tau[0, j]):
@@ -400,7 +406,7 @@ class Armature(Effect):
     """``τ = I_a a``: the rotor's inertia times the gear ratio squared, felt by its own joint alone."""
 
     name = "armature"
-    told_by = frozenset({Doubt.CLOCK})
+    observed_by = frozenset({Doubt.CLOCK})
     linear = (Parameter("inertia", "kg·m²", 0.0),)
     confusable_with = ("link_inertia", "payload", "joint_elasticity")
     separating_motion = "fast motion of that joint in two postures with different link inertia"
@@ -410,18 +416,18 @@ class Armature(Effect):
     term = ARMATURE
     twins_of_a_gain = ("torque_gain",)
 
-    def signals(self, context: Context, location: str, theta: Theta) -> Array:
-        return context.at(location, "a")[:, None]
+    def unit_torques(self, context: Context, location: str, theta: Theta) -> Array:
+        return context.signal_at(location, "a")[:, None]
 
     def in_mujoco(self, item: Sizes) -> Form:
-        return Form(armature=item.value("inertia"))
+        return Form(armature=item.value_of("inertia"))
 
 
 # A soft gear between motor and link.
 
 
 @dataclass(frozen=True)
-class Stretched(Note):
+class ElasticityNote(Note):
     """Where a soft gear begins a roll-out of which nothing is told.
 
     Attributes:
@@ -432,10 +438,10 @@ class Stretched(Note):
     stiffness: float
     hardening_at: float | None = None
 
-    beyond = Beyond.START
+    beyond = Absence.START
     every_step = False
 
-    def deflection(self, torque: float) -> float:
+    def resting_deflection(self, torque: float) -> float:
         linear, at = -torque / self.stiffness, np.inf if self.hardening_at is None else self.hardening_at
         # x (1 + (x/x₀)²) = linear by Newton's method.
         x = linear
@@ -457,39 +463,39 @@ class JointElasticity(GearEffect):
     confusable_with = ("armature", "backlash", "time_delay")
     separating_motion = "a chirp of that joint around the resonance"
     mujoco = "a second joint with stiffness and damping behind the motor's"
-    note = Stretched
+    note = ElasticityNote
 
     @property
-    def richer(self) -> tuple[Effect, ...]:
+    def extended_forms(self) -> tuple[Effect, ...]:
         return (HardeningElasticity(),)
 
-    def grid(self, context: Context, location: str) -> list[Theta]:
+    def search_grid(self, context: Context, location: str) -> list[Theta]:
         j = context.row(location)
         return [(contact_stiffness(context, j, hertz), 0.5) for hertz in (2.0, 3.0, 4.5, 6.5, 9.0, 13.0)]
 
-    def gear(self, context: Context, location: str, theta: Theta) -> Gear:
+    def make_gear(self, context: Context, location: str, theta: Theta) -> Gear:
         return Gear(theta[0], gear_damping(context, context.row(location), theta[0], theta[1]))
 
-    def carried_over(self, old: Context, new: Context, location: str, theta: Theta) -> Theta:
+    def transfer_shape(self, old: Context, new: Context, location: str, theta: Theta) -> Theta:
         """As many swings a second: a link that turns out lighter has a gear that is softer by as much."""
         before, after = (float(link_inertia(c, c.row(location)).mean()) for c in (old, new))
         return (theta[0] * after / before, *theta[1:])
 
-    def sizes(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, float]:
-        values = super().sizes(context, location, theta, fit)
+    def to_sizes(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, float]:
+        values = super().to_sizes(context, location, theta, fit)
         damping = gear_damping(context, context.row(location), values["stiffness"], values["damping_ratio"])
         return values | {"damping": damping}
 
     def in_mujoco(self, item: Sizes) -> Form:
-        def soft(draft: Draft) -> None:
+        def add_elastic_joint(draft: Draft) -> None:
             # MuJoCo's polynomial: force −(k₀ + k₁ |x| + k₂ x²) x.
             joint = joint_behind(draft, item.location)
-            joint.stiffness = [item.value("stiffness"), 0.0, self.harder(item)]
-            joint.damping = [item.value("damping"), 0.0, 0.0]
+            joint.stiffness = [item.value_of("stiffness"), 0.0, self.cubic_stiffness(item)]
+            joint.damping = [item.value_of("damping"), 0.0, 0.0]
 
-        return Form(elements=soft, notes=(self.noted(item),))
+        return Form(elements=add_elastic_joint, notes=(self.make_note(item),))
 
-    def harder(self, item: Sizes) -> float:
+    def cubic_stiffness(self, item: Sizes) -> float:
         """Growth of the stiffness with the square of the deflection [N·m/rad³]."""
         return 0.0
 
@@ -500,14 +506,14 @@ class HardeningElasticity(JointElasticity):
     searched = (*JointElasticity.searched, Parameter("hardening_at", "rad", 1e-4, 1.0))
 
     @property
-    def richer(self) -> tuple[Effect, ...]:
+    def extended_forms(self) -> tuple[Effect, ...]:
         return ()
 
-    def starts(self, theta: Theta) -> list[Theta]:
+    def search_starts(self, theta: Theta) -> list[Theta]:
         # Under a constant load the tangent is what has been found, and the spring at rest is softer.
         return [(s * theta[0], theta[1], at) for s in (0.15, 0.4, 0.8) for at in (0.01, 0.03, 0.08)]
 
-    def own_starts(self, context: Context, location: str) -> list[Theta]:
+    def further_starts(self, context: Context, location: str) -> list[Theta]:
         """Stiffer where the load stretches it than at rest: hardly damped, and damped more, whose valley is wider."""
         j = context.row(location)
         load = float(np.sqrt(np.mean(context.baseline.rigid[:, j] ** 2)))
@@ -515,8 +521,8 @@ class HardeningElasticity(JointElasticity):
         damped: list[Theta] = [(k, 0.3, 0.7 * load / k) for k in soft[:4]]
         return [*damped, *((k, 0.1, share * load / k) for k in soft[2:] for share in (0.7, 1.4))]
 
-    def gear(self, context: Context, location: str, theta: Theta) -> Gear:
-        return super().gear(context, location, theta)._replace(cubic=theta[2] ** -2)
+    def make_gear(self, context: Context, location: str, theta: Theta) -> Gear:
+        return super().make_gear(context, location, theta)._replace(cubic=theta[2] ** -2)
 
-    def harder(self, item: Sizes) -> float:
-        return item.value("stiffness") / item.value("hardening_at") ** 2
+    def cubic_stiffness(self, item: Sizes) -> float:
+        return item.value_of("stiffness") / item.value_of("hardening_at") ** 2

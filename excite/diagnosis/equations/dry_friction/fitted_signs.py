@@ -24,7 +24,7 @@ from excite.diagnosis.equations.own_columns import (
     FIRST_STEP,
     best_sign,
     own_terms,
-    refined,
+    refine_number,
 )
 
 # Delay that is not told from none, step of its derivative, and of the search's end [s].
@@ -38,7 +38,7 @@ _CLEARLY = 0.05
 _STRAIGHTER = 1.3
 
 
-def first_signs(baseline: Baseline, *, late: bool) -> Baseline:
+def fit_first_signs(baseline: Baseline, *, late: bool) -> Baseline:
     """The sign changes of a baseline that has been fitted with any: grids first, then between the grid's.
 
     Args:
@@ -50,8 +50,8 @@ def first_signs(baseline: Baseline, *, late: bool) -> Baseline:
     """
     plain = baseline
     for _ in range(2):
-        baseline = _chosen(baseline, keep=False)
-    found = _refined(baseline)
+        baseline = _choose_signs(baseline, keep=False)
+    found = _refine_signs(baseline)
     return _unless_late(found, plain) if late else found
 
 
@@ -66,90 +66,90 @@ def _unless_late(found: Baseline, plain: Baseline) -> Baseline:
         found: with the sign changes of torques that are in time.
         plain: fitted with any that have no memory.
     """
-    if not any(sign.bent for sign in found.signs):
+    if not any(sign.has_bristles for sign in found.signs):
         return found
-    plain = _chosen(plain, keep=False, signs=PLAIN)
-    late, delay = _delayed(plain, plain, 0.0, lambda b: _chosen(b, keep=False, signs=PLAIN))
+    plain = _choose_signs(plain, keep=False, signs=PLAIN)
+    late, delay = _fit_delay(plain, plain, 0.0, lambda b: _choose_signs(b, keep=False, signs=PLAIN))
     if delay < _LEAST:
         return found
     # A robot whose torques are late may have bristles too, which have made that delay longer.
-    late, delay = _delayed(plain, _refined(_chosen(late, keep=False)), delay, _refined)
-    if _loss(late) >= _loss(found) - _CLEARLY:
+    late, delay = _fit_delay(plain, _refine_signs(_choose_signs(late, keep=False)), delay, _refine_signs)
+    if _residual_loss(late) >= _residual_loss(found) - _CLEARLY:
         return found
     moved = plain.with_signs(late.signs)
     # Fitted to torques that are not in time, friction and bodies would be bent again, and what a delay makes of them.
-    fit = replace(late.fit, equations=moved.solver.equations, held=late.fit.own)
-    return replace(moved.updated(fit), late=delay)
+    fit = replace(late.fit, equations=moved.solver.equations, held=late.fit.own_coefs)
+    return replace(moved.with_fit(fit), late=delay)
 
 
-def _delayed(
+def _fit_delay(
     plain: Baseline, late: Baseline, delay: float, turned: Callable[[Baseline], Baseline]
 ) -> tuple[Baseline, float]:
     """The equations at torques that are in time, and the delay [s], by Gauss and Newton's steps from one on."""
     for _ in range(2 * _ITERATIONS):
         later = _in_time(plain, delay + _STEP)
-        step = _newton(late, [(later[j] - y) / _STEP for j, y in enumerate(late.solver.equations.y)])
+        step = _newton_step(late, [(later[j] - y) / _STEP for j, y in enumerate(late.solver.equations.y)])
         best = float(np.clip(delay + step, 0.0, _LATEST))
         if abs(best - delay) < _NEAR:
             break
         moved = turned(_at_torques(late, _in_time(plain, best)))
-        if _loss(moved) >= _loss(late):
+        if _residual_loss(moved) >= _residual_loss(late):
             break
         late, delay = moved, best
     return late, delay
 
 
-def signs_again(baseline: Baseline) -> Baseline:
+def refit_signs(baseline: Baseline) -> Baseline:
     """The sign changes searched anew: an effect that was missing may have bent them."""
-    if not COULOMB.asked(baseline.modelled):
+    if not COULOMB.is_modelled(baseline.modelled):
         return baseline
-    return _refined(_chosen(baseline, keep=True))
+    return _refine_signs(_choose_signs(baseline, keep=True))
 
 
-def _chosen(baseline: Baseline, *, keep: bool, signs: Sequence[SignChange] = SIGNS) -> Baseline:
+def _choose_signs(baseline: Baseline, *, keep: bool, signs: Sequence[SignChange] = SIGNS) -> Baseline:
     """The best of the grid at every joint, fitted; those so far where nothing is clearly better and ``keep``."""
-    terms, use = own_terms(baseline.modelled), baseline.samples.identification
+    terms, use = own_terms(baseline.modelled), baseline.samples.identification_rows
     rest, chosen = baseline.fit.before_own, []
     for j, now in enumerate(baseline.signs):
         # Damping of bristles acts where they bend, which is left out of a joint that sticks: any size of it would do.
-        told = [s for s in signs if not (s.damped and j in baseline.samples.sticking)]
+        told = [s for s in signs if not (s.has_damping and j in baseline.samples.sticking)]
         tried = told if now in told else [*told, now]
         bank = [rows[use] for rows in baseline.rows_of_signs(terms, j, tried)]
         chosen.append(tried[best_sign(rest[j][use], bank, tried, tried.index(now) if keep else None)])
     if tuple(chosen) == baseline.signs:
         return baseline
-    return _fitted(baseline.with_signs(chosen))
+    return _refit_baseline(baseline.with_signs(chosen))
 
 
-def _refined(baseline: Baseline) -> Baseline:
+def _refine_signs(baseline: Baseline) -> Baseline:
     """Widths and breakaways between those of the grid, and speeds at which the damping of bristles dies out."""
-    signs = [_finer(baseline, j, sign) for j, sign in enumerate(baseline.signs)]
-    found = _fitted(baseline.with_signs(signs))
+    signs = [_refine_sign(baseline, j, sign) for j, sign in enumerate(baseline.signs)]
+    found = _refit_baseline(baseline.with_signs(signs))
     # No bristle drives what bends it.
     passive = [
-        sign._replace(damped_below=0.0) if sign.damped and own[-1] <= 0.0 else sign
-        for sign, own in zip(found.signs, found.fit.own, strict=True)
+        sign._replace(damped_below=0.0) if sign.has_damping and own[-1] <= 0.0 else sign
+        for sign, own in zip(found.signs, found.fit.own_coefs, strict=True)
     ]
-    return found if tuple(passive) == found.signs else _fitted(found.with_signs(passive))
+    return found if tuple(passive) == found.signs else _refit_baseline(found.with_signs(passive))
 
 
-def _finer(baseline: Baseline, j: int, sign: SignChange) -> SignChange:
+def _refine_sign(baseline: Baseline, j: int, sign: SignChange) -> SignChange:
     """One joint's sign change, a number of it after the other; without memory in either of two shapes."""
-    terms, use = own_terms(baseline.modelled), baseline.samples.identification
+    terms, use = own_terms(baseline.modelled), baseline.samples.identification_rows
     target = baseline.fit.before_own[j]
 
-    def searched(name: str, bounds: tuple[float, float], begun: SignChange) -> SignChange:
+    def search_number(name: str, bounds: tuple[float, float], begun: SignChange) -> SignChange:
         def rows_at(value: float) -> Array:
-            return baseline.own_rows(terms, j, begun.at(name, value))
+            return baseline.own_rows(terms, j, begun.with_number(name, value))
 
         value = float(getattr(begun, name))
-        return begun.at(name, refined(target, rows_at, value, rows_at(value), use, bounds))
+        return begun.with_number(name, refine_number(target, rows_at, value, rows_at(value), use, bounds))
 
-    if sign.bent:
-        sign = searched("breakaway", BREAKAWAY_BOUNDS, sign)
-        damped = sign.damped and np.isfinite(sign.damped_below)
-        return searched("damped_below", DAMPED_BOUNDS, sign) if damped else sign
-    sign = searched("width", width_bounds(baseline.samples, j, straight=sign.straight), sign)
+    if sign.has_bristles:
+        sign = search_number("breakaway", BREAKAWAY_BOUNDS, sign)
+        damped = sign.has_damping and np.isfinite(sign.damped_below)
+        return search_number("damped_below", DAMPED_BOUNDS, sign) if damped else sign
+    sign = search_number("width", width_bounds(baseline.samples, j, straight=sign.straight), sign)
     if sign.straight:
         return sign
     low, high = width_bounds(baseline.samples, j, straight=True)
@@ -160,12 +160,12 @@ def _finer(baseline: Baseline, j: int, sign: SignChange) -> SignChange:
         *(sign._replace(width=w, straight=True) for w in (min(sign.width * _STRAIGHTER, high), *wide)),
     ]
     best = tried[best_sign(target[use], [baseline.own_rows(terms, j, s)[use] for s in tried], tried)]
-    return searched("width", (low, high), best) if best.straight else sign
+    return search_number("width", (low, high), best) if best.straight else sign
 
 
-def _newton(baseline: Baseline, slopes: Sequence[Array]) -> float:
+def _newton_step(baseline: Baseline, slopes: Sequence[Array]) -> float:
     """Gauss and Newton's step of a number from what its growth by one adds to each joint's residual, ``(n_rows,)``."""
-    use, up, down = baseline.samples.identification, 0.0, 0.0
+    use, up, down = baseline.samples.identification_rows, 0.0, 0.0
     for slope, left in zip(slopes, baseline.fit.residual, strict=True):
         weight = 1.0 / max(float((left[use] ** 2).mean()), 1e-300)
         up -= weight * float(slope[use] @ left[use])
@@ -180,18 +180,18 @@ def _in_time(baseline: Baseline, delay: float) -> Array:
         np.column_stack([np.interp(t.time + delay, t.time, tau) - tau for tau in t.tau.T])
         for t in samples.trials
     ]
-    return np.asarray(e.y + samples.rows(moved, range(len(samples.joints))).T * baseline.root_weight)
+    return np.asarray(e.y + samples.to_rows(moved, range(len(samples.joints))).T * baseline.root_weight)
 
 
 def _at_torques(baseline: Baseline, y: Array) -> Baseline:
-    return _fitted(replace(baseline, solver=Solver(replace(baseline.solver.equations, y=y))))
+    return _refit_baseline(replace(baseline, solver=Solver(replace(baseline.solver.equations, y=y))))
 
 
-def _fitted(baseline: Baseline) -> Baseline:
-    return baseline.updated(baseline.solver.fit())
+def _refit_baseline(baseline: Baseline) -> Baseline:
+    return baseline.with_fit(baseline.solver.fit_columns())
 
 
-def _loss(baseline: Baseline) -> float:
+def _residual_loss(baseline: Baseline) -> float:
     """Of what is left itself: noise above the band, which bounds the weights, may be the jumps of friction."""
-    power = (baseline.fit.residual[:, baseline.samples.identification] ** 2).mean(axis=1)
+    power = (baseline.fit.residual[:, baseline.samples.identification_rows] ** 2).mean(axis=1)
     return float(np.log(np.maximum(power, 1e-300)).sum())

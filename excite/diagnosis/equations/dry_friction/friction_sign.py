@@ -41,20 +41,20 @@ class SignChange(NamedTuple):
     damped_below: float = 0.0
     straight: bool = False
 
-    def at(self, number: str, value: float) -> SignChange:
+    def with_number(self, number: str, value: float) -> SignChange:
         """The same with another value of one of its numbers."""
         values: dict[str, Any] = {number: value}
         return self._replace(**values)
 
     @property
-    def bent(self) -> bool:
+    def has_bristles(self) -> bool:
         """Whether there are bristles."""
         return self.breakaway > 0.0
 
     @property
-    def damped(self) -> bool:
+    def has_damping(self) -> bool:
         """Whether they are damped."""
-        return self.bent and self.damped_below > 0.0
+        return self.has_bristles and self.damped_below > 0.0
 
 
 PLAIN = tuple(SignChange(width) for width in WIDTHS)
@@ -66,8 +66,8 @@ SIGNS = (
 
 def sign_of_motion(samples: ArmSamples, motor: int, sign: SignChange) -> Array:
     """What a motor's dry friction follows, ``(n_samples,)``: smoothed sign of its velocity, or with presliding."""
-    v = samples.motion("v")[:, motor]
-    return bent(samples, v, sign) if sign.bent else of_velocity(v, sign)
+    v = samples.motor_signal("v")[:, motor]
+    return bristle_bend(samples, v, sign) if sign.has_bristles else of_velocity(v, sign)
 
 
 def of_velocity(v: Array, sign: SignChange) -> Array:
@@ -80,25 +80,25 @@ def width_bounds(samples: ArmSamples, joint: int, *, straight: bool) -> tuple[fl
     """What widths the search may reach [rad/s]; straight up to the joint's usual speed, beyond which it is viscous."""
     if not straight:
         return WIDTH_BOUNDS
-    v = samples.motion("v")[:, joint]
+    v = samples.motor_signal("v")[:, joint]
     return WIDTH_BOUNDS[0], max(WIDTH_BOUNDS[1], min(float(np.sqrt((v**2).mean())), WIDEST))
 
 
 def damping_of_bristles(samples: ArmSamples, motor: int, sign: SignChange) -> Array:
     """How fast the bristles of a motor bend, ``(n_samples,)`` [1/s], as far as they are damped at its speed."""
-    v = samples.motion("v")[:, motor]
-    return damped_rate(samples, v, bent(samples, v, sign), sign)
+    v = samples.motor_signal("v")[:, motor]
+    return damped_rate(samples, v, bristle_bend(samples, v, sign), sign)
 
 
-def bent(samples: ArmSamples, v: Array, sign: SignChange) -> Array:
+def bristle_bend(samples: ArmSamples, v: Array, sign: SignChange) -> Array:
     """How far bristles are bent at velocities ``v (n_samples,)``, as a share of the breakaway."""
-    return bend(np.ascontiguousarray(v), samples.starts, 1.0 / samples.rate_hz, sign.breakaway)
+    return bend_bristle(np.ascontiguousarray(v), samples.is_start, 1.0 / samples.rate_hz, sign.breakaway)
 
 
 def damped_rate(samples: ArmSamples, v: Array, deflection: Array, sign: SignChange) -> Array:
     """Rate of a deflection ``(n_samples,)`` [1/s] times how much of the damping there is at velocities ``v``."""
     rate = np.diff(deflection, prepend=0.0) * samples.rate_hz
-    rate[samples.starts] = 0.0
+    rate[samples.is_start] = 0.0
     return rate * np.exp(-((v / sign.damped_below) ** 2))
 
 
@@ -109,7 +109,7 @@ RATIO = 0.7
 
 
 @LazyKernel
-def bend(v, starts, dt, breakaway):  # pragma: no cover - compiled
+def bend_bristle(v, starts, dt, breakaway):  # pragma: no cover - compiled
     """Dahl's model ``z' = v − |v| z/breakaway``, returned as z/breakaway, ``(n,)``; starts at rest."""
     out = np.zeros(len(v))
     s = 0.0

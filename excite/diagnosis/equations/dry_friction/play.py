@@ -21,11 +21,11 @@ def behind_play(way: Array, starts: NDArray[np.bool_], width: float, breakaway: 
         width: of the play [rad or m].
         breakaway: deflection over which friction builds up once the play is used up [rad or m].
     """
-    return np.asarray(_carried(np.ascontiguousarray(way), starts, width, breakaway))
+    return np.asarray(_carried_friction(np.ascontiguousarray(way), starts, width, breakaway))
 
 
 @LazyKernel
-def _carried(way, starts, width, breakaway):  # pragma: no cover - compiled
+def _carried_friction(way, starts, width, breakaway):  # pragma: no cover - compiled
     out = np.empty(len(way))
     bent, at = 0.0, 0.5 * width
     for i in range(len(way)):

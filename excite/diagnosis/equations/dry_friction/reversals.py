@@ -47,19 +47,18 @@ def between_reversals(samples: ArmSamples, carried: float = _CARRIED) -> NDArray
     """Rows of each joint that no reversal of it has got into, ``(n_joints, n_rows)``.
 
     Args:
-        samples: the samples.
         carried: how far the rows' filter carries a reversal, in periods of its cut-off.
     """
     reach = round(carried * samples.rate_hz / samples.bands.rows_hz)
     parts = []
     for trial in samples.trials:
-        v = samples.motors(trial.v)
+        v = samples.motor_values(trial.v)
         turns = np.diff(np.sign(v), axis=0, prepend=np.sign(v[:1])) != 0.0
         parts.append(~widen_flags(turns, reach)[trial.rows])
     return np.concatenate(parts).T
 
 
-def told_delay(base: Baseline, delay: float, change: Change) -> Delay | None:
+def estimate_delay(base: Baseline, delay: float, change: Change) -> Delay | None:
     """A delay by Newton's steps, predictions following, between reversals; None where they lead nowhere.
 
     Args:
@@ -67,33 +66,33 @@ def told_delay(base: Baseline, delay: float, change: Change) -> Delay | None:
         delay: where to begin [s].
         change: what a delay adds to the torques that ``base`` predicts, ``(n_samples, n_joints)`` [N·m].
     """
-    found = _told(base, delay, change, between_reversals(base.samples))
+    found = _refine_delay(base, delay, change, between_reversals(base.samples))
     if found is None:
         return None
-    other = _told(base, found.size, change, between_reversals(base.samples, _FARTHER))
+    other = _refine_delay(base, found.size, change, between_reversals(base.samples, _FARTHER))
     return found if other is None else found._replace(std=float(np.hypot(found.std, other.size - found.size)))
 
 
-def _told(base: Baseline, delay: float, change: Change, there: NDArray[np.bool_]) -> Delay | None:
+def _refine_delay(base: Baseline, delay: float, change: Change, there: NDArray[np.bool_]) -> Delay | None:
     """The same in some of the rows, ``there (n_joints, n_rows)``."""
     for _ in range(_STEPS):
         step = _PART * delay
         slope = (change(base, delay + step) - change(base, delay - step)) / (2.0 * step)
-        moved, column = (_rows(base, x) for x in (change(base, delay), slope))
+        moved, column = (_weighted_rows(base, x) for x in (change(base, delay), slope))
         e = base.solver.equations
         own = tuple(o * f[:, None] for o, f in zip(e.own, there, strict=True))
         solver = Solver(replace(e, shared=e.shared * there[:, :, None], own=own, y=e.y * there))
-        fit = solver.fit((column * there)[:, :, None], moved * there)
+        fit = solver.fit_columns((column * there)[:, :, None], moved * there)
         more, std = float(fit.extra[0]), float(solver.std_between_trials(fit)[0])
         if not (np.isfinite(more) and 0.0 < delay + more < _LONGEST_S):
             return None
-        whole = replace(fit, equations=e, columns=column[:, :, None], offset=moved, held=fit.own)
-        delay, base = delay + more, base.updated(whole)
+        whole = replace(fit, equations=e, columns=column[:, :, None], offset=moved, held=fit.own_coefs)
+        delay, base = delay + more, base.with_fit(whole)
         if abs(more) < _NEAR * delay:
             left = (fit.residual[:, e.use] ** 2).mean(axis=1)
             return Delay(delay, std, float(np.log(np.maximum(left, 1e-300)).sum()))
     return None
 
 
-def _rows(base: Baseline, torque: Array) -> Array:
-    return base.samples.rows(torque, range(torque.shape[1])).T * base.root_weight
+def _weighted_rows(base: Baseline, torque: Array) -> Array:
+    return base.samples.to_rows(torque, range(torque.shape[1])).T * base.root_weight
