@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import threading
 import types
 from collections.abc import Callable
@@ -47,9 +48,23 @@ class LazyKernel:
         # No fast mathematics: what the compiler may then fuse or reorder depends on where arrays lie in memory,
         # and the same seed would give other bytes in another process.
         try:
-            return njit(cache=True, nogil=True, error_model="numpy")(bound)
+            kernel = njit(cache=True, nogil=True, error_model="numpy")(bound)
         except RuntimeError:  # numba's word for "no folder to cache in"
             return njit(nogil=True, error_model="numpy")(bound)
+        _clear_stale_cache(kernel._cache)
+        return kernel
 
     def __call__(self, *arguments: Any) -> Any:
         return self.compiled()(*arguments)
+
+
+def _clear_stale_cache(cache: Any) -> None:
+    """Clear a kernel's cache that names types which the installed version has no more.
+
+    numba unpickles the types of the arguments before it compares the version of the source, and an upgrade would end in
+    an AttributeError.
+    """
+    try:
+        cache._cache_file._load_index()
+    except (AttributeError, ImportError, EOFError, pickle.UnpicklingError):
+        cache.flush()

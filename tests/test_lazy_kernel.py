@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import itertools
+import os
 import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 
 import numba
 import pytest
@@ -35,6 +37,19 @@ def test_without_a_folder_for_the_cache_it_compiles_all_the_same(monkeypatch: py
 
     monkeypatch.setattr(numba, "njit", njit)
     assert LazyKernel(double)(21) == 42
+
+
+def test_a_cache_of_an_older_version_whose_types_are_gone_is_cleared(tmp_path: Path) -> None:
+    for name in ("Pair", "Couple"):
+        (tmp_path / "sums.py").write_text(
+            "from typing import NamedTuple\nfrom excite.lazy_kernel import LazyKernel\n"
+            f"class {name}(NamedTuple):\n    a: float\n    b: float\n"
+            f"@LazyKernel\ndef add(pair):\n    return pair.a + pair.b\nprint(add({name}(1.0, 2.0)))\n"
+        )
+        run = [sys.executable, "-c", "import sums"]
+        environment = {**os.environ, "PYTHONPATH": os.pathsep.join([*sys.path, str(tmp_path)])}
+        done = subprocess.run(run, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+        assert done.stdout == "3.0\n", done.stderr
 
 
 def test_a_kernel_that_runs_leaves_the_interpreter_to_other_threads() -> None:

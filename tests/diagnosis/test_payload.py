@@ -35,7 +35,9 @@ def test_a_body_without_weight_is_a_rotor_that_the_model_lacks(modelled: tuple[s
     rng = np.random.default_rng(0)
     motion = {name: rng.normal(size=(50, robot.n_joints)) for name in ("q", "v", "a")}
     samples = SimpleNamespace(
-        robot=robot, regressor=lambda: joint_torque_regressor(robot.model, *motion.values()), kept={}
+        robot=robot,
+        rigid_regressor=lambda: joint_torque_regressor(robot.model, *motion.values()),
+        motion_cache={},
     )
     context = SimpleNamespace(baseline=SimpleNamespace(modelled=modelled, samples=samples))
     link = Payload().locations(context)[1]
@@ -47,7 +49,9 @@ def test_a_body_without_weight_is_a_rotor_that_the_model_lacks(modelled: tuple[s
 def context_of(motion: dict[str, np.ndarray]) -> SimpleNamespace:
     robot = load_robot("panda")
     samples = SimpleNamespace(
-        robot=robot, regressor=lambda: joint_torque_regressor(robot.model, *motion.values()), kept={}
+        robot=robot,
+        rigid_regressor=lambda: joint_torque_regressor(robot.model, *motion.values()),
+        motion_cache={},
     )
     phi = np.concatenate([inertia.toDynamicParameters() for inertia in list(robot.model.inertias)[1:]])
     return SimpleNamespace(baseline=SimpleNamespace(modelled=(), phi=phi, samples=samples))

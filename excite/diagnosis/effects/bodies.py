@@ -178,6 +178,10 @@ class SteepTilt(BaseTilt):
 _SIZES = np.array([1.0, *[0.1] * 3, *[0.01] * 6])
 # Rounding of a solver by which a body's least second moment may lie below zero, as a share of its largest.
 _ROUNDING = 1e-6
+# Information of a number, as a share of the largest, below which it is none: else rounding would choose it.
+_LEAST_TOLD = 1e-9
+# Share of the largest distance of a body's parts from which its bound is what holds it: a solver's precision.
+_AT_REACH = 1e-3
 # By entry of the inertia in the order xx, xy, yy, xz, yz, zz: its second moments ∫ r rᵀ dm are ½ tr(I) 1 − I.
 _INERTIA = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
 
@@ -223,10 +227,13 @@ def is_physical_body(body: Array, reach: float, removable: float) -> bool:
     # In units of the reach, mass and second moments are alike.
     sizes = np.array([1.0, *[reach] * 3, *[reach**2] * 6])
     values = np.linalg.eigvalsh(pseudo_inertia_matrices(added / sizes))
-    spread = 0.5 * float(added[4] + added[6] + added[9])
-    return bool(
-        values.min() >= -_ROUNDING * values.max() and spread <= reach**2 * added[0] * (1.0 + _ROUNDING)
-    )
+    within = second_moment(added) <= reach**2 * added[0] * (1.0 + _ROUNDING)
+    return bool(values.min() >= -_ROUNDING * values.max() and within)
+
+
+def second_moment(body: Array) -> float:
+    """``∫ |r|² dm`` about the joint, of a body added or taken away [kg·m²]."""
+    return 0.5 * abs(float(body[4] + body[6] + body[9]))
 
 
 def _solve_for_body(information: Array, target: Array, reach: float, most: float) -> Array | None:
@@ -249,7 +256,7 @@ def _solve_for_body(information: Array, target: Array, reach: float, most: float
             rows=np.array(rows),
             bound=np.array(bound),
             cones=(triangle[None],),
-            weight=np.zeros(10),
+            weight=np.sqrt(_LEAST_TOLD * values.max()) / _SIZES,
             center=np.zeros(10),
             scale=_SIZES,
         )
@@ -422,16 +429,28 @@ class Payload(Effect):
         return likeliest_body(information, target, largest_reach(model), float(model.inertias[joint].mass))
 
     def is_physical(self, context: Context, location: str, fit: Fit) -> bool:
-        """Whether link and body together may have their mass: less than none is another effect's doing."""
+        """Whether link and body together may have their mass, and a body whose mass is told reaches less far than any.
+
+        Less mass than none is another effect's doing. So are grams as far away as a body may be: friction that no law
+        fits asks a wrist for a larger body than can exist.
+        """
         joint = self.locations(context).index(location) + 1
         mass = float(context.baseline.phi[10 * (joint - 1)]) + float(fit.extra[0])
-        return mass > -_SURELY * float(fit.extra_std[0])
+        most = (1.0 - _AT_REACH) * largest_reach(context.baseline.samples.robot.model)
+        if mass <= -_SURELY * float(fit.extra_std[0]):
+            return False
+        within = second_moment(fit.extra) < most**2 * abs(float(fit.extra[0]))
+        return within or not self._are_told(context, location, fit)[0]
+
+    def _are_told(self, context: Context, location: str, fit: Fit) -> NDArray[np.bool_]:
+        """Which of the ten parameters the record tells."""
+        felt = np.any(_find_felt_parameters(context, self.locations(context).index(location) + 1), axis=0)
+        return np.asarray(felt & (fit.extra_std < _UNTOLD * self.prior_widths))
 
     def to_estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
         """What the joints tell of the body; where they do not tell its mass, its first moment comes first."""
         found = super().to_estimates(context, location, theta, fit)
-        felt = np.any(_find_felt_parameters(context, self.locations(context).index(location) + 1), axis=0)
-        told = felt & (fit.extra_std < _UNTOLD * self.prior_widths)
+        told = self._are_told(context, location, fit)
         shown = {p.name: found[p.name] for p, here in zip(self.linear, told, strict=True) if here}
         if told[0] or not told[1:4].any():
             return shown
