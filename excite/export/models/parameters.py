@@ -25,8 +25,8 @@ from excite.identification.result import Identification
 from excite.logs.robot import is_bare
 from excite.robot.description import ControllerBlock
 from excite.robot.init_robot.description import draft_description
-from excite.robot.init_robot.model_metadata import Said
 from excite.robot.robot import Robot
+from excite.robot.urdf.converted import Said
 
 Found = Identification | IdentifiedParameters
 """An identification, or the parameters alone, however they were found."""

@@ -30,9 +30,9 @@ from excite.robot.links import link_placement
 from excite.robot.loading import model_file
 from excite.robot.robot import Robot
 from excite.robot.urdf.inertia import Inertial, read_inertial
-from excite.robot.urdf.numbers import MOMENTS
 from excite.robot.urdf.reading import parse_urdf
 from excite.robot.urdf.tree import MOVING, WORLD, declare_world
+from excite.robot.urdf.writing import MOMENTS
 
 # By term that a URDF holds: the element of a joint, its attribute there, and what one that is missing stands for.
 URDF_TERMS = {

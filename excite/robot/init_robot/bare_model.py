@@ -25,13 +25,13 @@ from excite.robot.init_robot.first_guesses import (
     nearest_to_zero,
 )
 from excite.robot.init_robot.limbs import Figure
-from excite.robot.init_robot.model_metadata import Said
 from excite.robot.loading import build_robot
 from excite.robot.mechanisms.closures import join_overlapping
 from excite.robot.refusal import robot_error
 from excite.robot.robot import Robot
 from excite.robot.shapes.collision import collision_shapes, robot_reach
 from excite.robot.shapes.stand_ins import box_shapes, links_lacking_geometry, links_without_shape
+from excite.robot.urdf.converted import Said
 from excite.robot.urdf.inertia import GEOMETRY, check_weights, inertial_faults
 from excite.robot.urdf.limits import stated_ranges
 from excite.robot.urdf.reading import MAX_NESTING, prepare_urdf

@@ -20,11 +20,11 @@ from excite.finding import first_names
 from excite.results import Assumed
 from excite.robot.init_robot.bare_model import BareModel, bare_model
 from excite.robot.init_robot.first_guesses import JointGuess, guess_pairs, held_still, joint_inertias
-from excite.robot.init_robot.model_metadata import Said
 from excite.robot.init_robot.rest import Rest, find_rest, weak_joints
 from excite.robot.legs import UPRIGHT, toppling_stiffness
 from excite.robot.robot import Robot
 from excite.robot.shapes.collision import TABLE, ground_height, links_below
+from excite.robot.urdf.converted import Said
 from excite.robot.urdf.tree import MAX_NAME
 
 AS_IT_IS = "as the model has it"
@@ -56,7 +56,9 @@ def scaffold_description(
     Raises:
         RobotError: the URDF is missing or absurd in a way that no description can mend.
     """
-    content = draft_description(Path(urdf_path), folder, np.random.default_rng(seed), said or Said(floating))
+    content = draft_description(
+        Path(urdf_path), folder, np.random.default_rng(seed), said or Said(floating=floating)
+    )
     if absolute:
         content["model"]["path"] = str(Path(urdf_path).resolve())
     head = (

@@ -15,11 +15,11 @@ from excite.errors import MotionError
 from excite.results import Assumed
 from excite.robot.description import Base
 from excite.robot.init_robot.limbs import Figure, FootGuess, Footing, Standing
-from excite.robot.init_robot.model_metadata import Said
 from excite.robot.legs import TORQUE_SHARE, holding_torques, usable_torque
 from excite.robot.mechanisms.mechanism import limb_columns
 from excite.robot.shapes.collision import PairSearch, ground_height, review_pairs
 from excite.robot.shapes.shape import has_area
+from excite.robot.urdf.converted import Said
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,9 +24,9 @@ from excite.robot.loading import load_robot, urdf_of
 from excite.robot.mjcf.conversion import is_mjcf
 from excite.robot.robot import Robot
 from excite.robot.urdf.inertia import drop_points, inertial_faults
-from excite.robot.urdf.numbers import MOMENTS, add_element
 from excite.robot.urdf.reading import MAX_NESTING, prepare_urdf
 from excite.robot.urdf.tree import check_tree
+from excite.robot.urdf.writing import MOMENTS, add_element
 from excite.temporary_folder import TemporaryFolder
 
 # What follows from another fault of the same link is not said beside it.

@@ -24,9 +24,10 @@ from excite.robot.shapes.link_shapes import solid_shape
 from excite.robot.shapes.mesh_files import read_meshes
 from excite.robot.shapes.shape import outline_points, place_points
 from excite.robot.urdf.inertia import WEIGHTLESS, symmetric_matrix
-from excite.robot.urdf.numbers import MOMENTS, read_numbers
+from excite.robot.urdf.numbers import read_numbers
 from excite.robot.urdf.reading import absolute_meshes
 from excite.robot.urdf.tree import MOVING, LinkTree, link_at
+from excite.robot.urdf.writing import MOMENTS
 
 
 @dataclass(frozen=True, eq=False)

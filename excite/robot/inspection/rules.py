@@ -16,7 +16,7 @@ from excite.robot.init_robot.first_guesses import mirror_names
 from excite.robot.inspection.links import DescribedJoint, DescribedLink, DescribedRobot, Solid
 from excite.robot.quantities import MAX_TRAVEL, looks_like_degrees
 from excite.robot.urdf.inertia import TOLERANCE, symmetric_matrix
-from excite.robot.urdf.numbers import MOMENTS
+from excite.robot.urdf.writing import MOMENTS
 
 # Inertias that no body has, and the smallest correction that makes one of them possible.
 

@@ -72,16 +72,15 @@ def compile_mjcf(path: Path) -> ConvertedModel:
     known = [pair for pair in pairs if set(pair) <= set(bodies)]
     rotors = {joint: float(model.dof_armature[model.jnt_dofadr[joint]]) for joint in single_joints(model)}
     return ConvertedModel(
-        spec.modelname or path.stem,
-        root != 0,
-        '<?xml version="1.0"?>\n' + ElementTree.tostring(robot, encoding="unicode") + "\n",
-        writer.meshes,
-        (*notes, *writer.notes),
-        _rest_keyframe(model, writer),
-        tuple((writer.link_name(first), writer.link_name(second)) for first, second in known),
-        write_loops(model, closures, writer),
-        write_couplings(model, closures, writer),
-        {writer.joint_name(joint): rotor for joint, rotor in rotors.items() if rotor > 0.0},
+        floating=root != 0,
+        urdf='<?xml version="1.0"?>\n' + ElementTree.tostring(robot, encoding="unicode") + "\n",
+        meshes=writer.meshes,
+        notes=(*notes, *writer.notes),
+        posture=_rest_keyframe(model, writer),
+        ignored=tuple((writer.link_name(first), writer.link_name(second)) for first, second in known),
+        loops=write_loops(model, closures, writer),
+        couplings=write_couplings(model, closures, writer),
+        armature={writer.joint_name(joint): rotor for joint, rotor in rotors.items() if rotor > 0.0},
     )
 
 
