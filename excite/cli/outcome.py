@@ -21,7 +21,7 @@ from dataclasses import field as dataclass_field
 from importlib import metadata
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import excite
 from excite.atomic import completed_files, discard_unfinished
@@ -30,9 +30,6 @@ from excite.finding import Finding
 from excite.folders import unwritable_error
 from excite.results import to_json
 from excite.temporary_folder import in_temporary_folder
-
-if TYPE_CHECKING:
-    pass
 
 _NAMED_FILES = 3
 

@@ -22,6 +22,7 @@ from excite.export.exporter import (
     motion_remarks,
     motion_statement,
 )
+from excite.formats.documents import read_yaml
 from excite.formats.unitree import G1, H1, QUADRUPED
 from excite.motion.motion import Motion
 from excite.motion.readers.programs import HEADER, STATEMENT
@@ -96,11 +97,7 @@ class UrScriptExporter(Exporter):
         return "\n".join([*lines, ""])
 
 
-# What Franka's control interface lets joints do.
-#
-# The numbers are those of the maker's page "Control Interface Specification and Robot Limits" and of
-# libfranka's ``rate_limiting.h`` (0.9.2 for the Franka Emika Robot, which is also called Panda; 0.13 and
-# later for the Franka Research 3). A command that is beyond one of them in one millisecond ends the motion.
+# What Franka's control interface lets joints do: a command that is beyond a limit in one millisecond ends the motion.
 
 RATE_HZ = 1000.0
 PERIOD_S = 1.0 / RATE_HZ
@@ -135,25 +132,8 @@ class FrankaLimits:
 
 
 LIMITS = {
-    "panda": FrankaLimits(
-        (2.175, 2.175, 2.175, 2.175, 2.61, 2.61, 2.61),
-        (15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0),
-        (7500.0, 3750.0, 5000.0, 6250.0, 7500.0, 10000.0, 10000.0),
-    ),
-    "fr3": FrankaLimits(
-        (2.62, 2.62, 2.62, 2.62, 5.26, 4.18, 5.26),
-        (10.0,) * 7,
-        (5000.0,) * 7,
-        (
-            (0.30, 12.0, -2.7501, 2.7501),
-            (0.20, 5.17, -1.7918, 1.7918),
-            (0.20, 7.0, -2.9065, 2.9065),
-            (0.30, 8.0, -3.0481, -0.1458),
-            (0.35, 34.0, -2.8101, 2.8101),
-            (0.35, 11.0, 0.54092, 4.5205),
-            (0.35, 34.0, -3.0196, 3.0196),
-        ),
-    ),
+    name: FrankaLimits(**{key: tuple(values) for key, values in row.items()})
+    for name, row in read_yaml(Path(__file__).with_name("franka_limits.yaml")).items()
 }
 
 

@@ -264,13 +264,6 @@ def planar_root(root: ElementTree.Element) -> ElementTree.Element | None:
     return None if found is None else found[0]
 
 
-def hold_planar_root(root: ElementTree.Element) -> None:
-    """Fix such a joint: it stands for wheels, which are held still as others are."""
-    joint = planar_root(root)
-    if joint is not None:
-        joint.set("type", "fixed")
-
-
 def _carrying_joint(
     root: ElementTree.Element, kind: str
 ) -> tuple[ElementTree.Element, ElementTree.Element] | None:
@@ -286,10 +279,16 @@ def _carrying_joint(
     return None
 
 
-def drop_free_root(root: ElementTree.Element) -> None:
-    """Take such a joint and its bare link out: whether the base is free is for a ``robot.yaml`` to say."""
+def settle_root(root: ElementTree.Element) -> None:
+    """Take a free base's joint and its bare link out, which is for a ``robot.yaml`` to say, and fix a planar joint.
+
+    That stands for wheels, which are held still as others are.
+    """
     for element in free_root(root) or ():
         root.remove(element)
+    joint = planar_root(root)
+    if joint is not None:
+        joint.set("type", "fixed")
 
 
 def declare_world(root: ElementTree.Element) -> bool:
