@@ -120,7 +120,7 @@ class FrankaLimits:
     jerk: tuple[float, ...]
     braking: tuple[tuple[float, float, float, float], ...] = ()
 
-    def velocities(self, q: Array) -> tuple[Array, Array]:
+    def velocity_bounds(self, q: Array) -> tuple[Array, Array]:
         """Lowest and highest velocity at positions ``(n, 7)``, the same shape each."""
         top = np.tile(self.velocity, (len(q), 1))
         if not self.braking:
@@ -153,7 +153,7 @@ def franka_violations(limits: FrankaLimits, q: Array, joints: tuple[str, ...]) -
     v = np.diff(still, axis=0) / PERIOD_S
     a = np.diff(v, axis=0) / PERIOD_S
     jerk = np.diff(a, axis=0) / PERIOD_S
-    low, high = limits.velocities(still[1:])
+    low, high = limits.velocity_bounds(still[1:])
     found: list[Violation] = []
     for kind, values, limit in (
         ("franka_velocity", v, np.where(v >= 0.0, high, -low)),

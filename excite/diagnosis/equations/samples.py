@@ -174,7 +174,7 @@ class ArmSamples:
             return Moved(q, v, a), self.maps
         key = "moved", motor, turn, speed, more
         if key not in self.kept:
-            moved = mechanism.following(mechanism.closed(q, near=True) if turn else q, v, a)
+            moved = mechanism.follow_driven(mechanism.close_configurations(q, near=True) if turn else q, v, a)
             self.kept[key] = moved, self._maps(moved.q) if turn else self.maps
         return self.kept[key]
 

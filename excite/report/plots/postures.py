@@ -82,7 +82,7 @@ class Picture(NamedTuple):
         points = np.vstack([*self.hulls, *self.soles])
         return points.min(axis=0), points.max(axis=0)
 
-    def paint(self, axes: Axes, offset: Array) -> None:
+    def paint_on(self, axes: Axes, offset: Array) -> None:
         """Support in green, pale bodies, soles, the centre of mass."""
         from matplotlib.collections import PolyCollection
 
@@ -201,7 +201,7 @@ def draw_snapshots(robot: Robot, motions: Sequence[Motion], n_postures: int = 7)
             for i, (time, drawn) in enumerate(row):
                 offset = np.array([width * i, 0.0])
                 axes.fill(*(tile + offset).T, color=GROUND.light)
-                drawn.paint(axes, offset)
+                drawn.paint_on(axes, offset)
                 axes.text(offset[0], low[1], f"{time - motion.time[0]:.1f} s", color=MUTED.light, ha="center")
 
     return draw_figure(paint_postures, height_in=row_in * len(rows))

@@ -82,7 +82,7 @@ class StandIn:
         """The robot with the first kind of geometry that can be built, else each link with what can be built of it."""
         reasons = []
         for kind in GEOMETRY:
-            robot = self.robot(kind)
+            robot = self.build_stand_in(kind)
             try:
                 shapes = collision_shapes(robot)
             except RobotError as error:
@@ -95,17 +95,17 @@ class StandIn:
                 reasons.append(f"{kind}: none on a link that moves")
                 continue
             # With what is drawn of links that have no ``collision``, if it can be built.
-            more = self.robot("either")
+            more = self.build_stand_in("either")
             with suppress(RobotError):
                 if kind == "collision" and len(collision_shapes(more)) > len(shapes):
                     return WithGeometry(more, "either", None)
             return WithGeometry(robot, kind, None)
-        fault, lacking = "; ".join(reasons), links_lacking_geometry(self.robot("either"))
-        robot = self.robot("either", stand_ins=lacking)
+        fault, lacking = "; ".join(reasons), links_lacking_geometry(self.build_stand_in("either"))
+        robot = self.build_stand_in("either", stand_ins=lacking)
         try:
             collision_shapes(robot)
         except RobotError:
-            return WithGeometry(self.robot("authored"), None, fault)
+            return WithGeometry(self.build_stand_in("authored"), None, fault)
         return WithGeometry(robot, "either", fault, lacking)
 
     def _rest_of_model(self) -> dict[str, float]:
@@ -116,7 +116,7 @@ class StandIn:
             for name, (low, high) in ends.items()
         }
 
-    def robot(
+    def build_stand_in(
         self, geometry: str, shapes: Sequence[dict[str, Any]] = (), stand_ins: Sequence[str] = ()
     ) -> Robot:
         """The robot with geometry of one kind, and authored ``shapes``, those of links in ``stand_ins`` for theirs."""
@@ -253,7 +253,7 @@ def bare_model(path: Path, said: Said, weak: Mapping[str, float]) -> BareModel:
     lacking = tuple(dict.fromkeys((*geometry.lacking, *links_without_shape(robot))))
     authored = box_shapes(robot, lacking)
     if lacking:
-        robot = stand_in.robot(geometry.kind or "authored", authored, lacking)
+        robot = stand_in.build_stand_in(geometry.kind or "authored", authored, lacking)
     ranged = tuple(guess.name for guess in free if guess.name in ranges)
     return BareModel(
         path, root, joints, free, held, moving, margin, geometry, authored, Figure(robot), faults, ranged

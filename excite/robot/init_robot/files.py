@@ -378,7 +378,9 @@ def convert_sdf(root: Element, path: Path) -> str:
             f"holds {len(models)} models{f', {names}' if names else ''}",
             "give a file with the robot's model alone",
         )
-    return ElementTree.tostring(_Conversion(models[0], root.get("version", "1.7"), path).urdf(), "unicode")
+    return ElementTree.tostring(
+        _Conversion(models[0], root.get("version", "1.7"), path).build_urdf(), "unicode"
+    )
 
 
 class _Conversion:
@@ -398,7 +400,7 @@ class _Conversion:
         # A link's frame in URDF is its joint's.
         self._carriers = {self._carrying_link(child): name for name, child in self._children.items()}
 
-    def urdf(self) -> Element:
+    def build_urdf(self) -> Element:
         robot = Element("robot", name=self._model.get("name") or "robot")
         if _WORLD in self._parents.values():
             SubElement(robot, "link", name=_WORLD)

@@ -13,7 +13,7 @@ import pinocchio as pin
 
 from excite.errors import RobotError
 from excite.results import Assumed
-from excite.robot.description import MASSES
+from excite.robot.init_robot.assumptions import assume
 from excite.robot.shapes.link_shapes import origin_of, solid_shape
 from excite.robot.shapes.mesh_files import read_meshes
 from excite.robot.shapes.shape import coal_geometry
@@ -55,12 +55,8 @@ def weigh_links(root: ElementTree.Element, path: Path) -> tuple[Assumed | None, 
     if not masses:
         return None, {}
     widths = _published_widths(float(np.mean(masses)))
-    value = f"{sum(masses):.3g} kg in all, {DENSITY:.0f} kg/m³ of the links' convex hulls"
-    consequence = (
-        f"{_SHARE:.0%} of published arms weigh within ± {widths['mass']:.0%} of that: motions of an arm are planned "
-        "for all of these, until an identification tells; state <inertial> where masses are known"
-    )
-    return Assumed(MASSES, value, consequence), widths
+    told = {"mass": sum(masses), "density": DENSITY, "share": _SHARE, "width": widths["mass"]}
+    return assume("masses", **told), widths
 
 
 # Share of the published arms that the width of the mass holds.

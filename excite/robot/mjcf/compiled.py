@@ -64,7 +64,7 @@ def compile_mjcf(path: Path) -> ConvertedModel:
         notes.append("equalities with mocap bodies, handles of a simulation, are left out")
     _hold_joints(model, closures, set(bodies), writer, notes)
     writer.mimics, writer.torque_limits = find_mimics(model, closures), torque_limits(model)
-    robot = writer.robot(spec.modelname or path.stem, root, bodies)
+    robot = writer.write_robot(spec.modelname or path.stem, root, bodies)
     if model.jnt_stiffness.any():
         notes.append("springs of joints (stiffness) are left out: torques predicted there lack them")
     ties = write_ties(model, closures, writer)

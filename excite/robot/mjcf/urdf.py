@@ -59,7 +59,7 @@ class UrdfWriter:
     notes: list[str] = field(default_factory=list)
     anchors: dict[int, Array] = field(default_factory=dict)
 
-    def robot(self, name: str, root: int, bodies: list[int]) -> Element:
+    def write_robot(self, name: str, root: int, bodies: list[int]) -> Element:
         """The ``robot`` element of bodies, parents first; ``root`` becomes the root link, 0 for the world."""
         self._element, self.anchors[root] = Element("robot", name=name), np.zeros(3)
         pose = pose_of(np.zeros(3), self.model.body_quat[root])

@@ -480,8 +480,8 @@ def review_pairs(
         rest: joints ``(n_joints,)`` of the rest posture; the robot's own where None.
     """
     search, margin = search or PairSearch(robot), robot.description.collision.margin
-    near = search.distances(robot.rest if rest is None else search.posture(rest))
-    drawn = [search.distances(q) for q in robot.draw_configurations(rng, n_random)]
+    near = search.link_distances(robot.rest if rest is None else search.whole_posture(rest))
+    drawn = [search.link_distances(q) for q in robot.draw_configurations(rng, n_random)]
     random = np.array(drawn).reshape(n_random, len(search.pairs))
     found: dict[str, list[tuple[str, str]]] = {
         kind: [] for kind in ("at_rest", "always", "never", "rest_collisions")
@@ -520,13 +520,13 @@ class PairSearch:
         self.joints = {shape.link: shape.joint for shape in shapes}
         self.data, self.geometry_data = robot.model.createData(), geometry_data(self.geometry)
 
-    def posture(self, joints: Array) -> Array:
+    def whole_posture(self, joints: Array) -> Array:
         """A configuration ``(nq,)`` with the joints' positions given and the base at rest."""
         q = self.robot.rest.copy()
         q[self.robot.n_base_q :] = joints
         return q
 
-    def distances(self, q: Array) -> Array:
+    def link_distances(self, q: Array) -> Array:
         """Smallest distance of each pair of links [m], ``(n_pairs,)``."""
         pin.computeDistances(self.robot.model, self.data, self.geometry, self.geometry_data, q)
         found = np.full(len(self.pairs), np.inf)
@@ -550,7 +550,7 @@ class PairSearch:
             joints = self.robot.rest[self.robot.n_base_q :].copy()
             joints[places] = lower[places] + np.array(fractions) * (upper - lower)[places]
             pin.updateGeometryPlacements(
-                self.robot.model, self.data, self.geometry, self.geometry_data, self.posture(joints)
+                self.robot.model, self.data, self.geometry, self.geometry_data, self.whole_posture(joints)
             )
             for index in wanted:
                 result = pin.computeDistance(self.geometry, self.geometry_data, int(index))
