@@ -323,14 +323,14 @@ class Unmet:
     text: str
 
 
-def unmet_requirements(distribution: str = "excite") -> list[Unmet]:
-    """What an installed distribution asks for, extras left out, and does not find; empty where it is not installed."""
+def unmet_requirements() -> list[Unmet]:
+    """What the installed package asks for, extras left out, and does not find; empty where it is not installed."""
     from packaging.requirements import Requirement
     from packaging.version import InvalidVersion
 
     found: list[Unmet] = []
     try:
-        asked = [Requirement(text) for text in metadata.requires(distribution) or ()]
+        asked = [Requirement(text) for text in metadata.requires("excite") or ()]
     except metadata.PackageNotFoundError:
         return []
     for one in asked:

@@ -37,7 +37,6 @@ def scaffold_description(
     folder: str | Path | None = None,
     *,
     seed: int = 0,
-    floating: bool | None = None,
     said: Said | None = None,
     absolute: bool = False,
 ) -> str:
@@ -47,7 +46,6 @@ def scaffold_description(
         urdf_path: the URDF.
         folder: folder that the text will be written to; the URDF's own by default.
         seed: seed of the random postures behind inertia, rest and collision pairs.
-        floating: whether the base is free; found from the limbs where None.
         said: what another format said beside the URDF.
         absolute: whether the URDF is named by its whole path.
 
@@ -57,9 +55,7 @@ def scaffold_description(
     Raises:
         RobotError: the URDF is missing or absurd in a way that no description can mend.
     """
-    content = draft_description(
-        Path(urdf_path), folder, np.random.default_rng(seed), said or Said(floating=floating)
-    )
+    content = draft_description(Path(urdf_path), folder, np.random.default_rng(seed), said or Said())
     if absolute:
         content["model"]["path"] = str(Path(urdf_path).resolve())
     head = (
@@ -321,8 +317,8 @@ def note_friction(
                 shares[guess.name] = share
     if shares:
         worst = max(shares, key=lambda name: shares[name])
-        joints = count(len(shares), "joint")
-        assumed.append(assume("dynamics", joints=joints, share=shares[worst], joint=worst))
+        at = count(len(shares), "joint")
+        assumed.append(assume("dynamics", joints=at, share=shares[worst], joint=worst))
 
 
 def _leg_contacts(robot: Robot, rest: Rest) -> dict[int, Array]:

@@ -23,7 +23,7 @@ def finger(tmp_path_factory: pytest.TempPathFactory) -> Mechanism:
 
 
 def _by_search(mechanism: Mechanism, monkeypatch: pytest.MonkeyPatch) -> Mechanism:
-    monkeypatch.setattr(ConstantRatios, "of", lambda *_: None)
+    monkeypatch.setattr(ConstantRatios, "from_closures", lambda *_: None)
     return replace(mechanism)
 
 
