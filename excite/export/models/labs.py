@@ -12,7 +12,6 @@ import numpy as np
 from excite.export.models.mjcf import MjcfFormat
 from excite.export.models.model_format import JOINT_TERMS, ModelFormat, Rendered, Subject
 from excite.export.models.usd import UsdaFormat
-from excite.export.models.verification import Reading, States
 from excite.simulation.mjcf import GROUND
 
 PHYSICS_DT = 0.005
@@ -63,12 +62,8 @@ def _add_configuration(
             " that were found; what the servo measures is not late",
         )
     )
-    return Rendered({f"{module}.py": text.encode(), **model.files}, (*model.notes, *notes), model.changed)
-
-
-def _without_configuration(rendered: Rendered) -> Rendered:
-    """The model, which holds the terms of the joints that the configuration repeats."""
-    return Rendered({name: text for name, text in rendered.files.items() if name != rendered.main})
+    files = {f"{module}.py": text.encode(), **model.files}
+    return Rendered(files, (*model.notes, *notes), model.changed, model.main)
 
 
 def module_name(stem: str, suffix: str) -> str:
@@ -144,10 +139,6 @@ class IsaacLabFormat(UsdaFormat):
             arguments="\n".join(given),
         )
 
-    def read(self, subject: Subject, rendered: Rendered, states: States) -> Reading:
-        """The USD by its reader."""
-        return super().read(subject, _without_configuration(rendered), states)
-
 
 # mjlab: an entity's configuration in Python, and the MuJoCo model that it is made of.
 
@@ -191,10 +182,6 @@ class MjlabFormat(MjcfFormat):
             joints="\n".join(f"    {name!r}: dict({', '.join(row)})," for name, row in names),
             **_start_state(subject, "\n        "),
         )
-
-    def read(self, subject: Subject, rendered: Rendered, states: States) -> Reading:
-        """The MuJoCo model by its reader."""
-        return super().read(subject, _without_configuration(rendered), states)
 
     def servo(self, subject: Subject) -> tuple[str, ...]:
         """The configuration has servos of its own, whatever the model beside it has."""

@@ -97,7 +97,7 @@ class UrdfFormat(ModelFormat):
 
     def read(self, subject: Subject, rendered: Rendered, states: States) -> Reading:
         """Read by pinocchio, ``<dynamics>`` by the XML's own words."""
-        return read_urdf_text(subject.robot, rendered.files[rendered.main], states, URDF_TERMS)
+        return read_urdf_text(subject.robot, rendered.files[rendered.model], states, URDF_TERMS)
 
 
 def _segment_members(robot: Robot, links: Mapping[str, Element], file: Path) -> list[list[Member]]:
