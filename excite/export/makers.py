@@ -17,10 +17,10 @@ from excite.errors import InputError
 from excite.export.exporter import (
     Exporter,
     Setting,
-    as_comments,
     comment_lines,
     motion_remarks,
     motion_statement,
+    write_statement,
 )
 from excite.formats.documents import read_yaml
 from excite.formats.unitree import G1, H1, QUADRUPED
@@ -210,9 +210,8 @@ class FrankaExporter(Exporter):
         """See :class:`Exporter`; numbers are written with all their digits."""
         names = [f"{prefix}.{joint}" for prefix in "qva" for joint in motion.joint_names]
         rows = np.hstack([motion.joint_positions(), motion.joint_velocities(), motion.joint_accelerations()])
-        said = motion_statement(motion) | {"rate_hz": RATE_HZ, "columns": names}
         lines = [f"{' '.join(map(repr, row))}\n" for row in rows.tolist()]
-        write_text(path, as_comments([*motion_remarks(motion), json.dumps(said)]) + "".join(lines))
+        write_text(path, comment_lines(motion, rate_hz=RATE_HZ, columns=names) + "".join(lines))
 
     def _find_model(self) -> str:
         """Name of the model in ``LIMITS``, by the setting or the joints' names; empty where neither says."""
@@ -252,10 +251,6 @@ class OpenHrpExporter(Exporter):
             files |= {"waist": np.hstack([motion.q[:, :3], angles]), "hip": angles}
             if self.robot.feet:
                 files["zmp"] = _zmp_in_base(self.robot, motion, rotations)
-        said = motion_statement(motion) | {
-            "joints": [motion.joint_names[k] for k in order],
-            "remarks": motion_remarks(motion),
-        }
         time = (motion.time - motion.time[0])[:, None]
         with atomic_folder(path) as folder:
             folder.mkdir()
@@ -263,8 +258,7 @@ class OpenHrpExporter(Exporter):
                 rows = np.hstack([time, values]).tolist()
                 text = "".join(f"{' '.join(map(repr, row))}\n" for row in rows)
                 (folder / f"{motion.name}.{ending}").write_text(text, encoding="utf-8")
-            text = json.dumps(said, ensure_ascii=False, indent=2)
-            (folder / STATEMENT).write_text(text + "\n", encoding="utf-8")
+            write_statement(motion, folder / STATEMENT, joints=[motion.joint_names[k] for k in order])
 
     def _joint_order(self) -> list[int]:
         """Places of the joints in the motion, in the order of the files."""

@@ -287,18 +287,13 @@ def turn_upright(
         kind: ``collision`` or ``visual``.
         points: corners as they stand in the files ``(n, 3)``, by file.
     """
-    turned = {path: turn_file_upright(path, corners) for path, corners in points.items() if _y_up(path)}
+    turned = {path: np.asarray(corners @ _UPRIGHT.T) for path, corners in points.items() if _y_up(path)}
     votes = [_axis_vote(link, kind, points, turned) for link in links] if turned else []
     as_is, otherwise = votes.count(-1), votes.count(1)
     # Fewer votes than these could be chance: without them meshes are read as RViz and pinocchio read them.
     if otherwise < 3 or otherwise < 0.75 * (as_is + otherwise):
         return points
     return {**points, **turned}
-
-
-def turn_file_upright(path: Path, corners: Array) -> Array:
-    """Corners ``(n, 3)`` of a file whose y is up with z up; those of any other file as they are."""
-    return np.asarray(corners @ _UPRIGHT.T) if _y_up(path) else corners
 
 
 def _y_up(path: Path) -> bool:
