@@ -40,8 +40,7 @@ _TABLE_SIZE = (4.0, 4.0, 1.0)
 
 # By robot hash, so that a robot that was pickled to a worker process finds its geometry again.
 _SHAPES: dict[str, tuple[Shape, ...]] = {}
-_MODELS: dict[str, pin.GeometryModel] = {}
-_WATCHED: dict[str, tuple[pin.GeometryModel, Array]] = {}
+_MODELS: dict[tuple[str, bool], tuple[pin.GeometryModel, Array]] = {}
 
 
 def collision_shapes(robot: Robot) -> tuple[Shape, ...]:
@@ -71,31 +70,25 @@ def collision_model(robot: Robot) -> pin.GeometryModel:
     Raises:
         RobotError: as :func:`collision_shapes`, or ``ignored_pairs`` names a link without shape.
     """
-    if robot.hash not in _MODELS:
-        near = {frozenset(pair.links) for pair in robot.description.collision.near_pairs}
-        shapes = collision_shapes(robot)
-        _MODELS[robot.hash] = _geometry_model(
-            shapes, shape_pairs(robot, shapes, _ignored_pairs(robot, shapes) | near)
-        )
-    return _MODELS[robot.hash]
+    return _watched_pairs(robot, near=False)[0]
 
 
 def watched_model(robot: Robot) -> tuple[pin.GeometryModel, Array]:
     """:func:`collision_model` with ``near_pairs`` too, and the distance that each pair keeps, ``(n_pairs,)`` [m]."""
-    block = robot.description.collision
-    if not block.near_pairs:
-        model = collision_model(robot)
-        return model, np.full(len(model.collisionPairs), block.margin)
-    if robot.hash not in _WATCHED:
-        shapes, own = (
-            collision_shapes(robot),
-            {frozenset(pair.links): pair.distance for pair in block.near_pairs},
-        )
-        pairs = shape_pairs(robot, shapes, _ignored_pairs(robot, shapes))
+    return _watched_pairs(robot, near=bool(robot.description.collision.near_pairs))
+
+
+def _watched_pairs(robot: Robot, *, near: bool) -> tuple[pin.GeometryModel, Array]:
+    """Model and distances, with ``near_pairs`` or without."""
+    if (robot.hash, near) not in _MODELS:
+        block, shapes = robot.description.collision, collision_shapes(robot)
+        own = {frozenset(pair.links): pair.distance for pair in block.near_pairs}
+        left_out = _ignored_pairs(robot, shapes) | (frozenset() if near else frozenset(own))
+        pairs = shape_pairs(robot, shapes, left_out)
         links = [frozenset((shapes[first].link, shapes[second].link)) for first, second in pairs]
         distances = np.array([own.get(pair, block.margin) for pair in links])
-        _WATCHED[robot.hash] = _geometry_model(shapes, pairs), distances
-    return _WATCHED[robot.hash]
+        _MODELS[robot.hash, near] = _geometry_model(shapes, pairs), distances
+    return _MODELS[robot.hash, near]
 
 
 def _geometry_model(shapes: Sequence[Shape], pairs: Sequence[tuple[int, int]]) -> pin.GeometryModel:
