@@ -20,9 +20,9 @@ from excite.diagnosis.equations.units import unit_at
 from excite.errors import InputError, RobotError
 from excite.logs.robot import is_bare
 from excite.robot.init_robot.description import draft_description
-from excite.robot.init_robot.model_metadata import Said
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
+from excite.robot.urdf.converted import Said
 from excite.robot.urdf.inertia import read_inertial
 
 # A URDF whose links have bodies more than its author knew of.

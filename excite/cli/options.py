@@ -19,7 +19,7 @@ from typer.core import TyperCommand
 
 import excite
 from excite.campaign.searches import SEARCHES
-from excite.cli.output import command_line, emit_result, print_document, progress_bars
+from excite.cli.output import command_line, print_document, progress_bars
 from excite.errors import InputError
 from excite.export.registry import EXPORTERS, MODEL_FORMATS
 from excite.folder_lock import claim_folder
@@ -159,15 +159,13 @@ class Call:
             write_json(document, self.out / name)
 
     def emit_result(self, summary: str, document: dict[str, Any], *, then: str = "") -> None:
-        """Print the summary and the command to go on with, or the document."""
-        emit_result(summary, document, as_json=self.as_json, then=then)
-
-    def is_printed(self, document: dict[str, Any], name: str) -> bool:
-        """Write a document where a folder was named, and print it where that was asked; whether it was."""
-        self.write_document(document, name)
+        """Print the summary and the command to go on with, or the document where ``--json`` was given."""
         if self.as_json:
             print_document(document)
-        return self.as_json
+            return
+        print(summary)
+        if then:
+            print(f"then: {then}")
 
 
 COMMANDS: dict[str, Callable[..., None]] = {}

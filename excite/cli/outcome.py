@@ -21,7 +21,7 @@ from dataclasses import field as dataclass_field
 from importlib import metadata
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import excite
 from excite.atomic import completed_files, discard_unfinished
@@ -30,9 +30,6 @@ from excite.finding import Finding
 from excite.folders import unwritable_error
 from excite.results import to_json
 from excite.temporary_folder import in_temporary_folder
-
-if TYPE_CHECKING:
-    pass
 
 _NAMED_FILES = 3
 
@@ -326,14 +323,14 @@ class Unmet:
     text: str
 
 
-def unmet_requirements(distribution: str = "excite") -> list[Unmet]:
-    """What an installed distribution asks for, extras left out, and does not find; empty where it is not installed."""
+def unmet_requirements() -> list[Unmet]:
+    """What the installed package asks for, extras left out, and does not find; empty where it is not installed."""
     from packaging.requirements import Requirement
     from packaging.version import InvalidVersion
 
     found: list[Unmet] = []
     try:
-        asked = [Requirement(text) for text in metadata.requires(distribution) or ()]
+        asked = [Requirement(text) for text in metadata.requires("excite") or ()]
     except metadata.PackageNotFoundError:
         return []
     for one in asked:

@@ -27,16 +27,6 @@ def print_document(document: dict[str, Any]) -> None:
     print(text)
 
 
-def emit_result(summary: str, document: dict[str, Any], *, as_json: bool, then: str = "") -> None:
-    """Print the summary and the command to go on with, or the JSON document where ``--json`` was given."""
-    if as_json:
-        print_document(document)
-        return
-    print(summary)
-    if then:
-        print(f"then: {then}")
-
-
 def command_line(*words: object) -> str:
     """A command as it can be typed, names with spaces quoted; models are read in it as in the one that says it."""
     # A report reads no model.

@@ -40,8 +40,7 @@ def list_robots(
     """List the bundled robots: degrees of freedom, mass, sensors, base type."""
     summaries = excite.robot_summaries()
     document = {"schema": "excite.robots/1", "robots": [summary.to_json() for summary in summaries]}
-    if call.is_printed(document, "robots.json"):
-        return
+    call.write_document(document, "robots.json")
     from rich.console import Console
     from rich.table import Table
 
@@ -55,8 +54,11 @@ def list_robots(
             f"{summary.mass:.1f}",
             ", ".join(summary.sensors),
         )
-    Console(soft_wrap=True).print(table)
-    print(f"then: {command_line('plan', 'ROBOT', '--out', 'plan')}")
+    console = Console(soft_wrap=True)
+    with console.capture() as capture:
+        console.print(table)
+    then = command_line("plan", "ROBOT", "--out", "plan")
+    call.emit_result(capture.get().removesuffix("\n"), document, then=then)
 
 
 @register_command("init-robot")

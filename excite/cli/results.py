@@ -409,8 +409,8 @@ def export_motions(
             print(f"excite: {verdict.summary()}", file=sys.stderr)
         raise
     for item in report.motions:
-        if item.cleared.reason is not None:
-            print(f"excite: written all the same: {item.cleared.verdict.summary()}", file=sys.stderr)
+        if item.reason is not None:
+            print(f"excite: written all the same: {item.judged.summary()}", file=sys.stderr)
     document = report.to_json()
     call.write_document(document, "export.json")
     call.emit_result(

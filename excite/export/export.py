@@ -48,83 +48,30 @@ _UNWRITABLE = {"shape", "joint_order", "not_finite", "time_not_increasing", "too
 OVERRIDE = "--unsafe-anyway REASON (unsafe_anyway in Python) is the only way round"
 
 
-@dataclass(frozen=True, eq=False)
-class Cleared:
-    """A motion as it is written for a controller, and what was said of it.
-
-    Attributes:
-        motion: on the controller's grid; its metadata carry the verdict, and the reason where it is not safe.
-        verdict: of the independent check, on what is written.
-        reason: why it is written all the same; None where it is safe.
-    """
-
-    motion: Motion
-    verdict: Verdict
-    reason: str | None
-
-
-def clear_motions(
-    exporters: Sequence[Exporter],
-    motions: Sequence[Motion],
-    rate_hz: float | None = None,
-    unsafe_anyway: str | None = None,
-    *,
-    approach: bool = False,
-) -> list[Cleared]:
-    """Judge motions anew, as they will be written, before any of them is.
-
-    Args:
-        exporters: what shall write each motion, for its robot.
-        motions: what shall leave.
-        rate_hz: rate of the files; None for the controller's, or each motion's own samples.
-        unsafe_anyway: why motions that fail are written all the same; None where they are not.
-        approach: whether the way from the robot's rest posture and back is part of each.
-
-    Raises:
-        UnsafeMotionError: the check does not find one safe, as it is or at ``rate_hz``, and there is no reason to write
-            it all the same. It carries the verdicts on all that fail.
-        MotionError: the joints are not the robot's.
-        InputError: the rate loses a motion, or is no rate, of the controller or at all; the controller does not run
-            such a robot; the reason is blank.
-    """
-    if unsafe_anyway is not None and not unsafe_anyway.strip():
-        raise InputError("is blank", field="unsafe_anyway", remedy="say why, for whoever finds the files")
-    for exporter, motion in zip(exporters, motions, strict=True):
-        exporter.refuse(motion)
-    if approach:
-        motions = [
-            with_approach(exporter.robot, motion) for exporter, motion in zip(exporters, motions, strict=True)
-        ]
-    named = {motion.name: motion for motion in motions}
-    cleared = [
-        _clear_motion(exporter, motion, named, rate_hz, unsafe_anyway)
-        for exporter, motion in zip(exporters, motions, strict=True)
-    ]
-    failed = [item.verdict for item in cleared if not item.verdict.safe]
+def _refuse_unsafe(failed: Sequence[Verdict], n_motions: int, reason: str | None) -> None:
+    """Raise UnsafeMotionError where the check fails some of so many motions and no reason stands against it."""
     broken = next((verdict for verdict in failed if _is_unwritable(verdict)), None)
-    if broken is not None and unsafe_anyway is not None:
+    if broken is not None and reason is not None:
         raise UnsafeMotionError(
             broken.summary(),
             verdicts=failed,
             remedy="nothing was written, and no reason would change that: nobody can run it",
         )
-    if failed and unsafe_anyway is None:
-        more = (
-            f", and {len(failed) - 1} more of {len(cleared)} motions are not safe" if len(failed) > 1 else ""
-        )
+    if failed and reason is None:
+        more = f", and {len(failed) - 1} more of {n_motions} motions are not safe" if len(failed) > 1 else ""
         raise UnsafeMotionError(
             f"{failed[0].summary()}{more}", verdicts=failed, remedy=f"nothing was written; {OVERRIDE}"
         )
-    return cleared
 
 
-def _clear_motion(
+def _judge_motion(
     exporter: Exporter,
     motion: Motion,
     named: Mapping[str, Motion],
     asked_hz: float | None,
     reason: str | None,
-) -> Cleared:
+) -> tuple[Motion, Verdict]:
+    """A motion as it is written for a controller, on its grid, and what the independent check says of that."""
     robot = exporter.robot
     if motion.joint_names != robot.joint_names:
         raise MotionError(
@@ -134,7 +81,7 @@ def _clear_motion(
         )
     verdict = check_motion(robot, motion, neighbours=named)
     if _is_unwritable(verdict):
-        return Cleared(motion, verdict, reason)
+        return motion, verdict
     rate_hz = exporter.rate(motion, asked_hz)
     written = motion
     if rate_hz is not None:
@@ -152,7 +99,7 @@ def _clear_motion(
         said["unsafe_anyway"] = reason
     metadata = replace(written.metadata, robot_hash=robot.hash, stated_hash="")
     sealed = with_verdict(replace(written, robot=robot.name, metadata=metadata), said, robot.hash)
-    return Cleared(sealed, verdict, None if verdict.safe else reason)
+    return sealed, verdict
 
 
 def _is_unwritable(verdict: Verdict) -> bool:
@@ -327,30 +274,34 @@ class Exported(Stated):
     Attributes:
         path: the file, or the folder of a bag.
         file: the same, relative to --out, or to the working folder.
-        cleared: the motion as written, and its verdict.
+        written: the motion on the controller's grid; its metadata carry the verdict, and the reason.
+        judged: what the independent check says of what is written.
+        reason: why it is written all the same; None where it is safe.
     """
 
     path: Path = field(metadata=HIDDEN)
     file: FilePath
-    cleared: Cleared = field(metadata=HIDDEN)
+    written: Motion = field(metadata=HIDDEN)
+    judged: Verdict = field(metadata=HIDDEN)
+    reason: str | None = field(metadata=HIDDEN)
 
     @property
     @stated
     def motion(self) -> Name:
         """Name of the motion."""
-        return self.cleared.motion.name
+        return self.written.name
 
     @property
     @stated
     def robot(self) -> Name:
         """Name of its robot."""
-        return self.cleared.motion.robot
+        return self.written.robot
 
     @property
     @stated
     def verdict(self) -> Mapping[str, Any] | None:
         """What the independent check said of it, and why it was written all the same where it is not safe."""
-        return self.cleared.motion.metadata.verdict
+        return self.written.metadata.verdict
 
 
 @dataclass(frozen=True, eq=False)
@@ -494,16 +445,31 @@ def _write_motions(
     *,
     approach: bool,
 ) -> ExportReport:
-    """Judge motions, and write all of them or none; beside one that is not safe stands why it was written."""
+    """Judge motions as they will be written, and write all of them or none.
+
+    Beside one that is not safe stands why it was written. Errors are those of :func:`export_motion`.
+    """
+    if unsafe_anyway is not None and not unsafe_anyway.strip():
+        raise InputError("is blank", field="unsafe_anyway", remedy="say why, for whoever finds the files")
+    for exporter, motion in zip(exporters, motions, strict=True):
+        exporter.refuse(motion)
+    if approach:
+        pairs = zip(exporters, motions, strict=True)
+        motions = [with_approach(exporter.robot, motion) for exporter, motion in pairs]
+    named = {motion.name: motion for motion in motions}
+    judged = [
+        _judge_motion(exporter, motion, named, rate_hz, unsafe_anyway)
+        for exporter, motion in zip(exporters, motions, strict=True)
+    ]
+    _refuse_unsafe([verdict for _, verdict in judged if not verdict.safe], len(judged), unsafe_anyway)
     format, written = exporters[0].name, []
-    cleared = clear_motions(exporters, motions, rate_hz, unsafe_anyway, approach=approach)
     with all_or_nothing():
-        for exporter, name, item in zip(exporters, names, cleared, strict=True):
+        for exporter, name, (motion, verdict) in zip(exporters, names, judged, strict=True):
             path = exporter.destination(folder / name)
-            whole = item.motion if exporter.whole else _commanded_motion(exporter.robot, item.motion)
-            exporter.write(whole, path)
-            one = Exported(path, str(path.relative_to(folder)), item)
-            if item.reason is not None:
+            exporter.write(motion if exporter.whole else _commanded_motion(exporter.robot, motion), path)
+            reason = None if verdict.safe else unsafe_anyway
+            one = Exported(path, str(path.relative_to(folder)), motion, verdict, reason)
+            if reason is not None:
                 alone = ExportReport(format, (one.file,), (replace(one, file=path.name),))
                 write_json(alone.to_json(), path.with_name(path.name + ".unsafe.json"))
             written.append(one)

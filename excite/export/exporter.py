@@ -302,9 +302,15 @@ def motion_remarks(motion: Motion) -> list[str]:
     return [" ".join(line.split()) for line in lines]
 
 
-def comment_lines(motion: Motion) -> str:
-    """Comment lines for a text file: the remarks, and the statement as one line of JSON that is read again."""
-    return as_comments([*motion_remarks(motion), json.dumps(motion_statement(motion))])
+def comment_lines(motion: Motion, **more: Any) -> str:
+    """Comment lines for a text file: the remarks, and the statement and more as a line of JSON that is read again."""
+    return as_comments([*motion_remarks(motion), json.dumps(motion_statement(motion) | more)])
+
+
+def write_statement(motion: Motion, file: Path, **more: Any) -> None:
+    """Write what a folder of files has no place for beside them, as JSON: statement, more, and remarks."""
+    said = motion_statement(motion) | more | {"remarks": motion_remarks(motion)}
+    file.write_text(json.dumps(said, ensure_ascii=False, indent=2) + "\n", encoding="utf-8")
 
 
 def as_comments(lines: Iterable[str]) -> str:

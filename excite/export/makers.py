@@ -17,11 +17,12 @@ from excite.errors import InputError
 from excite.export.exporter import (
     Exporter,
     Setting,
-    as_comments,
     comment_lines,
     motion_remarks,
     motion_statement,
+    write_statement,
 )
+from excite.formats.documents import read_yaml
 from excite.formats.unitree import G1, H1, QUADRUPED
 from excite.motion.motion import Motion
 from excite.motion.readers.programs import HEADER, STATEMENT
@@ -96,11 +97,7 @@ class UrScriptExporter(Exporter):
         return "\n".join([*lines, ""])
 
 
-# What Franka's control interface lets joints do.
-#
-# The numbers are those of the maker's page "Control Interface Specification and Robot Limits" and of
-# libfranka's ``rate_limiting.h`` (0.9.2 for the Franka Emika Robot, which is also called Panda; 0.13 and
-# later for the Franka Research 3). A command that is beyond one of them in one millisecond ends the motion.
+# What Franka's control interface lets joints do: a command that is beyond a limit in one millisecond ends the motion.
 
 RATE_HZ = 1000.0
 PERIOD_S = 1.0 / RATE_HZ
@@ -123,7 +120,7 @@ class FrankaLimits:
     jerk: tuple[float, ...]
     braking: tuple[tuple[float, float, float, float], ...] = ()
 
-    def velocities(self, q: Array) -> tuple[Array, Array]:
+    def velocity_bounds(self, q: Array) -> tuple[Array, Array]:
         """Lowest and highest velocity at positions ``(n, 7)``, the same shape each."""
         top = np.tile(self.velocity, (len(q), 1))
         if not self.braking:
@@ -135,25 +132,8 @@ class FrankaLimits:
 
 
 LIMITS = {
-    "panda": FrankaLimits(
-        (2.175, 2.175, 2.175, 2.175, 2.61, 2.61, 2.61),
-        (15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0),
-        (7500.0, 3750.0, 5000.0, 6250.0, 7500.0, 10000.0, 10000.0),
-    ),
-    "fr3": FrankaLimits(
-        (2.62, 2.62, 2.62, 2.62, 5.26, 4.18, 5.26),
-        (10.0,) * 7,
-        (5000.0,) * 7,
-        (
-            (0.30, 12.0, -2.7501, 2.7501),
-            (0.20, 5.17, -1.7918, 1.7918),
-            (0.20, 7.0, -2.9065, 2.9065),
-            (0.30, 8.0, -3.0481, -0.1458),
-            (0.35, 34.0, -2.8101, 2.8101),
-            (0.35, 11.0, 0.54092, 4.5205),
-            (0.35, 34.0, -3.0196, 3.0196),
-        ),
-    ),
+    name: FrankaLimits(**{key: tuple(values) for key, values in row.items()})
+    for name, row in read_yaml(Path(__file__).with_name("franka_limits.yaml")).items()
 }
 
 
@@ -173,7 +153,7 @@ def franka_violations(limits: FrankaLimits, q: Array, joints: tuple[str, ...]) -
     v = np.diff(still, axis=0) / PERIOD_S
     a = np.diff(v, axis=0) / PERIOD_S
     jerk = np.diff(a, axis=0) / PERIOD_S
-    low, high = limits.velocities(still[1:])
+    low, high = limits.velocity_bounds(still[1:])
     found: list[Violation] = []
     for kind, values, limit in (
         ("franka_velocity", v, np.where(v >= 0.0, high, -low)),
@@ -230,9 +210,8 @@ class FrankaExporter(Exporter):
         """See :class:`Exporter`; numbers are written with all their digits."""
         names = [f"{prefix}.{joint}" for prefix in "qva" for joint in motion.joint_names]
         rows = np.hstack([motion.joint_positions(), motion.joint_velocities(), motion.joint_accelerations()])
-        said = motion_statement(motion) | {"rate_hz": RATE_HZ, "columns": names}
         lines = [f"{' '.join(map(repr, row))}\n" for row in rows.tolist()]
-        write_text(path, as_comments([*motion_remarks(motion), json.dumps(said)]) + "".join(lines))
+        write_text(path, comment_lines(motion, rate_hz=RATE_HZ, columns=names) + "".join(lines))
 
     def _find_model(self) -> str:
         """Name of the model in ``LIMITS``, by the setting or the joints' names; empty where neither says."""
@@ -272,10 +251,6 @@ class OpenHrpExporter(Exporter):
             files |= {"waist": np.hstack([motion.q[:, :3], angles]), "hip": angles}
             if self.robot.feet:
                 files["zmp"] = _zmp_in_base(self.robot, motion, rotations)
-        said = motion_statement(motion) | {
-            "joints": [motion.joint_names[k] for k in order],
-            "remarks": motion_remarks(motion),
-        }
         time = (motion.time - motion.time[0])[:, None]
         with atomic_folder(path) as folder:
             folder.mkdir()
@@ -283,8 +258,7 @@ class OpenHrpExporter(Exporter):
                 rows = np.hstack([time, values]).tolist()
                 text = "".join(f"{' '.join(map(repr, row))}\n" for row in rows)
                 (folder / f"{motion.name}.{ending}").write_text(text, encoding="utf-8")
-            text = json.dumps(said, ensure_ascii=False, indent=2)
-            (folder / STATEMENT).write_text(text + "\n", encoding="utf-8")
+            write_statement(motion, folder / STATEMENT, joints=[motion.joint_names[k] for k in order])
 
     def _joint_order(self) -> list[int]:
         """Places of the joints in the motion, in the order of the files."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from string import Formatter
@@ -13,78 +14,33 @@ import pinocchio as pin
 
 from excite.atomic import write_text
 from excite.errors import InputError, UnknownNameError
+from excite.formats.documents import read_yaml
 from excite.identification.load import WeighedLoad
 from excite.robot.robot import Robot
 
 
 @dataclass(frozen=True)
 class PayloadFormat:
-    """How a maker writes a load; the same text, its numbers left open, reads it again.
-
-    Attributes:
-        suffix: of the file.
-        flange: names that the flange's frame has in descriptions of its arms, as a pattern.
-        text: what is written. ``m`` is the mass [kg], ``x y z`` the centre of mass, ``xx … yz`` the inertia about it
-            along the flange's axes; or ``j1 j2 j3`` the principal moments, whose axes are turned from the flange's by
-            ``a b c`` [deg] about z, y', x'', or by the quaternion ``q1 … q4``, its scalar first.
-        length: units of length a metre.
-        moment: units of inertia a kg·m².
-        largest: bound on each number of the inertia, in its unit.
-        source: where the maker says so.
-    """
+    """How a maker writes a load: a row of ``payload_formats.yaml``, which says what each field is."""
 
     suffix: str
     flange: str
     text: str
+    source: str
+    rated: Mapping[str, float]
     length: float = 1.0
     moment: float = 1.0
     largest: float = np.inf
-    source: str = ""
+
+    def rated_payload(self, arm: str) -> float:
+        """What an arm of that name may carry [kg]; of one that is not known what the strongest of its maker may."""
+        fits = (kg for start, kg in self.rated.items() if re.match(rf"(?:{start})(?![a-z0-9])", arm.lower()))
+        return next(fits)
 
 
 PAYLOAD_FORMATS = {
-    "ur": PayloadFormat(
-        ".script",
-        "tool0",
-        "def excite_load():\n"
-        "  set_target_payload({m}, [{x}, {y}, {z}], [{xx}, {yy}, {zz}, {xy}, {xz}, {yz}])\nend\n",
-        largest=133.0,
-        source="Script manual SW 10.6, set_target_payload",
-    ),
-    "franka": PayloadFormat(
-        ".json",
-        r"\w*link8|\w*flange",
-        '{{"mass": {m}, "center_of_mass": [{x}, {y}, {z}],'
-        ' "load_inertia": [{xx}, {xy}, {xz}, {xy}, {yy}, {yz}, {xz}, {yz}, {zz}]}}\n',
-        source="franka_msgs/srv/SetLoad; the arguments of libfranka's Robot::setLoad in their order",
-    ),
-    "kuka": PayloadFormat(
-        ".dat",
-        "tool0",
-        "LOAD_DATA[1]={{M {m},CM {{X {x},Y {y},Z {z},A {a},B {b},C {c}}},J {{X {j1},Y {j2},Z {j3}}}}}\n",
-        length=1e3,
-        source="System variables, LOAD_DATA: FLANGE, mm, degrees about Z Y X, principal moments in kg·m²",
-    ),
-    "fanuc": PayloadFormat(
-        ".ls",
-        "tool0",
-        "/PROG  EXCITE_LOAD\n/MN\n   1:  $PLST_GRP1[1].$PAYLOAD=({m}) ;\n   2:  $PLST_GRP1[1].$PAYLOAD_X=({x}) ;\n"
-        "   3:  $PLST_GRP1[1].$PAYLOAD_Y=({y}) ;\n   4:  $PLST_GRP1[1].$PAYLOAD_Z=({z}) ;\n"
-        "   5:  $PLST_GRP1[1].$PAYLOAD_IX=({xx}) ;\n   6:  $PLST_GRP1[1].$PAYLOAD_IY=({yy}) ;\n"
-        "   7:  $PLST_GRP1[1].$PAYLOAD_IZ=({zz}) ;\n   8:  PAYLOAD[1] ;\n/POS\n/END\n",
-        length=1e2,
-        # A kilogram-force is 9.80665 N.
-        moment=1e2 / 9.80665,
-        source="System variables, $PLST_GRP: kg, cm, kgf·cm·s², moments about the centre along the flange's axes",
-    ),
-    "abb": PayloadFormat(
-        ".mod",
-        "tool0",
-        "MODULE ExciteLoad\n"
-        "  PERS loaddata exciteload:=[{m},[{x},{y},{z}],[{q1},{q2},{q3},{q4}],{j1},{j2},{j3}];\nENDMODULE\n",
-        length=1e3,
-        source="RAPID data types, loaddata of a tool: wrist frame, mm, axes of moment, kg·m²",
-    ),
+    name: PayloadFormat(**row)
+    for name, row in read_yaml(Path(__file__).with_name("payload_formats.yaml")).items()
 }
 
 
@@ -93,34 +49,6 @@ def find_payload_format(name: str) -> PayloadFormat:
     if name not in PAYLOAD_FORMATS:
         raise UnknownNameError("format", name, sorted(PAYLOAD_FORMATS))
     return PAYLOAD_FORMATS[name]
-
-
-# Rated payloads [kg] of makers' data sheets by how an arm's name begins, the first that fits; a maker's last row is its
-# strongest arm.
-RATED = (
-    ("ur", "ur3e?", 3.0),
-    ("ur", "ur5e?", 5.0),
-    ("ur", "ur7e", 7.5),
-    ("ur", "ur10", 10.0),
-    ("ur", "ur10e", 12.5),
-    ("ur", "ur12e", 12.5),
-    ("ur", "ur15", 15.0),
-    ("ur", "ur16e", 16.0),
-    ("ur", "ur20", 25.0),
-    ("ur", ".*", 35.0),
-    ("franka", ".*", 3.0),
-    ("kuka", r"(lbr_?)?(iiwa_?|med_?)7", 7.0),
-    ("kuka", r"(lbr_?)?(iiwa_?|med_?)14", 14.0),
-    ("kuka", ".*", 1300.0),
-    ("fanuc", r"lr_?mate_?200i[bcd]|crx_?5ia", 7.0),
-    ("fanuc", r"crx_?10ia", 10.0),
-    ("fanuc", ".*", 2300.0),
-    ("abb", r"irb_?120", 3.0),
-    ("abb", r"irb_?1200_?5", 5.0),
-    ("abb", r"irb_?1200_?7", 7.0),
-    ("abb", r"irb_?6640", 235.0),
-    ("abb", ".*", 800.0),
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,8 +123,7 @@ def payload_for(load: WeighedLoad, robot: Robot, format: str, flange: str | None
             field="mass and centre",
             remedy="record motions that turn the last joints in several postures, or state --mass",
         )
-    called = robot.name.lower()
-    rated = next(kg for f, arm, kg in RATED if f == format and re.match(rf"(?:{arm})(?![a-z0-9])", called))
+    rated = form.rated_payload(robot.name)
     if load.mass > rated:
         raise InputError(
             f"is {load.mass:.3f} kg, and {robot.name} is rated for {rated:g} kg",

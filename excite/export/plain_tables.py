@@ -16,9 +16,8 @@ from excite.export.exporter import (
     Exporter,
     Setting,
     as_comments,
-    motion_remarks,
-    motion_statement,
     motion_warnings,
+    write_statement,
 )
 from excite.formats.arrays import NpzFormat
 from excite.formats.arrow import arrow_table
@@ -95,9 +94,7 @@ class LeRobotExporter(Exporter):
                 robot=motion.robot,
                 task=self.word("task"),
             )
-            said = motion_statement(motion) | {"remarks": motion_remarks(motion)}
-            text = json.dumps(said, indent=2, ensure_ascii=False)
-            (folder / STATEMENT).write_text(text + "\n", encoding="utf-8")
+            write_statement(motion, folder / STATEMENT)
 
 
 # NumPy archives: one matrix a quantity.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from shlex import quote
 from typing import Any, Literal
@@ -17,11 +17,9 @@ from excite.errors import InputError
 from excite.export.exporter import (
     Exporter,
     Setting,
-    as_comments,
     between_rests,
+    comment_lines,
     goal_velocities,
-    motion_remarks,
-    motion_statement,
 )
 from excite.formats.number import shorten_value
 from excite.motion.motion import Motion
@@ -232,15 +230,12 @@ class Ros2YamlExporter(Exporter):
             for number, part in enumerate(between_rests(motion)):
                 file = GOAL_FILE.format(number)
                 start = float(part.time[0] - motion.time[0])
-                text = self._text(part, f"{path.name}/{file}", {"start_s": start})
+                text = self._text(part, f"{path.name}/{file}", start_s=start)
                 (folder / file).write_text(text, encoding="utf-8")
 
-    def _text(self, motion: Motion, name: str, more: Mapping[str, float] | None = None) -> str:
+    def _text(self, motion: Motion, name: str, **more: float) -> str:
         """Command, comments and goal."""
-        lines = as_comments(
-            [*motion_remarks(motion), json.dumps(motion_statement(motion) | dict(more or {}))]
-        )
-        text, file = _goal_text(motion), quote(name)
+        lines, text, file = comment_lines(motion, **more), _goal_text(motion), quote(name)
         command = f"# ros2 action send_goal {action_name(self.word('controller'))} {ACTION} "
         goal = f'"$(cat {file})"'
         if len((command + goal + lines + text).encode()) > _LONGEST_ARGUMENT:

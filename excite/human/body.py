@@ -186,15 +186,15 @@ class BodyInertia:
     def __add__(self, other: BodyInertia) -> BodyInertia:
         mass = self.mass + other.mass
         center = (self.mass * self.center + other.mass * other.center) / mass
-        inertia = sum((part.about(center) for part in (self, other)), np.zeros((3, 3)))
+        inertia = sum((part.inertia_about(center) for part in (self, other)), np.zeros((3, 3)))
         return BodyInertia(mass, center, inertia)
 
-    def about(self, point: Array) -> Array:
+    def inertia_about(self, point: Array) -> Array:
         """Inertia about another point, ``(3, 3)``."""
         d = self.center - point
         return self.inertia + self.mass * (d @ d * np.eye(3) - np.outer(d, d))
 
-    def mirrored(self) -> BodyInertia:
+    def mirror_body(self) -> BodyInertia:
         """The body's image at the sagittal plane."""
         return BodyInertia(self.mass, _MIRROR @ self.center, _MIRROR @ self.inertia @ _MIRROR)
 
@@ -220,7 +220,7 @@ def body_inertias(subject: Subject, dimensions: Dimensions, table: Anthropometry
     factor = subject.mass / sum(body.mass for body in bodies)
     scaled = [BodyInertia(body.mass * factor, body.center, body.inertia * factor) for body in bodies]
     return tuple(
-        body.mirrored() if segment.side == "left" else body
+        body.mirror_body() if segment.side == "left" else body
         for segment, body in zip(SEGMENTS, scaled, strict=True)
     )
 

@@ -10,10 +10,9 @@ from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
 import numpy as np
+import pinocchio as pin
 import yaml
-from scipy.spatial.transform import Rotation
 
-from excite.arrays import Array
 from excite.atomic import write_text
 from excite.display import Shown
 from excite.errors import InputError, UnknownNameError
@@ -25,7 +24,6 @@ from excite.human.body import (
     DIMENSIONS,
     Anthropometry,
     Body,
-    BodyInertia,
     body_of,
     segment_box,
 )
@@ -49,7 +47,7 @@ from excite.human.recording import (
     with_known_labels,
 )
 from excite.human.recording_files import paired_recordings
-from excite.human.segments import JOINT_NAMES, NAMES, PAIRS, PARENTS, SEGMENTS, Segment, Subject
+from excite.human.segments import JOINT_NAMES, NAMES, PAIRS, PARENTS, SEGMENTS, Subject
 from excite.human.skeleton import base_pose, frame_turn, joint_angles, near_singular, place_segments
 from excite.human.trial_poses import TrialPoses, trial_poses
 from excite.logs.files import save_log
@@ -69,6 +67,7 @@ from excite.results import (
     stated,
     stated_later,
 )
+from excite.robot.urdf.writing import add_element, add_inertial, add_joint, add_solid
 from excite.rows.settings import ProblemSettings
 from excite.threads import one_blas_thread
 
@@ -182,35 +181,6 @@ def _carrier_of(marker: ElementTree.Element) -> str:
     return stated.strip().removeprefix("/bodyset/")
 
 
-# What a person chooses, and what comes of it.
-
-
-def _build_element(tag: str, *content: ElementTree.Element | str, **attributes: str) -> ElementTree.Element:
-    """An element with children, or with text."""
-    found = ElementTree.Element(tag, attributes)
-    for item in content:
-        if isinstance(item, str):
-            found.text = item
-        else:
-            found.append(item)
-    return found
-
-
-def _render_document(root: ElementTree.Element) -> str:
-    ElementTree.indent(root)
-    return ElementTree.tostring(root, encoding="unicode", xml_declaration=True) + "\n"
-
-
-def _format_values(values: Array) -> str:
-    return " ".join(f"{value + 0.0:.12g}" for value in values)
-
-
-def _coordinate_names(segment: Segment) -> tuple[str, ...]:
-    if len(segment.axes) == 1:
-        return (str(segment.joint),)
-    return tuple(f"{segment.joint}_{axis.name}" for axis in segment.axes)
-
-
 # A person as a URDF and a ``robot.yaml``: spherical joints are three axes with massless links between.
 
 URDF_FILE, ROBOT_FILE = "human.urdf", "robot.yaml"
@@ -221,62 +191,36 @@ PLACES = {"robot_file": ROBOT_FILE, "log_file": "."}
 
 def urdf_text(body: Body) -> str:
     """The URDF: one link a segment, angles named as in :data:`~excite.human.segments.JOINT_NAMES`."""
-    robot = _build_element("robot", name="human")
-    offsets = body.offsets
-    limits = {"velocity": "40.0", "effort": "400.0"}
+    robot, names = ElementTree.Element("robot", name="human"), iter(JOINT_NAMES)
     for k, segment in enumerate(SEGMENTS):
-        robot.append(_build_link(segment.name, body.inertias[k], segment_box(body, k), frame_turn(k)))
-        if k == 0:
-            continue
-        carrier, turn = NAMES[PARENTS[k]], frame_turn(PARENTS[k])
-        place = turn @ offsets[k]
-        for i, (name, axis) in enumerate(zip(_coordinate_names(segment), segment.axes, strict=True)):
+        _add_segment(robot, body, k)
+        carrier = NAMES[PARENTS[k]]
+        turn = frame_turn(PARENTS[k]) if k else np.eye(3)
+        pose = pin.SE3(turn, turn @ body.offsets[k])
+        for i, axis in enumerate(segment.axes):
             last = i == len(segment.axes) - 1
             child = segment.name if last else f"{segment.name}_axis_{i + 1}"
             if not last:
-                robot.append(_build_element("link", name=child))
+                add_element(robot, "link", name=child)
             bound = 1.57 if i == 1 else 3.1
             low, high = (-0.5, 2.9) if len(segment.axes) == 1 else (-bound, bound)
-            robot.append(
-                _build_element(
-                    "joint",
-                    _build_element("parent", link=carrier),
-                    _build_element("child", link=child),
-                    _build_origin(place, turn),
-                    _build_element("axis", xyz=_format_values(np.eye(3)[axis.index] * axis.sign)),
-                    _build_element("limit", lower=f"{low}", upper=f"{high}", **limits),
-                    name=name,
-                    type="revolute",
-                )
-            )
-            carrier, turn, place = child, np.eye(3), np.zeros(3)
-    return _render_document(robot)
+            joint = add_joint(robot, next(names), "revolute", carrier, child, pose)
+            add_element(joint, "axis", xyz=np.eye(3)[axis.index] * axis.sign)
+            add_element(joint, "limit", lower=low, upper=high, velocity=40.0, effort=400.0)
+            carrier, pose = child, pin.SE3.Identity()
+    ElementTree.indent(robot)
+    return ElementTree.tostring(robot, encoding="unicode", xml_declaration=True) + "\n"
 
 
-def _build_link(name: str, inertia: BodyInertia, box: Array, turn: Array) -> ElementTree.Element:
-    moments = turn @ inertia.inertia @ turn.T
-    values = {f"i{'xyz'[i]}{'xyz'[j]}": f"{moments[i, j]:.12g}" for i in range(3) for j in range(i, 3)}
-    inertial = _build_element(
-        "inertial",
-        _build_origin(turn @ inertia.center, np.eye(3)),
-        _build_element("mass", value=f"{inertia.mass:.12g}"),
-        _build_element("inertia", **values),
-    )
-    shapes = [
-        _build_element(
-            kind,
-            _build_origin(turn @ box.mean(axis=0), turn),
-            _build_element("geometry", _build_element("box", size=_format_values(box[1] - box[0]))),
-        )
-        for kind in ("visual", "collision")
-    ]
-    return _build_element("link", inertial, *shapes, name=name)
-
-
-def _build_origin(place: Array, rotation: Array) -> ElementTree.Element:
-    # Roll, pitch and yaw about the parent's axes.
-    turn = Rotation.from_matrix(rotation).as_euler("xyz")
-    return _build_element("origin", xyz=_format_values(place), rpy=_format_values(turn))
+def _add_segment(robot: ElementTree.Element, body: Body, k: int) -> None:
+    """A segment's link: its inertia, and its box to be seen and to collide with."""
+    link, inertia = add_element(robot, "link", name=NAMES[k]), body.inertias[k]
+    turn, box = pin.SE3(frame_turn(k), np.zeros(3)), segment_box(body, k)
+    moments = turn.rotation @ inertia.inertia @ turn.rotation.T
+    centre = pin.SE3(np.eye(3), turn.rotation @ inertia.center)
+    add_inertial(link, centre, inertia.mass, moments[np.triu_indices(3)])
+    for kind in ("visual", "collision"):
+        add_solid(link, kind, turn * pin.SE3(np.eye(3), box.mean(axis=0)), "box", size=box[1] - box[0])
 
 
 def robot_yaml(body: Body, rate_hz: float, plates: tuple[str, ...] = ()) -> str:

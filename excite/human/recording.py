@@ -59,7 +59,7 @@ class Recording:
         """Rate of the markers [Hz]."""
         return (len(self.time) - 1) / float(self.time[-1] - self.time[0])
 
-    def turned(self, rotation: Array) -> Recording:
+    def turn_axes(self, rotation: Array) -> Recording:
         """The recording in other axes: ``x ↦ rotation @ x``."""
         plates = tuple(
             replace(
@@ -79,7 +79,7 @@ class Recording:
         """A finding of the file, which its text names."""
         return Finding(kind, f"{self.source.name}: {text}", values, tuple(channels))
 
-    def noting(self, *findings: Finding) -> Recording:
+    def with_findings(self, *findings: Finding) -> Recording:
         """The recording with more findings."""
         return replace(self, findings=(*self.findings, *findings))
 
@@ -128,7 +128,7 @@ def with_known_labels(recording: Recording, markers: MarkerSet) -> Recording:
     if not unknown:
         return found
     text = f"{len(unknown)} labels are not in marker set {markers.name!r}: {list_names(unknown)}"
-    return found.noting(
+    return found.with_findings(
         found.build_finding("unknown_markers", text, {"markers": float(len(unknown))}, unknown)
     )
 
@@ -185,7 +185,7 @@ def in_metres(recording: Recording, subject: Subject) -> Recording:
             text = f"{said}: they are {unit} while the file says otherwise; converted"
             markers = {label: values * factor for label, values in recording.markers.items()}
             values = {"span": float(extent), "factor": factor}
-            return replace(recording, markers=markers).noting(
+            return replace(recording, markers=markers).with_findings(
                 recording.build_finding("units", text, values, ["markers"])
             )
     raise LogError(
@@ -225,4 +225,4 @@ def _marker_middle(recording: Recording, markers: MarkerSet, chosen: Callable[[s
 
 def turn_z_up(recording: Recording, axis: str) -> Recording:
     """The recording turned so that ``axis`` becomes z."""
-    return recording.turned(_UP[axis])
+    return recording.turn_axes(_UP[axis])

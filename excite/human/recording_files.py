@@ -415,7 +415,7 @@ def paired_recordings(
             "has forces only", source=rest[len(moving)].source, remedy="give the file with its markers too"
         )
     pairs += zip(moving, rest, strict=True)
-    found += [replace(r, plates=force.plates).noting(*force.findings) for r, force in pairs]
+    found += [replace(r, plates=force.plates).with_findings(*force.findings) for r, force in pairs]
     if not found:
         raise LogError(
             "no trial with markers and forces", remedy="give C3D files, or TRC and MOT files together"

@@ -61,7 +61,7 @@ class Pose:
         """Postures of their own."""
         return Pose(self.position.copy(), self.rotation.copy())
 
-    def moved(self, step: Array) -> Pose:
+    def take_step(self, step: Array) -> Pose:
         """Postures after a step ``(n, 40)``: pelvis in the world [m], turns about each segment's own axes [rad]."""
         rotation = self.rotation.copy()
         for k in range(N_SEGMENTS):
@@ -89,7 +89,7 @@ class Placement:
     rotation: Array
     origin: Array
 
-    def points(self, segment: NDArray[np.int64], local: Array) -> Array:
+    def locate_points(self, segment: NDArray[np.int64], local: Array) -> Array:
         """World positions of points ``local`` ``(m, 3)`` fixed to segments ``segment`` ``(m,)``: ``(n, m, 3)``."""
         turned = np.einsum("nmij,mj->nmi", self.rotation[:, segment], local)
         return self.origin[:, segment] + turned
@@ -113,7 +113,7 @@ def place_segments(pose: Pose, offsets: Array) -> Placement:
 
 
 def point_jacobian(placement: Placement, points: Array, segment: NDArray[np.int64]) -> Array:
-    """Derivative of points on segments with respect to :meth:`Pose.moved`'s step, ``(n, m, 3, 40)``.
+    """Derivative of points on segments with respect to :meth:`Pose.take_step`'s step, ``(n, m, 3, 40)``.
 
     Args:
         placement: the segments.

@@ -80,7 +80,7 @@ def trial_poses(calibration: Calibration, recording: Recording, cutoff_hz: float
         if not found:
             break
         rough = _repair_frames(model, points, solve_poses(model, points, rough.pose, steps=8))
-    predicted = model.predicted(rough.pose)
+    predicted = model.predict_markers(rough.pose)
     findings = label_findings(swapped, points, predicted, model.labels, recording)
     if cutoff_hz is not None:
         points = _filter_markers(points, predicted, recording, cutoff_hz)
@@ -237,7 +237,7 @@ def restore_labels(
         return points, {}
     between = interpolate_poses(good.astype(float), solution.pose[good], bad.astype(float))
     swapped: dict[tuple[str, str], int] = {}
-    for predicted in (model.predicted(solution.pose[bad]), model.predicted(between)):
+    for predicted in (model.predict_markers(solution.pose[bad]), model.predict_markers(between)):
         shown = points[bad]
         distance = np.linalg.norm(shown - predicted, axis=2)
         suspects = np.flatnonzero((np.nan_to_num(distance) > FAR).any(axis=0))

@@ -165,7 +165,7 @@ def load_motion(path: str | Path, robot: RobotLike) -> Motion:
         # A foot without flags is no error of the file's: the check says so, and that the motion is not safe.
         contacts = {foot: columns[name] > 0.5 for foot, name in flags.items() if name in columns}
     if joints != robot.joint_names and robot.mechanism is not None:
-        q, v, a = robot.mechanism.completed(q, v, a)
+        q, v, a = robot.mechanism.complete_motion(q, v, a)
     return Motion(
         name=path.stem,
         robot=(said.robot if said is not None else "") or robot.name,

@@ -156,9 +156,9 @@ def _structural_parameters(robot: Robot, drives: Sequence[str], seed: int) -> Ba
     if robot.mechanism is not None:
         # Within limits: beyond, a mechanism cannot be closed.
         base, limits = q[:, : robot.n_base_q], robot.limits
-        q = robot.mechanism.drawn(random, limits.position_lower, limits.position_upper, n)
+        q = robot.mechanism.draw_configurations(random, limits.position_lower, limits.position_upper, n)
         q[:, : robot.n_base_q] = base
-        q, v, a = robot.mechanism.following(q, v, a)
+        q, v, a = robot.mechanism.follow_driven(q, v, a)
     rows = regressor_rows(robot, columns, q, v, a, stance_flags(robot, n))
     return base_parameters(rows.reshape(-1, len(columns.names)), columns.names)
 

@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from excite.atomic import atomic_path
 from excite.report.html import format_number
@@ -50,39 +50,6 @@ WIDTH_IN = 9.6
 LINE_IN = 0.2
 # Half of the width at the size of labels.
 _LONGEST_LABEL = 60
-_STYLE: dict[Any, Any] = {
-    "font.family": ["DejaVu Sans", "sans-serif"],
-    "font.size": 8.5,
-    "axes.titlesize": 9.0,
-    "axes.titlelocation": "left",
-    "axes.titlecolor": INK.light,
-    "axes.labelsize": 8.5,
-    "axes.labelcolor": MUTED.light,
-    "axes.edgecolor": MUTED.light,
-    "axes.linewidth": 0.6,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "axes.facecolor": "none",
-    "grid.color": GRID.light,
-    "grid.linewidth": 0.6,
-    "text.color": INK.light,
-    "xtick.color": MUTED.light,
-    "ytick.color": MUTED.light,
-    "xtick.major.width": 0.6,
-    "ytick.major.width": 0.6,
-    "legend.frameon": False,
-    "legend.fontsize": 8.5,
-    "figure.facecolor": "none",
-    "lines.solid_capstyle": "round",
-    "path.simplify": True,
-    "path.simplify_threshold": 0.4,
-    "svg.fonttype": "none",
-    # Names come from files: a dollar sign in one is no formula.
-    "text.parse_math": False,
-    "svg.hashsalt": "excite",
-}
 
 
 @contextmanager
@@ -90,7 +57,8 @@ def _common_style() -> Iterator[None]:
     """Figures' style, without remarks on letters that the font lacks (the reader's has them) and on narrow panels."""
     import matplotlib
 
-    with matplotlib.rc_context(_STYLE), warnings.catch_warnings():
+    style = Path(__file__).with_name("assets") / "figures.mplstyle"
+    with matplotlib.rc_context(fname=style), warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
         yield
 

@@ -73,7 +73,7 @@ def find_robot(name_or_path: str | Path) -> Path:
         RobotError: a file of another kind, or a folder without one.
     """
     path = Path(name_or_path)
-    if path.suffix in {".yaml", ".yml", *MODEL_SUFFIXES} - {".xacro"}:
+    if path.suffix in {".yaml", ".yml", *MODEL_SUFFIXES}:
         return path
     bundled = data_folder("robots") / str(name_or_path) / "robot.yaml"
     if os.path.isfile(bundled):

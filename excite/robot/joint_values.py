@@ -42,7 +42,7 @@ class LimitTable:
     at: tuple[float, ...]
     limit: tuple[float, ...]
 
-    def tightest(self, low: Array, high: Array) -> Array:
+    def tightest_between(self, low: Array, high: Array) -> Array:
         """The tightest limit while the joint is anywhere between two positions, ``(n,)`` each."""
         # A function that is linear between nodes is extreme at an end of an interval, or at a node inside it.
         found = np.stack([np.interp(low, self.at, self.limit), np.interp(high, self.at, self.limit)])
@@ -94,7 +94,7 @@ class Limits:
         tighter = np.maximum if quantity == "position_lower" else np.minimum
         for table in tables:
             ends = low[:, table.over], (low if high is None else high)[:, table.over]
-            found[:, table.joint] = tighter(found[:, table.joint], table.tightest(*ends))
+            found[:, table.joint] = tighter(found[:, table.joint], table.tightest_between(*ends))
         return found
 
 

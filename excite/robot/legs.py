@@ -37,7 +37,7 @@ class Ankle:
             float(robot.limits.torque[robot.joint_index(robot.model.names[joint])]) for joint in self._joints
         ]
 
-    def eased(self, placements: Sequence[pin.SE3], point: Array, load: float) -> Array:
+    def ease_point(self, placements: Sequence[pin.SE3], point: Array, load: float) -> Array:
         """The way from a point to the nearest at which a load strains no joint of the ankle by more than :data:`EASY`.
 
         Seen from above, a load W at a point p asks ``(ẑ × a)·(p − o) W`` of a joint about the axis a through o.

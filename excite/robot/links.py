@@ -43,11 +43,11 @@ def carried_link(model: pin.Model, joint: int) -> str:
 
 def link_placement(model: pin.Model, link: str, source: object, field: str) -> tuple[int, pin.SE3]:
     """Joint that carries a link, and the link's pose in that joint's frame; raises RobotError."""
-    for frame in model.frames:
-        if frame.type == pin.FrameType.BODY and frame.name == link:
-            return frame.parentJoint, frame.placement
-    links = [frame.name for frame in model.frames if frame.type == pin.FrameType.BODY]
-    raise unknown_name(source, field, "link", link, links)
+    if not model.existFrame(link, pin.FrameType.BODY):
+        links = [frame.name for frame in model.frames if frame.type == pin.FrameType.BODY]
+        raise unknown_name(source, field, "link", link, links)
+    frame = model.frames[model.getFrameId(link, pin.FrameType.BODY)]
+    return frame.parentJoint, frame.placement
 
 
 def read_foot(model: pin.Model, description: RobotDescription, name: str, path: Path, upright: Array) -> Foot:

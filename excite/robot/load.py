@@ -9,8 +9,8 @@ from pathlib import Path
 
 from excite.atomic import all_or_nothing, write_bytes, write_text
 from excite.errors import InputError
-from excite.robot.catalogue import MODEL_SUFFIXES, bundled_robots, find_robot, is_package
-from excite.robot.init_robot.packages import model_of_package
+from excite.robot.catalogue import MODEL_SUFFIXES, bundled_robots
+from excite.robot.init_robot.packages import find_model
 from excite.robot.init_robot.source import Source, model_source
 from excite.robot.loading import limited_description
 from excite.robot.loading import load_robot as load_described
@@ -42,11 +42,7 @@ def load_robot(name_or_path: str | Path, source: Source | None = None) -> Robot:
         RobotError: a file is missing or malformed, or a number in it is absurd.
         UnknownNameError: neither a file nor a bundled robot.
     """
-    path, source = Path(name_or_path), source or model_source()
-    if is_package(path):
-        path, source = model_of_package(path, source)
-    elif path.suffix not in MODEL_SUFFIXES:
-        path = find_robot(name_or_path)
+    path, source = find_model(name_or_path, source or model_source())
     described = None if path.suffix in MODEL_SUFFIXES else load_described(path)
     if described is not None and source.limits is None:
         return described

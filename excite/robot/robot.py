@@ -224,7 +224,7 @@ class Robot:
         """Random configurations within the limits ``(n, nq)``, the base at rest and a mechanism closed."""
         lower, upper = self.limits.position_lower, self.limits.position_upper
         if self.mechanism is not None:
-            return self.mechanism.drawn(rng, lower, upper, n)
+            return self.mechanism.draw_configurations(rng, lower, upper, n)
         q = np.tile(self.rest, (n, 1))
         q[:, self.n_base_q :] = rng.uniform(lower, upper, (n, self.n_joints))
         return q

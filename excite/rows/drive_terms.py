@@ -144,7 +144,7 @@ def encoder_columns(samples: JointSamples) -> Array:
             q[:, joint + base] += step
             v, a = samples.v, samples.a
             if samples.robot.mechanism is not None:
-                q, v, a = samples.robot.mechanism.completed(q, v, a)
+                q, v, a = samples.robot.mechanism.complete_motion(q, v, a)
             torques.append(motor_torques(samples.robot, q, v, a)[:, samples.joints])
         columns.append((torques[0] - torques[1]) / (2.0 * _STEP))
     return np.stack(columns, axis=2)

@@ -111,7 +111,7 @@ def trial_kinematics(
         base = base_motion(positions_on_grid(trial.time, pose, grid), rate, cutoff_hz, filters.order)
         q[:, :7], v[:, :6], a[:, :6] = base.pose, base.twist, base.acceleration
     if robot.mechanism is not None:
-        q, v, a = robot.mechanism.completed(q, v, a)
+        q, v, a = robot.mechanism.complete_motion(q, v, a)
     valid = near_samples(trial.time, grid, max(settings.longest_gap_s, 2.0 / rate))
     edge = max(3, settling_samples(rate, cutoff_hz))
     valid[:edge] = valid[n - edge :] = False

@@ -17,8 +17,8 @@ import excite
 from excite.campaign.schemas import schema_names
 from excite.campaign.searches import SEARCHES
 from excite.cli.main import _run_command, app
-from excite.cli.options import EXAMPLES
-from excite.cli.output import command_line, emit_result
+from excite.cli.options import EXAMPLES, Call
+from excite.cli.output import command_line
 from excite.excitation.selection import SELECTIONS
 from excite.excitation.series import CRITERIA
 from excite.export.registry import EXPORTERS, MODEL_FORMATS
@@ -143,9 +143,9 @@ def test_what_comes_next_is_a_line_of_its_own_and_never_in_a_document(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     then = command_line("rank", "ur10", Path("my plan"))
-    emit_result("done", {"a": 1}, as_json=False, then=then)
+    Call(as_json=False).emit_result("done", {"a": 1}, then=then)
     assert capsys.readouterr().out == "done\nthen: excite rank ur10 'my plan'\n"
-    emit_result("done", {"a": 1}, as_json=True, then=then)
+    Call(as_json=True).emit_result("done", {"a": 1}, then=then)
     assert json.loads(capsys.readouterr().out) == {"a": 1}
 
 

@@ -101,9 +101,9 @@ def test_limits_are_those_of_the_makers_page(arm: Robot) -> None:
 def test_a_research_3_slows_down_towards_its_ends() -> None:
     limits, names = LIMITS["fr3"], tuple("abcdefg")
     q = np.array([[2.6, 0.0, 0.0, -1.6, 0.0, 2.5, 0.0]])
-    low, high = limits.velocities(q)
+    low, high = limits.velocity_bounds(q)
     assert high[0, 0] == pytest.approx(np.sqrt(12.0 * (2.7501 - 2.6)) - 0.3) and low[0, 0] == -2.62
-    assert high[0, 1] == 2.62 and limits.velocities(-q)[0][0, 0] == pytest.approx(-high[0, 0])
+    assert high[0, 1] == 2.62 and limits.velocity_bounds(-q)[0][0, 0] == pytest.approx(-high[0, 0])
     fast = np.tile(q, (30, 1))
     fast[:, 0] = 2.6 + 2.0e-3 * np.arange(30)
     found = [v for v in franka_violations(limits, fast, names) if v.kind == "franka_velocity"]

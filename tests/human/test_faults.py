@@ -63,7 +63,7 @@ def test_exchanged_labels_are_put_back_and_named(session, person):
 def test_millimetres_called_metres_are_named_and_converted(session, tmp_path):
     trial = write_trc(session.trial, tmp_path / "a.trc", unit=1e-3, name="m")
     read = replace(read_recording(trial), plates=session.trial.plates)
-    turned = replace(read, markers=read.turned(np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])).markers)
+    turned = replace(read, markers=read.turn_axes(np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])).markers)
     found = measured(session, turned)
     assert "millimetres" in kinds(found)["units"]
     assert found.trials[0].plates_kg == pytest.approx(70.0, rel=0.01)
@@ -72,14 +72,14 @@ def test_millimetres_called_metres_are_named_and_converted(session, tmp_path):
 @pytest.mark.slow
 def test_points_of_application_in_millimetres_are_named_and_converted(session, tmp_path):
     turn = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
-    forces = read_recording(write_mot(session.trial, tmp_path / "a.mot", point_unit=1e-3)).turned(turn)
+    forces = read_recording(write_mot(session.trial, tmp_path / "a.mot", point_unit=1e-3)).turn_axes(turn)
     found = measured(session, replace(session.trial, plates=forces.plates))
     assert "millimetres" in kinds(found)["units"]
 
 
 def test_swapped_feet_are_named(session, tmp_path):
     turn = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
-    forces = read_recording(write_mot(session.trial, tmp_path / "a.mot", names=("L", "R"))).turned(turn)
+    forces = read_recording(write_mot(session.trial, tmp_path / "a.mot", names=("L", "R"))).turn_axes(turn)
     found = measured(session, replace(session.trial, plates=forces.plates))
     text = kinds(found)["swapped_plates"]
     assert "plate_left lies under the right foot" in text

@@ -72,13 +72,13 @@ def test_jacobian_against_finite_differences():
     segment = np.array([2, 5, 14, 8])
     local = np.random.default_rng(0).normal(size=(4, 3)) * 0.1
     placed = place_segments(pose, BODY.offsets)
-    exact = point_jacobian(placed, placed.points(segment, local), segment)
+    exact = point_jacobian(placed, placed.locate_points(segment, local), segment)
     h = 1e-6
     for column in range(40):
         step = np.zeros((2, 40))
         step[:, column] = h
         ahead, behind = (
-            place_segments(pose.moved(sign * step), BODY.offsets).points(segment, local)
+            place_segments(pose.take_step(sign * step), BODY.offsets).locate_points(segment, local)
             for sign in (1.0, -1.0)
         )
         assert exact[..., column] == pytest.approx((ahead - behind) / (2 * h), abs=1e-8)
@@ -104,7 +104,7 @@ def test_no_step_from_the_posture_that_markers_ask_for_costs_less(robust):
         tuple(f"M{i}" for i in range(45)), segment, 0.1 * rng.normal(size=(45, 3)), BODY.offsets
     )
     true = pose_of(base, angles)
-    points = model.predicted(true) + 0.01 * rng.normal(size=(3, 45, 3))
+    points = model.predict_markers(true) + 0.01 * rng.normal(size=(3, 45, 3))
     points[0, :5], points[1, 7] = np.nan, points[1, 7] + 0.3
     found = solve_poses(model, points, true, steps=200, robust=robust).pose
 
@@ -113,7 +113,7 @@ def test_no_step_from_the_posture_that_markers_ask_for_costs_less(robust):
 
     least, h = cost(found), 1e-3
     for column in range(40):
-        ahead, behind = (cost(found.moved(np.eye(40)[[column]] * sign * h)) for sign in (1.0, -1.0))
+        ahead, behind = (cost(found.take_step(np.eye(40)[[column]] * sign * h)) for sign in (1.0, -1.0))
         slope, curvature = (ahead - behind) / (2.0 * h), (ahead + behind - 2.0 * least) / h**2
         # What Newton's step along it would gain is nothing against the cost.
         assert (curvature > 0.0).all() and (slope**2 / (2.0 * curvature) < 1e-4 * least).all(), column

@@ -22,13 +22,13 @@ def test_trc(session, tmp_path):
     read = read_recording(write_trc(trial, tmp_path / "a.trc"))
     trial.markers["C7"][10] = 0.5 * (trial.markers["C7"][9] + trial.markers["C7"][11])
     assert np.isnan(read.markers["C7"][10]).all()
-    assert read.turned(FROM_Y_UP).markers["RHND"] == pytest.approx(trial.markers["RHND"], abs=1e-6)
+    assert read.turn_axes(FROM_Y_UP).markers["RHND"] == pytest.approx(trial.markers["RHND"], abs=1e-6)
     assert read.rate_hz == pytest.approx(100.0)
 
 
 def test_mot(session, tmp_path):
     trial = session.trial
-    read = read_recording(write_mot(trial, tmp_path / "a.mot")).turned(FROM_Y_UP)
+    read = read_recording(write_mot(trial, tmp_path / "a.mot")).turn_axes(FROM_Y_UP)
     for plate, was, foot in zip(read.plates, trial.plates, ("right", "left"), strict=True):
         assert plate.foot == foot
         assert plate.force == pytest.approx(was.force, abs=1e-5)

@@ -50,7 +50,9 @@ def test_a_worn_weight_adds_its_steiner_term():
     assert worn.mass == pytest.approx(hand.mass + 2.0)
     assert worn.mass * worn.center == pytest.approx(hand.mass * hand.center + 2.0 * weight.center)
     origin = np.zeros(3)
-    assert worn.about(origin) == pytest.approx(hand.about(origin) + 2.0 * 0.01 * np.diag([1.0, 1.0, 0.0]))
+    assert worn.inertia_about(origin) == pytest.approx(
+        hand.inertia_about(origin) + 2.0 * 0.01 * np.diag([1.0, 1.0, 0.0])
+    )
 
 
 @pytest.mark.parametrize(

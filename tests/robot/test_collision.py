@@ -257,8 +257,8 @@ def test_what_distances_are_does_not_depend_on_what_was_asked_before(g1: Robot) 
     q = np.tile(g1.rest, (20, 1))
     q[:, 7:] = rng.uniform(g1.limits.position_lower, g1.limits.position_upper, (20, g1.n_joints))
     there, back = PairSearch(g1), PairSearch(g1)
-    first = [there.distances(row) for row in q]
-    second = [back.distances(row) for row in q[::-1]][::-1]
+    first = [there.link_distances(row) for row in q]
+    second = [back.link_distances(row) for row in q[::-1]][::-1]
     np.testing.assert_array_equal(first, second)
 
 

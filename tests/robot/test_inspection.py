@@ -256,7 +256,9 @@ def test_an_even_body_of_a_hull_has_the_moments_of_a_box() -> None:
     assert solid is not None
     assert solid.volume == pytest.approx(sides.prod())
     assert solid.spread == pytest.approx(np.diag(sides**2 / 12.0), abs=1e-12)
-    assert solid.nearest(centre + 10.0 * sides * [1, 1, 0]) == pytest.approx(centre + 0.5 * sides * [1, 1, 0])
+    assert solid.nearest_point(centre + 10.0 * sides * [1, 1, 0]) == pytest.approx(
+        centre + 0.5 * sides * [1, 1, 0]
+    )
 
 
 def test_inertias_of_a_mujoco_model_that_mujoco_refuses(tmp_path: Path) -> None:

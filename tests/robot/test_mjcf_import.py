@@ -171,7 +171,7 @@ def test_joints_of_a_closed_loop_follow_its_motor(tmp_path: Path) -> None:
     written = write_scaffold(saved(with_loop(more=motor), tmp_path), tmp_path / "out")
     robot = load_robot(written.description)
     assert set(robot.joint_names) - set(robot.driven_names) == {"link", "end"}
-    assert robot.mechanism is not None and robot.mechanism.gaps(robot.rest[None])[0] < 1e-9
+    assert robot.mechanism is not None and robot.mechanism.closure_gaps(robot.rest[None])[0] < 1e-9
 
 
 FOLDED = """<mujoco model="folded"><compiler angle="radian"/><default><geom density="900" size=".01"/></default>
@@ -190,7 +190,7 @@ def test_a_loop_folded_at_zero_is_closed_from_the_models_own_posture(tmp_path: P
     """As the legs of PAL's Kangaroo, whose motors change their length."""
     robot = load_robot(write_scaffold(saved(FOLDED, tmp_path), tmp_path / "out").description)
     assert robot.driven_names == ("length",)
-    assert robot.mechanism is not None and robot.mechanism.gaps(robot.rest[None])[0] < 1e-9
+    assert robot.mechanism is not None and robot.mechanism.closure_gaps(robot.rest[None])[0] < 1e-9
 
 
 def test_more_motors_than_freedoms_are_held_still(tmp_path: Path) -> None:
@@ -211,7 +211,9 @@ def test_joints_tied_by_a_fixed_tendon_or_a_polynomial_move_together(tmp_path: P
     assert set(robot.driven_names) == {"yaw", "pitch"}
     assert robot.mechanism is not None
     limits = robot.limits
-    drawn = robot.mechanism.drawn(np.random.default_rng(0), limits.position_lower, limits.position_upper, 5)
+    drawn = robot.mechanism.draw_configurations(
+        np.random.default_rng(0), limits.position_lower, limits.position_upper, 5
+    )
     model = mujoco.MjModel.from_xml_path(str(path))
     data = mujoco.MjData(model)
     for q in drawn:

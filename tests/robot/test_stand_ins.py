@@ -147,8 +147,8 @@ def test_what_rests_near_each_other_does_not_pass_through(tmp_path: Path) -> Non
     for _ in range(60):
         joints = robot.rest[robot.n_base_q :].copy()
         joints[arm] = rng.uniform(low[arm], high[arm])
-        q = search.posture(joints)
-        if search.distances(q)[column] < -0.02:
+        q = search.whole_posture(joints)
+        if search.link_distances(q)[column] < -0.02:
             deep += 1
             assert probe.collides(q)
     assert deep > 3

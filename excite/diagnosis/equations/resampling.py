@@ -96,7 +96,7 @@ def _arm_trial(
     q = in_configurations(robot, logged, d.value)
     v, a = (in_velocities(robot, logged, values) for values in (d.first, d.second))
     if robot.mechanism is not None:
-        q, v, a = robot.mechanism.completed(q, v, a)
+        q, v, a = robot.mechanism.complete_motion(q, v, a)
     commanded = None
     if trial.q_cmd is not None:
         q_cmd = positions_on_grid(trial.time, trial.q_cmd, grid)

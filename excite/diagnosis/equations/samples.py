@@ -176,7 +176,7 @@ class ArmSamples:
             return Moved(q, v, a), self.motion_maps
         key = "moved", motor, turn, speed, more
         if key not in self.motion_cache:
-            moved = mechanism.following(mechanism.closed(q, near=True) if turn else q, v, a)
+            moved = mechanism.follow_driven(mechanism.close_configurations(q, near=True) if turn else q, v, a)
             self.motion_cache[key] = moved, self._maps_at(moved.q) if turn else self.motion_maps
         return self.motion_cache[key]
 

@@ -12,7 +12,6 @@ import numpy as np
 from excite.export.models.mjcf import MjcfFormat
 from excite.export.models.model_format import JOINT_TERMS, ModelFormat, Rendered, Subject
 from excite.export.models.usd import UsdaFormat
-from excite.export.models.verification import Reading, States
 from excite.simulation.mjcf import GROUND
 
 PHYSICS_DT = 0.005
@@ -38,17 +37,22 @@ def _add_configuration(
         model: files of the robot.
         subject: the robot.
         ending: of the configuration's name.
-        template: its text.
+        template: file with its text.
         words: for the template, beside names of robot, module and variable, where the model lies, lines of a delay.
     """
     module, late = module_name(subject.stem, ending), subject.delay_s
-    text = template.format(
-        robot=subject.stem,
-        module=module,
-        variable=module_name(subject.stem, "CFG").upper(),
-        model=f"Path(__file__).resolve().parent / {Path(model.main).name!r}",
-        delay="" if late is None else _DELAY.format(late=late, step=PHYSICS_DT),
-        **words,
+    text = (
+        Path(__file__)
+        .with_name(template)
+        .read_text(encoding="utf-8")
+        .format(
+            robot=subject.stem,
+            module=module,
+            variable=module_name(subject.stem, "CFG").upper(),
+            model=f"Path(__file__).resolve().parent / {Path(model.main).name!r}",
+            delay="" if late is None else _DELAY.format(late=late, step=PHYSICS_DT),
+            **words,
+        )
     )
     notes = (
         ()
@@ -58,12 +62,8 @@ def _add_configuration(
             " that were found; what the servo measures is not late",
         )
     )
-    return Rendered({f"{module}.py": text.encode(), **model.files}, (*model.notes, *notes), model.changed)
-
-
-def _without_configuration(rendered: Rendered) -> Rendered:
-    """The model, which holds the terms of the joints that the configuration repeats."""
-    return Rendered({name: text for name, text in rendered.files.items() if name != rendered.main})
+    files = {f"{module}.py": text.encode(), **model.files}
+    return Rendered(files, (*model.notes, *notes), model.changed, model.main)
 
 
 def module_name(stem: str, suffix: str) -> str:
@@ -86,36 +86,6 @@ def _start_state(subject: Subject, end: str) -> dict[str, str]:
 
 
 # Isaac Lab: an articulation's configuration in Python, and the USD that it spawns.
-
-_ISAAC_TEMPLATE = '''"""{robot} as it was identified, for Isaac Lab 3.0 or newer; written by excite.
-
-    from {module} import {variable}
-
-Every term of the joints stands here as well as in the USD: some converters of models drop friction on the way, and
-what is given here is set whatever the file holds. Friction at rest and friction in motion are one, the
-Coulomb friction that was found. In Isaac Lab 2
-`{effort}` was called `{older}`.
-"""
-
-from pathlib import Path
-
-import isaaclab.sim as sim_utils
-from isaaclab.actuators import {actuator}
-from isaaclab.assets import ArticulationCfg
-
-{tables}
-
-{delay}{variable} = ArticulationCfg(
-    spawn=sim_utils.UsdFileCfg(usd_path=str({model})),
-    init_state=ArticulationCfg.InitialStateCfg({pos}joint_pos=REST),
-    actuators={{
-        "joints": {actuator}(
-            joint_names_expr=list(ARMATURE),
-{arguments}
-        ),
-    }},
-)
-'''
 
 
 class IsaacLabFormat(UsdaFormat):
@@ -160,7 +130,7 @@ class IsaacLabFormat(UsdaFormat):
             super().render(subject),
             subject,
             "cfg",
-            _ISAAC_TEMPLATE,
+            "isaaclab.py.txt",
             effort=fields["torque_limit"],
             older="effort_limit" if delayed else "effort_limit_sim",
             actuator="DelayedPDActuatorCfg" if delayed else "ImplicitActuatorCfg",
@@ -169,62 +139,8 @@ class IsaacLabFormat(UsdaFormat):
             arguments="\n".join(given),
         )
 
-    def read(self, subject: Subject, rendered: Rendered, states: States) -> Reading:
-        """The USD by its reader."""
-        return super().read(subject, _without_configuration(rendered), states)
-
 
 # mjlab: an entity's configuration in Python, and the MuJoCo model that it is made of.
-
-_MJLAB_TEMPLATE = '''"""{robot} as it was identified, for mjlab 1.6 or newer; written by excite.
-
-    from {module} import {variable}
-
-Terms of the joints stand here as well as in the XML, since a configuration that leaves them out sets them to zero in
-older versions.
-"""
-
-import re
-from pathlib import Path
-
-import mujoco
-from mjlab.actuator import BuiltinPositionActuatorCfg
-from mjlab.entity import EntityArticulationInfoCfg, EntityCfg
-
-XML = {model}
-
-
-def get_spec() -> mujoco.MjSpec:
-    """The model without motors and ground, which mjlab adds."""
-    spec = mujoco.MjSpec.from_file(str(XML))
-    for motor in list(spec.actuators):
-        spec.delete(motor)
-    for geom in [geom for geom in spec.worldbody.geoms if geom.name == {ground!r}]:
-        spec.delete(geom)
-    for key in list(spec.keys):
-        spec.delete(key)
-    return spec
-
-
-{delay}JOINTS = {{
-{joints}
-}}
-
-{variable} = EntityCfg(
-    spec_fn=get_spec,
-    init_state=EntityCfg.InitialStateCfg(
-        {pos}joint_pos={{
-{rest}
-        }},
-    ),
-    articulation=EntityArticulationInfoCfg(
-        actuators=tuple(
-            BuiltinPositionActuatorCfg(target_names_expr=(re.escape(name),), {late}**terms)
-            for name, terms in JOINTS.items()
-        ),
-    ),
-)
-'''
 
 
 class MjlabFormat(MjcfFormat):
@@ -260,16 +176,12 @@ class MjlabFormat(MjcfFormat):
             super().render(subject),
             subject,
             "mjlab",
-            _MJLAB_TEMPLATE,
+            "mjlab.py.txt",
             ground=GROUND,
             late=late,
             joints="\n".join(f"    {name!r}: dict({', '.join(row)})," for name, row in names),
             **_start_state(subject, "\n        "),
         )
-
-    def read(self, subject: Subject, rendered: Rendered, states: States) -> Reading:
-        """The MuJoCo model by its reader."""
-        return super().read(subject, _without_configuration(rendered), states)
 
     def servo(self, subject: Subject) -> tuple[str, ...]:
         """The configuration has servos of its own, whatever the model beside it has."""

@@ -88,9 +88,11 @@ class MjcfFormat(ModelFormat):
 
     def read(self, subject: Subject, rendered: Rendered, states: States) -> Reading:
         """Read by MuJoCo, where paths in it start at the folder that it is for."""
-        content, robot = rendered.files[rendered.main], subject.robot
+        content, robot = rendered.files[rendered.model], subject.robot
         made = subject.template is None
-        model = compile_text(content, None) if made else compile_mjcf(content, subject.folder / rendered.main)
+        model = (
+            compile_text(content, None) if made else compile_mjcf(content, subject.folder / rendered.model)
+        )
         place = mujoco_places(robot, model).v[robot.n_base_v :]
         terms = {term: getattr(model, f"dof_{name}")[place].copy() for term, name in _DRIVES.items()}
         bodies = segment_bodies(robot, model)

@@ -42,16 +42,23 @@ class Rendered:
         files: contents by name in the folder, the one that a simulator opens first.
         notes: what a user of them should know, one sentence each.
         changed: links (or bodies) whose inertial is another one than the robot's description has.
+        beside: name of the file with the model, where another one, which configures it, is opened first.
     """
 
     files: Mapping[str, bytes]
     notes: tuple[str, ...] = ()
     changed: tuple[str, ...] = ()
+    beside: str = ""
 
     @property
     def main(self) -> str:
         """Name of the file that a simulator opens."""
         return next(iter(self.files))
+
+    @property
+    def model(self) -> str:
+        """Name of the file with the robot's bodies and joints."""
+        return self.beside or self.main
 
 
 class ModelFormat(ABC):

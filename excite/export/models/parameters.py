@@ -25,8 +25,8 @@ from excite.identification.result import Identification
 from excite.logs.robot import is_bare
 from excite.robot.description import ControllerBlock
 from excite.robot.init_robot.description import draft_description
-from excite.robot.init_robot.model_metadata import Said
 from excite.robot.robot import Robot
+from excite.robot.urdf.converted import Said
 
 Found = Identification | IdentifiedParameters
 """An identification, or the parameters alone, however they were found."""
@@ -266,25 +266,8 @@ class Difference:
         return measured and self.std is not None and abs(self.change) > 2.0 * self.std
 
 
-@dataclass(frozen=True)
-class Differences:
-    """The table nominal → identified.
-
-    Attributes:
-        rows: ten a segment, in the model's order.
-    """
-
-    rows: tuple[Difference, ...]
-
-    def save(self, path: Path) -> Path:
-        """Write all rows as CSV, numbers with all digits [SI]."""
-        names = ("link", "parameter", "unit", "nominal", "identified", "change", "std", "determined")
-        rows = [[*(getattr(row, name) for name in names), int(row.clear)] for row in self.rows]
-        return write_text(path, csv_text((*names, "clear"), rows))
-
-
-def find_differences(standard_parameters: Mapping[str, Mapping[str, Any]]) -> Differences:
-    """The table of an identification.
+def find_differences(standard_parameters: Mapping[str, Mapping[str, Any]]) -> tuple[Difference, ...]:
+    """The table of an identification, ten rows a segment in the model's order.
 
     Args:
         standard_parameters: that block of an ``excite.identification/1`` document; links without nominal
@@ -304,7 +287,14 @@ def find_differences(standard_parameters: Mapping[str, Mapping[str, Any]]) -> Di
                 rows.append(
                     Difference(link, segment, name, _UNITS[kind], values[0], values[1], values[2], values[3])
                 )
-    return Differences(tuple(rows))
+    return tuple(rows)
+
+
+def save_differences(rows: Sequence[Difference], path: Path) -> Path:
+    """Write the table as CSV, numbers with all digits [SI]."""
+    names = ("link", "parameter", "unit", "nominal", "identified", "change", "std", "determined")
+    values = [[*(getattr(row, name) for name in names), int(row.clear)] for row in rows]
+    return write_text(path, csv_text((*names, "clear"), values))
 
 
 # Servos of a robot of which a log brought no more than a bare URDF.

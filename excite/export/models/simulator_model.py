@@ -29,6 +29,7 @@ from excite.export.models.parameters import (
     find_differences,
     inconsistent_links,
     model_parameters,
+    save_differences,
     with_servos,
 )
 from excite.export.models.subject import COLUMNS, Change, list_changes, subject_of
@@ -451,7 +452,7 @@ def write_models(
     """
     robot, folder = as_robot(robot), Path(folder)
     rows = find_differences(identification.to_json()["standard_parameters"])
-    differences = rows.save(folder / "differences.csv")
+    differences = save_differences(rows, folder / "differences.csv")
     refused: list[str] = []
     urdf, mjcf = folder / "identified.urdf", folder / "identified.xml"
 

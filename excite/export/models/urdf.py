@@ -30,9 +30,9 @@ from excite.robot.links import link_placement
 from excite.robot.loading import model_file
 from excite.robot.robot import Robot
 from excite.robot.urdf.inertia import Inertial, read_inertial
-from excite.robot.urdf.numbers import MOMENTS
 from excite.robot.urdf.reading import parse_urdf
 from excite.robot.urdf.tree import MOVING, WORLD, declare_world
+from excite.robot.urdf.writing import MOMENTS
 
 # By term that a URDF holds: the element of a joint, its attribute there, and what one that is missing stands for.
 URDF_TERMS = {
@@ -97,7 +97,7 @@ class UrdfFormat(ModelFormat):
 
     def read(self, subject: Subject, rendered: Rendered, states: States) -> Reading:
         """Read by pinocchio, ``<dynamics>`` by the XML's own words."""
-        return read_urdf_text(subject.robot, rendered.files[rendered.main], states, URDF_TERMS)
+        return read_urdf_text(subject.robot, rendered.files[rendered.model], states, URDF_TERMS)
 
 
 def _segment_members(robot: Robot, links: Mapping[str, Element], file: Path) -> list[list[Member]]:

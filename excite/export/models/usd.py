@@ -61,15 +61,11 @@ class Prim:
 def format_single(value: float) -> str:
     """A number with the digits of single precision, which is what USD keeps of most."""
     single = np.float32(value)
-    return (
-        "inf"
-        if np.isposinf(single)
-        else "-inf"
-        if np.isneginf(single)
-        else np.format_float_positional(single, trim="-")
-        if 1e-5 <= abs(single) < 1e7 or single == 0
-        else np.format_float_scientific(single, trim="-")
-    )
+    if not np.isfinite(single):
+        return str(float(single))
+    is_plain = 1e-5 <= abs(single) < 1e7 or single == 0
+    write = np.format_float_positional if is_plain else np.format_float_scientific
+    return write(single, trim="-")
 
 
 def format_several(values: Iterable[float]) -> str:
@@ -308,7 +304,7 @@ class UsdaFormat(ModelFormat):
 
     def read(self, subject: Subject, rendered: Rendered, states: States) -> Reading:
         """Bodies and joints by pinocchio, terms by their attributes, in single precision where USD is."""
-        return read_articulation(subject.robot, rendered.files[rendered.main].decode(), states)
+        return read_articulation(subject.robot, rendered.files[rendered.model].decode(), states)
 
 
 def _body_prims(subject: Subject, taken: list[str]) -> dict[int, Prim]:

@@ -19,7 +19,7 @@ from excite.regressor.kernels import joint_torque_regressor
 from excite.robot.loading import model_file
 from excite.robot.robot import Robot
 from excite.robot.urdf.reading import parse_urdf, urdf_model
-from excite.robot.urdf.tree import drop_free_root, hold_planar_root
+from excite.robot.urdf.tree import settle_root
 from excite.simulation.coordinates import position_to_mujoco, velocity_to_mujoco
 
 if TYPE_CHECKING:
@@ -103,8 +103,7 @@ def read_urdf_text(
         InputError: the file's joints are not the robot's.
     """
     root: ElementTree.Element = elements_of(text)
-    drop_free_root(root)
-    hold_planar_root(root)
+    settle_root(root)
     joints = {joint.get("name"): joint for joint in root.findall("joint")}
     read = {}
     for term, (tag, attribute, default) in (terms or {}).items():

@@ -44,9 +44,9 @@ class MarkerModel:
     local: Array
     offsets: Array
 
-    def predicted(self, pose: Pose) -> Array:
+    def predict_markers(self, pose: Pose) -> Array:
         """World positions of the markers, ``(n, m, 3)`` [m]."""
-        return place_segments(pose, self.offsets).points(self.segment, self.local)
+        return place_segments(pose, self.offsets).locate_points(self.segment, self.local)
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +138,7 @@ class _State:
     bent: Array
     cost: Array
 
-    def accept(self, frames: NDArray[np.int64], other: _State, chosen: NDArray[np.bool_]) -> None:
+    def take_frames(self, frames: NDArray[np.int64], other: _State, chosen: NDArray[np.bool_]) -> None:
         """Take some frames of another state, which is of ``frames``."""
         for own, new in zip(self._arrays(), other._arrays(), strict=True):
             own[frames[chosen]] = new[chosen]
@@ -172,11 +172,11 @@ def _fit_frames(
         step: Array = np.asarray(np.linalg.solve(normal, gradient[:, :, None])[:, :, 0])
         # A step of more than half a radian leaves the region in which the linearisation means anything.
         step *= np.minimum(1.0, 0.5 / np.maximum(np.abs(step[:, 3:]).max(axis=1), 1e-12))[:, None]
-        trial = evaluate(state.pose[active].moved(step), active)
+        trial = evaluate(state.pose[active].take_step(step), active)
         old = state.cost[active]
         better = trial.cost <= old * (1.0 + 1e-12)
         gain = (old - trial.cost) / np.maximum(old, 1e-12)
-        state.accept(active, trial, better)
+        state.take_frames(active, trial, better)
         now = damping[active]
         damping[active] = np.where(better, np.maximum(0.1 * now, 1e-9), 10.0 * np.maximum(now, 1e-6))
         done = np.where(better, gain <= 1e-6, damping[active] >= 1e4)
@@ -195,7 +195,7 @@ def _state_of(
     robust: bool,
 ) -> _State:
     placed = place_segments(pose, model.offsets)
-    points = placed.points(model.segment, model.local)
+    points = placed.locate_points(model.segment, model.local)
     square = ((target - points) ** 2).sum(axis=2)
     part = square / _SIGMA**2
     markers = np.where(seen, part / (1.0 + square / _CORE**2) if robust else part, 0.0)

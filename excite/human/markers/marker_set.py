@@ -352,7 +352,7 @@ class _Normal(NamedTuple):
 
 def _shared_equations(model: MarkerModel, points: Array, pose: Pose, basis: Array) -> _Normal:
     placed = place_segments(pose, model.offsets)
-    predicted = placed.points(model.segment, model.local)
+    predicted = placed.locate_points(model.segment, model.local)
     seen = np.asarray(np.isfinite(points).all(axis=2))
     error = np.where(seen[:, :, None], points - predicted, 0.0)
     distance = np.linalg.norm(error, axis=2)

@@ -160,7 +160,7 @@ def _stance_ground(robot: Robot, stance: Foot, swing: Foot) -> _Ground:
     outward = float(np.sign(sole[1] - middle[1]))
     over = middle[:2] + np.array([0.0, outward * _BIAS * half_width])
     load = robot.mass * float(np.linalg.norm(robot.model.gravity.linear))
-    eased = Ankle(robot, stance.joint, stance.sole.mean(axis=0)).eased(data.oMi, over, load)
+    eased = Ankle(robot, stance.joint, stance.sole.mean(axis=0)).ease_point(data.oMi, over, load)
     return _Ground(
         shift=over + eased - centre[:2],
         half_width=half_width,

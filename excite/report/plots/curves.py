@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -38,18 +38,14 @@ class Line:
     Attributes:
         label: what it is.
         values: ``(n,)``.
-        role: its colour; one of matplotlib's own for None.
+        role: its colour.
         dashed: whether it is.
-        x: ``(n,)`` where the values are; None for where all lines of a figure are.
-        look: what matplotlib is told besides.
     """
 
     label: str
     values: Array
-    role: Role | None = None
+    role: Role
     dashed: bool = False
-    x: Array | None = None
-    look: dict[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,14 +57,12 @@ class Panel:
         unit: of the values; what stands along the axis.
         lines: the curves.
         note: what a drawing says beside the name.
-        axis: what is along the other axis.
     """
 
     name: str
     unit: str
     lines: tuple[Line, ...]
     note: str = ""
-    axis: str = ""
 
 
 def channel_label(channel: str) -> str:
@@ -109,41 +103,29 @@ def channel_panels(
     return panels
 
 
-def draw_panels(time: Array | None, panels: Sequence[Panel], *, row_in: float = 1.55) -> Figure:
-    """Two panels a row.
-
-    Args:
-        time: ``(n,)`` [s], of all lines and along the axis of the last row; None where each line has its own.
-        panels: at least one.
-        row_in: height of a row [inch].
-    """
+def draw_panels(time: Array, panels: Sequence[Panel]) -> Figure:
+    """Two panels a row, of which there is one at least, over one time ``(n,)`` [s]."""
     rows = math.ceil(len(panels) / 2)
 
     def paint_panels(figure: Figure) -> None:
-        grid = figure.subplots(rows, 2, sharex=time is not None, squeeze=False).ravel()
+        grid = figure.subplots(rows, 2, sharex=True, squeeze=False).ravel()
         for axes in grid[len(panels) :]:
             axes.set_visible(False)
         for axes, panel in zip(grid, panels, strict=False):
             for line in panel.lines:
-                x = line.x if time is None else time
-                shown = _thin_curve(line.values)
-                look = {"lw": 1.0, "ls": (0, (4, 2)) if line.dashed else "-", "label": line.label} | line.look
-                if line.role is not None:
-                    look["color"] = line.role.light
-                axes.plot(
-                    np.arange(len(line.values))[shown] if x is None else x[shown], line.values[shown], **look
-                )
+                shown, ls = _thin_curve(line.values), (0, (4, 2)) if line.dashed else "-"
+                look: dict[str, Any] = {"lw": 1.0, "ls": ls, "label": line.label, "color": line.role.light}
+                axes.plot(time[shown], line.values[shown], **look)
             axes.set_title(", ".join(filter(None, (shorten_name(panel.name), panel.note))))
-            unit = shorten_name(panel.unit)
-            axes.set(ylabel=f"[{unit}]" if time is not None else unit, xlabel=shorten_name(panel.axis))
-            axes.margins(x=0.0 if time is not None else 0.01)
-        for axes in grid[: len(panels)][-2:] if time is not None else ():
+            axes.set(ylabel=f"[{shorten_name(panel.unit)}]")
+            axes.margins(x=0.0)
+        for axes in grid[: len(panels)][-2:]:
             axes.set_xlabel("time [s]")
             axes.tick_params(labelbottom=True)
         handles, labels = grid[0].get_legend_handles_labels()
         figure.legend(handles, map(shorten_name, labels), loc="outside upper left", ncols=6)
 
-    return draw_figure(paint_panels, height_in=0.7 + row_in * rows)
+    return draw_figure(paint_panels, height_in=0.7 + 1.55 * rows)
 
 
 def show_panels(identifier: str, time: Array, panels: Sequence[Panel], description: str) -> str:
@@ -163,7 +145,6 @@ def show_panels(identifier: str, time: Array, panels: Sequence[Panel], descripti
             "series": [
                 {"label": line.label, "role": line.role.name} | ({"dash": [5, 3]} if line.dashed else {})
                 for line in panel.lines
-                if line.role is not None
             ],
             "values": pack_table(np.column_stack([line.values[shown] for line in panel.lines])),
         }
@@ -182,7 +163,6 @@ def _thin_curve(values: Array) -> slice:
 # What drifts over the episodes of a data set: zeros, gains, delays and friction of each joint.
 
 _DRIFTS = {"zero": "zero", "gain": "gain", "lag_s": "delay [s]", "friction": "dry friction"}
-_DOTS = {"marker": ".", "ms": 3.0, "lw": 0.7}
 
 
 def save_drift(episodes: Sequence[Mapping[str, Any]], path: Path) -> Path:
@@ -191,9 +171,16 @@ def save_drift(episodes: Sequence[Mapping[str, Any]], path: Path) -> Path:
         (one["measures"] | {"": one["episode"]} for one in episodes), key=lambda one: str(one[""])
     )
     joints = dict.fromkeys(joint for one in ordered for joint in one.get("zero", {}))
-    panels = []
-    for name, label in _DRIFTS.items():
-        values = {j: np.array([one.get(name, {}).get(j) for one in ordered], dtype=float) for j in joints}
-        lines = tuple(Line(joint, one, look=_DOTS) for joint, one in values.items())
-        panels.append(Panel(label, "", lines, axis="episode"))
-    return save_png(draw_panels(None, panels, row_in=2.2), path)
+
+    def paint_drift(figure: Figure) -> None:
+        grid = figure.subplots(2, 2).ravel()
+        for axes, (name, label) in zip(grid, _DRIFTS.items(), strict=True):
+            for joint in joints:
+                values = np.array([one.get(name, {}).get(joint) for one in ordered], dtype=float)
+                axes.plot(values, marker=".", ms=3.0, lw=0.7, label=joint)
+            axes.set(title=label, xlabel="episode")
+            axes.margins(x=0.01)
+        handles, labels = grid[0].get_legend_handles_labels()
+        figure.legend(handles, map(shorten_name, labels), loc="outside upper left", ncols=6)
+
+    return save_png(draw_figure(paint_drift, height_in=5.1), path)

@@ -25,6 +25,7 @@ from excite.report.theme import (
     draw_figure,
 )
 from excite.robot.robot import Robot
+from excite.robot.shapes.shape import place_points
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -81,7 +82,7 @@ class Picture(NamedTuple):
         points = np.vstack([*self.hulls, *self.soles])
         return points.min(axis=0), points.max(axis=0)
 
-    def paint(self, axes: Axes, offset: Array) -> None:
+    def paint_on(self, axes: Axes, offset: Array) -> None:
         """Support in green, pale bodies, soles, the centre of mass."""
         from matplotlib.collections import PolyCollection
 
@@ -110,14 +111,14 @@ def draw_posture(robot: Robot, q: Array, loaded: frozenset[str]) -> Picture:
     pin.forwardKinematics(robot.model, data, q)
     origin = np.array([q[0], q[1], 0.0]) if robot.floating else np.zeros(3)
     soles = {
-        foot.name: _place_points(data.oMi[foot.joint], np.array(foot.sole)) - origin for foot in robot.feet
+        foot.name: place_points(np.array(foot.sole), data.oMi[foot.joint]) - origin for foot in robot.feet
     }
     standing = [corners * _FLAT for name, corners in soles.items() if name in loaded]
     ground = np.vstack(standing) if standing else None
     mass = (pin.centerOfMass(robot.model, data, q) - origin) * _FLAT if robot.floating else None
     outlines = []
     for body in shape_bodies(robot):
-        points = _place_points(data.oMi[body.joint], body.corners) - origin
+        points = place_points(body.corners, data.oMi[body.joint]) - origin
         seen = project_points(points)
         corners = hull_outline(seen)
         if len(corners) > 2:
@@ -129,10 +130,6 @@ def draw_posture(robot: Robot, q: Array, loaded: frozenset[str]) -> Picture:
         support=None if ground is None else project_points(ground[hull_outline(ground[:, :2])]),
         com=None if mass is None else project_points(mass[None])[0],
     )
-
-
-def _place_points(pose: pin.SE3, points: Array) -> Array:
-    return np.asarray(points @ pose.rotation.T + pose.translation)
 
 
 def _prepare_axes(axes: Axes, title: str, low: Array, high: Array) -> None:
@@ -204,7 +201,7 @@ def draw_snapshots(robot: Robot, motions: Sequence[Motion], n_postures: int = 7)
             for i, (time, drawn) in enumerate(row):
                 offset = np.array([width * i, 0.0])
                 axes.fill(*(tile + offset).T, color=GROUND.light)
-                drawn.paint(axes, offset)
+                drawn.paint_on(axes, offset)
                 axes.text(offset[0], low[1], f"{time - motion.time[0]:.1f} s", color=MUTED.light, ha="center")
 
     return draw_figure(paint_postures, height_in=row_in * len(rows))

@@ -8,7 +8,6 @@ from functools import lru_cache
 from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
-from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
@@ -22,8 +21,9 @@ from excite.report.replay.tracks import FRAMES_HZ, joint_bounds, pack_table, pac
 from excite.robot.links import link_placement
 from excite.robot.robot import Robot
 from excite.robot.shapes.collision import SURROUNDINGS, collision_shapes
+from excite.robot.shapes.link_shapes import numbers_of, origin_of
 from excite.robot.shapes.mesh_files import read_meshes
-from excite.robot.shapes.shape import Shape
+from excite.robot.shapes.shape import Shape, place_points
 
 # Bodies of a robot as few triangles, for a picture.
 
@@ -121,26 +121,14 @@ def _mesh_bodies(robot: Robot) -> Iterator[Body]:
             continue
         if solid.tag == "mesh":
             # An STL file's corners stand triangle after triangle.
-            corners = points[Path(solid.get("filename", ""))] * _element_numbers(solid, "scale", 1.0)
+            corners = points[Path(solid.get("filename", ""))] * numbers_of(solid.get("scale", "1 1 1"))
             triangles = np.arange(len(corners)).reshape(-1, 3)
         else:
-            box = solid.tag == "box"
-            size = (
-                [*_element_numbers(solid, "size", 1.0)]
-                if box
-                else [solid.get(n) for n in ("radius", "length")]
-            )
-            corners, triangles = solid_triangles(solid.tag, tuple(float(n) for n in size if n is not None))
+            sizes = [solid.get(name, "") for name in ("size", "radius", "length")]
+            corners, triangles = solid_triangles(solid.tag, tuple(numbers_of(" ".join(sizes))))
         joint, placement = link_placement(robot.model, name, robot.source, f"link {name!r}")
-        origin = element.find("origin")
-        if origin is not None:
-            turn = pin.rpy.rpyToMatrix(_element_numbers(origin, "rpy", 0.0))
-            placement = placement * pin.SE3(turn, _element_numbers(origin, "xyz", 0.0))
+        placement = placement * origin_of(element.find("origin"))
         yield _place_body(name, joint, placement, *merge_corners(corners, triangles))
-
-
-def _element_numbers(element: ElementTree.Element, name: str, otherwise: float) -> Array:
-    return np.array([float(part) for part in element.get(name, f"{otherwise} " * 3).split()])
 
 
 def _bone_bodies(robot: Robot) -> Iterator[Body]:
@@ -159,7 +147,7 @@ def _bone_bodies(robot: Robot) -> Iterator[Body]:
 
 
 def _place_body(link: str, joint: int, pose: pin.SE3, corners: Array, triangles: Triangles) -> Body:
-    return Body(link, joint, corners @ pose.rotation.T + pose.translation, triangles)
+    return Body(link, joint, place_points(corners, pose), triangles)
 
 
 def shape_triangles(shape: Shape) -> tuple[Array, Triangles]:

@@ -320,7 +320,7 @@ _DIFFERENCES: Columns = {
 
 def show_differences(findings: Findings) -> Shown:
     """Parameters that clearly changed in the open, all of them behind a fold."""
-    rows = find_differences((findings.identification or {}).get("standard_parameters") or {}).rows
+    rows = find_differences((findings.identification or {}).get("standard_parameters") or {})
     if not rows:
         return ""
     clear = [row for row in rows if row.clear]

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
 import numpy as np
 from pydantic import ValidationError
 
 from excite.errors import RobotError
-from excite.formats.documents import read_xml
+from excite.formats.documents import read_xml, read_yaml
 from excite.robot.description import RobotDescription
 from excite.robot.init_robot.first_guesses import (
     MASSLESS,
@@ -25,13 +25,13 @@ from excite.robot.init_robot.first_guesses import (
     nearest_to_zero,
 )
 from excite.robot.init_robot.limbs import Figure
-from excite.robot.init_robot.model_metadata import Said
 from excite.robot.loading import build_robot
 from excite.robot.mechanisms.closures import join_overlapping
 from excite.robot.refusal import robot_error
 from excite.robot.robot import Robot
 from excite.robot.shapes.collision import collision_shapes, robot_reach
 from excite.robot.shapes.stand_ins import box_shapes, links_lacking_geometry, links_without_shape
+from excite.robot.urdf.converted import Said
 from excite.robot.urdf.inertia import GEOMETRY, check_weights, inertial_faults
 from excite.robot.urdf.limits import stated_ranges
 from excite.robot.urdf.reading import MAX_NESTING, prepare_urdf
@@ -82,7 +82,7 @@ class StandIn:
         """The robot with the first kind of geometry that can be built, else each link with what can be built of it."""
         reasons = []
         for kind in GEOMETRY:
-            robot = self.robot(kind)
+            robot = self.build_stand_in(kind)
             try:
                 shapes = collision_shapes(robot)
             except RobotError as error:
@@ -95,17 +95,17 @@ class StandIn:
                 reasons.append(f"{kind}: none on a link that moves")
                 continue
             # With what is drawn of links that have no ``collision``, if it can be built.
-            more = self.robot("either")
+            more = self.build_stand_in("either")
             with suppress(RobotError):
                 if kind == "collision" and len(collision_shapes(more)) > len(shapes):
                     return WithGeometry(more, "either", None)
             return WithGeometry(robot, kind, None)
-        fault, lacking = "; ".join(reasons), links_lacking_geometry(self.robot("either"))
-        robot = self.robot("either", stand_ins=lacking)
+        fault, lacking = "; ".join(reasons), links_lacking_geometry(self.build_stand_in("either"))
+        robot = self.build_stand_in("either", stand_ins=lacking)
         try:
             collision_shapes(robot)
         except RobotError:
-            return WithGeometry(self.robot("authored"), None, fault)
+            return WithGeometry(self.build_stand_in("authored"), None, fault)
         return WithGeometry(robot, "either", fault, lacking)
 
     def _rest_of_model(self) -> dict[str, float]:
@@ -116,46 +116,21 @@ class StandIn:
             for name, (low, high) in ends.items()
         }
 
-    def robot(
+    def build_stand_in(
         self, geometry: str, shapes: Sequence[dict[str, Any]] = (), stand_ins: Sequence[str] = ()
     ) -> Robot:
         """The robot with geometry of one kind, and authored ``shapes``, those of links in ``stand_ins`` for theirs."""
-        said: dict[str, Any] = {"source": "stand-in"}
-        one: dict[str, Any] = {"default": 1.0, **said}
-        content: dict[str, Any] = {
-            "schema": "excite.robot/1",
-            "name": "stand-in",
-            "title": "stand-in",
-            "model": {
-                "path": str(self.path.resolve()),
-                "acknowledged": dict.fromkeys(self.faults, "stand-in"),
-                **said,
-            },
-            "base": "fixed",
-            "locked_joints": self.locked,
-            **self.tied,
-            "posture": {"joints": self._rest_of_model() if self.tied else {}, "base_height": 0.0, **said},
-            "limits": {
-                "position": {
-                    "joints": {g.name: (-np.pi, np.pi) for g in self.free if g.position is None},
-                    "margin": self.margin,
-                    **said,
-                },
-                **dict.fromkeys(("velocity", "acceleration", "jerk"), one),
-                # A joint without a torque limit is given one later that carries its load in any posture.
-                "torque": {"joints": {g.name: g.torque or 1e9 for g in self.free}, **said},
-            },
-            "sensors": {"rate_hz": 1.0, "noise_position": 0.0, "joint_torque": "link_side", **said},
-            "controller": {"kp": one, "kd": one},
-            "collision": {
-                "geometry": geometry,
-                "shapes": list(shapes),
-                "stand_ins": list(stand_ins),
-                "margin": self.apart,
-                "table_height": None,
-                **said,
-            },
-        }
+        content = read_yaml(Path(__file__).with_name("stand_in.yaml"))
+        acknowledged, limits = dict.fromkeys(self.faults, "stand-in"), content["limits"]
+        content |= {"locked_joints": self.locked, **self.tied}
+        content["model"] |= {"path": str(self.path.resolve()), "acknowledged": acknowledged}
+        content["posture"] |= {"joints": self._rest_of_model() if self.tied else {}}
+        endless = {g.name: (-np.pi, np.pi) for g in self.free if g.position is None}
+        limits["position"] |= {"joints": endless, "margin": self.margin}
+        # A joint without a torque limit is given one later that carries its load in any posture.
+        limits["torque"] |= {"joints": {g.name: g.torque or 1e9 for g in self.free}}
+        own = {"geometry": geometry, "shapes": list(shapes), "stand_ins": list(stand_ins)}
+        content["collision"] |= {**own, "margin": self.apart}
         try:
             description = RobotDescription.model_validate(content)
         except ValidationError as error:
@@ -238,10 +213,11 @@ def bare_model(path: Path, said: Said, weak: Mapping[str, float]) -> BareModel:
     prepare_urdf(root, path)
     joints = check_tree(root, path)
     guesses = guess_joints(joints, path)
-    together = read_ties(joints, said.loops, said.couplings)
-    held = held_joints(root, joints, guesses, together.joints(), together.joints("loops"))
+    ties = read_ties(joints, said)
+    closing = _tied_joints(tie for tie in ties if tie.place == "loops")
+    held = held_joints(root, joints, guesses, _tied_joints(ties), closing)
     held |= {name: Held(value, TOO_WEAK) for name, value in weak.items()}
-    held |= together.holding(held, guesses)
+    held |= _hold_together(ties, held, guesses)
     still = set(held)
     while more := {guess.name for guess in guesses if guess.follows in still} - still:
         still |= more
@@ -255,7 +231,10 @@ def bare_model(path: Path, said: Said, weak: Mapping[str, float]) -> BareModel:
         floating: {name: fault.what for name, fault in inertial_faults(root, joints, floating, path).items()}
         for floating in (False, True)
     }
-    locked, moving = {name: one.value for name, one in held.items()}, together.moving(held)
+    locked, moving = {name: one.value for name, one in held.items()}, dict[str, list[dict[str, Any]]]()
+    for tie in ties:
+        if not tie.joints & set(held):
+            moving.setdefault(tie.place, []).append(dict(tie.block))
     # Small against the shortest range.
     shortest = min((g.position[1] - g.position[0] for g in free if g.position), default=1.0)
     margin = min(0.03, float(f"{0.05 * shortest:.1g}"))
@@ -274,7 +253,7 @@ def bare_model(path: Path, said: Said, weak: Mapping[str, float]) -> BareModel:
     lacking = tuple(dict.fromkeys((*geometry.lacking, *links_without_shape(robot))))
     authored = box_shapes(robot, lacking)
     if lacking:
-        robot = stand_in.robot(geometry.kind or "authored", authored, lacking)
+        robot = stand_in.build_stand_in(geometry.kind or "authored", authored, lacking)
     ranged = tuple(guess.name for guess in free if guess.name in ranges)
     return BareModel(
         path, root, joints, free, held, moving, margin, geometry, authored, Figure(robot), faults, ranged
@@ -295,55 +274,37 @@ def _nothing_moves(held: dict[str, Held], path: Path) -> RobotError:
 # Joints of a bare model that move together: which of its loops and couplings stay when joints are held still.
 
 
-@dataclass(frozen=True, eq=False)
-class Ties:
-    """Loops and couplings as blocks of a ``robot.yaml``.
+class Tie(NamedTuple):
+    """A loop or coupling: its place in a ``robot.yaml``, its block there, and the joints that it moves."""
 
-    Attributes:
-        blocks: place (``loops`` or ``couplings``), block, and names of the joints that it moves.
-    """
-
-    blocks: tuple[tuple[str, Mapping[str, Any], frozenset[str]], ...] = ()
-
-    def joints(self, place: str | None = None) -> frozenset[str]:
-        """All joints that blocks of one place move, or all blocks."""
-        return frozenset().union(*(names for where, _, names in self.blocks if place in {None, where}))
-
-    def holding(self, held: Mapping[str, Held], guesses: tuple[JointGuess, ...]) -> dict[str, Held]:
-        """What is held besides: of joints that move together all where one is, each where its model rests."""
-        rests = {guess.name: nearest_to_zero(guess) for guess in guesses}
-        together = (
-            group for group in join_overlapping(names for *_, names in self.blocks) if group & set(held)
-        )
-        names = sorted(frozenset().union(*together) - set(held))
-        return {
-            name: Held(rests[name], "it moves with a joint that is held") for name in names if name in rests
-        }
-
-    def moving(self, held: Mapping[str, Held]) -> dict[str, list[dict[str, Any]]]:
-        """Blocks ``loops`` and ``couplings`` of which no joint is held; nothing where there are none."""
-        kept: dict[str, list[dict[str, Any]]] = {}
-        for place, block, names in self.blocks:
-            if not names & set(held):
-                kept.setdefault(place, []).append(dict(block))
-        return kept
+    place: str
+    block: Mapping[str, Any]
+    joints: frozenset[str]
 
 
-def read_ties(
-    joints: dict[str, ElementTree.Element],
-    loops: tuple[Mapping[str, Any], ...],
-    couplings: tuple[Mapping[str, Any], ...],
-) -> Ties:
-    """What blocks of a ``robot.yaml`` tie together in a URDF with these joints."""
+def _tied_joints(ties: Iterable[Tie]) -> frozenset[str]:
+    return frozenset().union(*(tie.joints for tie in ties))
+
+
+def _hold_together(
+    ties: Sequence[Tie], held: Mapping[str, Held], guesses: tuple[JointGuess, ...]
+) -> dict[str, Held]:
+    """What is held besides: of joints that move together all where one is, each where its model rests."""
+    together = (group for group in join_overlapping(tie.joints for tie in ties) if group & set(held))
+    names = frozenset().union(*together) - set(held)
+    rests = {guess.name: nearest_to_zero(guess) for guess in guesses if guess.name in names}
+    return {name: Held(rests[name], "it moves with a joint that is held") for name in sorted(rests)}
+
+
+def read_ties(joints: dict[str, ElementTree.Element], said: Said) -> list[Tie]:
+    """What a model ties together in a URDF with these joints."""
     tree = LinkTree(joints)
 
     def chain_of(end: Mapping[str, Any]) -> set[str]:
         return {name for name in tree.above(end["link"]) if joints[name].get("type") in MOVING}
 
-    between = [chain_of(block["ends"][0]) ^ chain_of(block["ends"][1]) for block in loops]
-    return Ties(
-        (
-            *(("loops", block, frozenset(names)) for block, names in zip(loops, between, strict=True)),
-            *(("couplings", block, frozenset(block["joints"])) for block in couplings),
-        )
+    loops = (
+        Tie("loops", block, frozenset(chain_of(block["ends"][0]) ^ chain_of(block["ends"][1])))
+        for block in said.loops
     )
+    return [*loops, *(Tie("couplings", block, frozenset(block["joints"])) for block in said.couplings)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,13 +18,14 @@ from excite.arrays import Array
 from excite.display import count, span
 from excite.finding import first_names
 from excite.results import Assumed
+from excite.robot.init_robot.assumptions import assume
 from excite.robot.init_robot.bare_model import BareModel, bare_model
 from excite.robot.init_robot.first_guesses import JointGuess, guess_pairs, held_still, joint_inertias
-from excite.robot.init_robot.model_metadata import Said
 from excite.robot.init_robot.rest import Rest, find_rest, weak_joints
 from excite.robot.legs import UPRIGHT, toppling_stiffness
 from excite.robot.robot import Robot
 from excite.robot.shapes.collision import TABLE, ground_height, links_below
+from excite.robot.urdf.converted import Said
 from excite.robot.urdf.tree import MAX_NAME
 
 AS_IT_IS = "as the model has it"
@@ -36,7 +37,6 @@ def scaffold_description(
     folder: str | Path | None = None,
     *,
     seed: int = 0,
-    floating: bool | None = None,
     said: Said | None = None,
     absolute: bool = False,
 ) -> str:
@@ -46,7 +46,6 @@ def scaffold_description(
         urdf_path: the URDF.
         folder: folder that the text will be written to; the URDF's own by default.
         seed: seed of the random postures behind inertia, rest and collision pairs.
-        floating: whether the base is free; found from the limbs where None.
         said: what another format said beside the URDF.
         absolute: whether the URDF is named by its whole path.
 
@@ -56,7 +55,7 @@ def scaffold_description(
     Raises:
         RobotError: the URDF is missing or absurd in a way that no description can mend.
     """
-    content = draft_description(Path(urdf_path), folder, np.random.default_rng(seed), said or Said(floating))
+    content = draft_description(Path(urdf_path), folder, np.random.default_rng(seed), said or Said())
     if absolute:
         content["model"]["path"] = str(Path(urdf_path).resolve())
     head = (
@@ -203,54 +202,20 @@ def assumed_structure(model: BareModel, rest: Rest, ground: float | None) -> lis
     block, shaped = figure.robot.description.collision, {shape.joint for shape in figure.shapes}
     boxes = [shape.link for shape in block.shapes if shape.link in block.stand_ins]
     why = f" ({model.geometry.fault[:150]})" if model.geometry.fault else ""
-    rows: tuple[tuple[str, Collection[str], str, str], ...] = (
-        (
-            "joints called continuous that do not turn on and on",
-            model.ranged,
-            "{}",
-            "the limits that the model states of them are kept: state limits.position if they are none",
-        ),
-        (
-            "position limits of joints that turn without end",
-            [guess.name for guess in model.free if guess.position is None],
-            "half a turn either way: {}",
-            "nothing stops the joint there: state limits.position, and wider ones if cables allow",
-        ),
-        (
-            "inertia as the model has it",
-            model.faults[rest.base == "floating"],
-            "{}",
-            "missing or impossible there: torques predicted for them are a guess",
-        ),
-        (
-            f"geometry of {count(len(boxes), 'link')}",
-            boxes,
-            "boxes of their own inertia, as large as their mass: {}",
-            f"collisions of these are checked roughly: theirs is not there or cannot be used{why}; "
-            "give --package-path FOLDER, where meshes are, or collision.shapes",
-        ),
-        (
-            "links without geometry",
-            [segment.link for segment in figure.robot.segments if segment.joint not in shaped],
-            "{}",
-            "nothing checks what they touch: give them <collision>, or collision.shapes",
-        ),
-    )
+    endless = [guess.name for guess in model.free if guess.position is None]
+    bare = [segment.link for segment in figure.robot.segments if segment.joint not in shaped]
+    faulty = model.faults[rest.base == "floating"]
+    named = {"ranged": model.ranged, "endless": endless, "inertia": faulty, "boxes": boxes, "bare": bare}
+    links = count(len(boxes), "link")
     found = [
         *held_still(model.held),
-        *(Assumed(what, said.format(first_names([*of])), so) for what, of, said, so in rows if of),
+        *(assume(key, names=first_names([*of]), links=links, why=why) for key, of in named.items() if of),
     ]
     if ground is None:
-        return [
-            *found,
-            Assumed("friction of soles", f"{FRICTION}", "feet may slip on a floor that is smoother"),
-        ]
+        return [*found, assume("friction", friction=FRICTION)]
     below = links_below(figure.model, figure.shapes, rest.q, ground, block.margin)
-    consequence = "motions stay above it: state collision.table_height if it is elsewhere"
-    if rest.base == "held":
-        consequence = "hold the robot so high that this is its floor: nothing it may reach touches it"
-    consequence += f"; excepted: {', '.join(below)}" if below else ""
-    return [*found, Assumed("ground", f"a plane at {ground:.3f} m of the base's frame", consequence)]
+    excepted = f"; excepted: {', '.join(below)}" if below else ""
+    return [*found, assume("floor" if rest.base == "held" else "ground", height=ground, excepted=excepted)]
 
 
 # What arms that people work beside keep to [rad/s, m/s]; a sixth of it for slides.
@@ -289,38 +254,22 @@ def limits_block(
         share = 0.3 * guess.torque / own if guess.torque and own > 0.0 else _UNKNOWN_ACCELERATION
         acceleration[name] = min(two_digits(min(_ACCELERATION, share)), guess.acceleration or math.inf)
         jerk[name] = min(20.0 * acceleration[name], guess.jerk or math.inf)
-    chosen = [jerk[guess.name] for guess in free if jerk[guess.name] != guess.jerk]
-    too_strong = "a motion may ask more of a drive than it gives: state limits.torque"
+    chosen = {guess.name: jerk[guess.name] for guess in free if jerk[guess.name] != guess.jerk}
     # Zero says something where others state more.
     zero = [
         g.name for g, passive in zip(free, model.robot.passive, strict=True) if g.effortless and not passive
     ]
+    held = ""
     if any(guess.torque for guess in free) and zero:
-        too_strong += (
+        held = (
             f"; it is 0 in the model for {first_names(zero)}: hold under locked_joints what no motor drives"
         )
-    rows = (
-        ("torque", torque, f"three times weight and inertia at {len(torque)} joints", too_strong),
-        (
-            "velocity",
-            velocity,
-            f"{_VELOCITY} rad/s or {_SLIDE_VELOCITY} m/s at {len(velocity)} joints",
-            "motions are slower than the robot may be: state limits.velocity",
-        ),
-        (
-            "acceleration",
-            acceleration,
-            f"{_span_values(acceleration.values())} rad/s² or m/s², 30 % of the torque limit on the largest inertia",
-            "motions may be slower than the robot allows, or faster than its maker does",
-        ),
-        (
-            "jerk",
-            chosen,
-            f"{_span_values(chosen)} rad/s³ or m/s³, full acceleration within 0.05 s",
-            "motions may start and turn softer than the robot has to, or harder than its maker lets it",
-        ),
-    )
-    assumed += [Assumed(f"{name} limits", value, consequence) for name, of, value, consequence in rows if of]
+    told = {"zero": held, "turns": _VELOCITY, "slides": _SLIDE_VELOCITY}
+    kinds = {"torque": torque, "velocity": velocity, "acceleration": acceleration, "jerk": chosen}
+    for key, of in kinds.items():
+        if of:
+            values = span(f"{min(of.values()):g}", f"{max(of.values()):g}")
+            assumed.append(assume(key, joints=len(of), values=values, **told))
     said = "assumed for joints whose limit the model does not state"
     rule = "30 % of the torque limit on the largest inertia at the joint, at most 30 rad/s²"
     sources = {
@@ -330,10 +279,6 @@ def limits_block(
         "jerk": (jerk, "so that full acceleration takes 0.05 s to build up"),
     }
     return {name: {"joints": of, "source": source} for name, (of, source) in sources.items() if of}
-
-
-def _span_values(values: Collection[float]) -> str:
-    return span(f"{min(values, default=0.0):g}", f"{max(values, default=0.0):g}")
 
 
 def feet_block(rest: Rest) -> list[dict[str, Any]]:
@@ -372,13 +317,8 @@ def note_friction(
                 shares[guess.name] = share
     if shares:
         worst = max(shares, key=lambda name: shares[name])
-        what = f"friction that the model states at {count(len(shares), 'joint')}"
-        value = f"not counted; at full speed it would take {shares[worst]:.2g} of the torque limit of {worst}"
-        consequence = (
-            "a motion may ask more of a drive than it gives, unless that is a simulator's damping: state "
-            "drives.viscous and drives.coulomb"
-        )
-        assumed.append(Assumed(what, value, consequence))
+        at = count(len(shares), "joint")
+        assumed.append(assume("dynamics", joints=at, share=shares[worst], joint=worst))
 
 
 def _leg_contacts(robot: Robot, rest: Rest) -> dict[int, Array]:
@@ -461,12 +401,7 @@ def controller_block(
     if legs:
         of_legs = [gains["kp"][robot.joint_names[joint - 1]] for joint in legs]
         size = " … ".join(f"{value:g}" for value in sorted({min(of_legs), max(of_legs)}))
-        value = f"kp {size} N·m/rad at the ends of the legs, as stiff as geared position servos are"
-        consequence = (
-            "motions are rehearsed with them, without feedback of balance: a robot with softer servos "
-            "may fall where this one stands: state controller.kp and kd"
-        )
-        assumed.append(Assumed("servo gains", value, consequence))
+        assumed.append(assume("gains", size=size))
     said = "a servo that its load's weight bends by 0.7 degrees, of 8 Hz at least, damping 0.7"
     said += ", legs on soles twenty times stiffer than what topples the robot" * bool(soles)
     return {name: {"joints": values, "source": said} for name, values in gains.items()}
@@ -476,16 +411,14 @@ def sensors_block(
     torque: Mapping[str, float], base_link: str | None, assumed: list[Assumed]
 ) -> dict[str, Any]:
     """The block ``sensors``: joint torques and, where ``base_link`` floats, an IMU there."""
-    value, more = "200 Hz, torques of motor currents to 0.5 % of their limits, angles to 1e-4 rad", {}
+    more: dict[str, Any] = {}
     if base_link is not None:
         more = {
             "noise_base_position": 1e-3,
             "noise_base_orientation": 1e-3,
             "imu": {"link": base_link, "noise_gyro": 5e-3, "noise_acceleration": 0.05},
         }
-        value += ", an IMU on the base, no force sensor"
-    consequence = "predicted errors scale with it: state sensors from data sheets or a record at rest"
-    assumed.append(Assumed("sensors", value, consequence))
+    assumed.append(assume("sensors", more=", an IMU on the base, no force sensor" * bool(more)))
     return {
         "rate_hz": 200.0,
         "noise_position": 1e-4,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
@@ -15,7 +15,7 @@ import pinocchio as pin
 import yaml
 
 from excite.arrays import Array
-from excite.atomic import all_or_nothing, write_bytes, write_text
+from excite.atomic import all_or_nothing, write_text
 from excite.errors import InputError, RobotError
 from excite.formats.child import in_child
 from excite.formats.documents import read_xml
@@ -25,7 +25,7 @@ from excite.robot.catalogue import MODEL_SUFFIXES
 from excite.robot.description import PositionTable
 from excite.robot.init_robot.description import scaffold_description
 from excite.robot.init_robot.first_guesses import Held, held_still
-from excite.robot.init_robot.model_metadata import Said, states_mass, weigh_links
+from excite.robot.init_robot.model_metadata import states_mass, weigh_links
 from excite.robot.init_robot.packages import model_of_package, package_folder, read_srdf
 from excite.robot.init_robot.source import Source
 from excite.robot.init_robot.usd import USD_SUFFIXES, convert_usd
@@ -41,9 +41,10 @@ from excite.robot.urdf.limits import (
     tighten_limits,
     with_tables,
 )
-from excite.robot.urdf.numbers import MOMENTS, add_element, read_numbers, write_origin
+from excite.robot.urdf.numbers import read_numbers
 from excite.robot.urdf.reading import MAX_NESTING, find_mesh
 from excite.robot.urdf.tree import MOVING, free_root, planar_root
+from excite.robot.urdf.writing import MOMENTS, add_element, add_inertial, add_joint, add_solid
 from excite.temporary_folder import TemporaryFolder
 
 
@@ -96,10 +97,10 @@ def write_scaffold(
     _check_absent(target, overwrite)
     ignored = () if source.srdf is None else read_srdf(source.srdf)
     made = _apply_limits(_make_urdf(file, source), file, source)
-    said = replace(made.said, ignored=(*made.said.ignored, *ignored))
-    if made.text is None:
+    made = replace(made, ignored=(*made.ignored, *ignored))
+    if made.urdf is None:
         here = None if absolute else folder
-        text = scaffold_description(file, here, seed=seed, said=said, absolute=absolute)
+        text = scaffold_description(file, here, seed=seed, said=made, absolute=absolute)
         return ScaffoldFiles(write_text(target, text), file, _read_assumed(text), ())
     name = file.name
     while Path(name).suffix in MODEL_SUFFIXES:
@@ -112,7 +113,7 @@ def write_scaffold(
     place = TemporaryFolder()
     try:
         copy = made.write(place.path / urdf.name)
-        text = scaffold_description(copy, place.path, seed=seed, said=said)
+        text = scaffold_description(copy, place.path, seed=seed, said=made)
     except RobotError as error:
         # The person knows the model, not the copy of its URDF.
         raise robot_error(file, error.field, error.what, error.remedy) from error
@@ -122,42 +123,11 @@ def write_scaffold(
     return ScaffoldFiles(target, urdf, _read_assumed(text), made.notes)
 
 
-@dataclass(frozen=True)
-class _Made:
-    """A URDF that is made of a file.
-
-    Attributes:
-        text: None where the file is the URDF.
-        said: what the file says beside it.
-        meshes: files of meshes by relative path.
-        notes: what the file says and the URDF does not.
-    """
-
-    text: str | None
-    said: Said
-    meshes: Mapping[str, bytes] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
-
-    def write(self, path: Path) -> Path:
-        """Write the URDF and the meshes beside it."""
-        for name, content in self.meshes.items():
-            write_bytes(path.parent / name, content)
-        return write_text(path, self.text or "")
-
-
-def _make_urdf(file: Path, source: Source) -> _Made:
+def _make_urdf(file: Path, source: Source) -> ConvertedModel:
     """The URDF that is made of a MuJoCo model, an SDF or xacro file, or of a URDF that leaves masses out."""
     found = convert_model(file)
     if found is not None:
-        said = Said(
-            found.floating,
-            found.posture,
-            found.excluded,
-            found.loops,
-            found.couplings,
-            armature=found.armature,
-        )
-        return _Made(found.urdf, said, found.meshes, found.notes)
+        return found
     plain, text = not is_xacro(file) and not source.package_path, None
     root = read_xml(file, error=RobotError, max_depth=MAX_NESTING) if plain else None
     if root is None or (root.tag == "robot" and not states_mass(root)):
@@ -173,7 +143,7 @@ def _make_urdf(file: Path, source: Source) -> _Made:
     elif plain:
         text = None
     floating = None if free_root(root) is None else True
-    return _Made(text, Said(floating, assumed=assumed, uncertainty=widths))
+    return ConvertedModel(urdf=text, floating=floating, assumed=assumed, uncertainty=widths)
 
 
 def convert_model(file: Path) -> ConvertedModel | None:
@@ -192,15 +162,15 @@ def convert_model(file: Path) -> ConvertedModel | None:
     except RobotError:
         # Whoever reads it next says why.
         return None
-    return ConvertedModel(file.stem, None, convert_sdf(root, file)) if root.tag == "sdf" else None
+    return ConvertedModel(urdf=convert_sdf(root, file)) if root.tag == "sdf" else None
 
 
-def _apply_limits(made: _Made, file: Path, source: Source) -> _Made:
+def _apply_limits(made: ConvertedModel, file: Path, source: Source) -> ConvertedModel:
     """The URDF with the joint limits of a file of MoveIt's kind, stated or found beside the model, that are tighter."""
     files = joint_limits_beside(file) if source.limits is None else [source.limits]
     if not files:
         return made
-    root = ElementTree.fromstring(made.text or expand_xacro(file, source.arguments, source.package_path))
+    root = ElementTree.fromstring(made.urdf or expand_xacro(file, source.arguments, source.package_path))
     keep_stated_limits(root, file)
     names = [joint.get("name", "") for joint in root.findall("joint")]
     tightened, tables = dict[str, dict[str, list[str]]](), list[PositionTable]()
@@ -211,9 +181,11 @@ def _apply_limits(made: _Made, file: Path, source: Source) -> _Made:
         tables += found.tables
     if not any(tightened.values()):
         return made
-    assumed = (*made.said.assumed, *assumed_limits(tightened))
-    said = replace(made.said, assumed=assumed, by_position=tuple(tables))
-    return replace(made, text=ElementTree.tostring(root, encoding="unicode"), said=said)
+    assumed, text = (
+        (*made.assumed, *assumed_limits(tightened)),
+        ElementTree.tostring(root, encoding="unicode"),
+    )
+    return replace(made, urdf=text, assumed=assumed, by_position=tuple(tables))
 
 
 def _check_absent(path: Path, overwrite: bool) -> None:
@@ -406,7 +378,9 @@ def convert_sdf(root: Element, path: Path) -> str:
             f"holds {len(models)} models{f', {names}' if names else ''}",
             "give a file with the robot's model alone",
         )
-    return ElementTree.tostring(_Conversion(models[0], root.get("version", "1.7"), path).urdf(), "unicode")
+    return ElementTree.tostring(
+        _Conversion(models[0], root.get("version", "1.7"), path).build_urdf(), "unicode"
+    )
 
 
 class _Conversion:
@@ -426,7 +400,7 @@ class _Conversion:
         # A link's frame in URDF is its joint's.
         self._carriers = {self._carrying_link(child): name for name, child in self._children.items()}
 
-    def urdf(self) -> Element:
+    def build_urdf(self) -> Element:
         robot = Element("robot", name=self._model.get("name") or "robot")
         if _WORLD in self._parents.values():
             SubElement(robot, "link", name=_WORLD)
@@ -499,32 +473,21 @@ class _Conversion:
         moved = self._link_pose(name).actInv(self._read_pose(name))
         inertial = link.find("inertial")
         holder = Element("inertial") if inertial is None else inertial
-        written = SubElement(out, "inertial")
-        write_origin(written, moved * self._own_pose(holder))
         # What is left out is 1 kg and 1 kg·m² about each axis.
-        add_element(written, "mass", value=self._read_numbers(holder, "mass", 1, "1"))
-        moments = holder.find("inertia")
-        values = {
-            key: self._read_numbers(moments, key, 1, "1" if key[1] == key[2] else "0") for key in MOMENTS
-        }
-        add_element(written, "inertia", **values)
+        mass, about = self._read_numbers(holder, "mass", 1, "1"), holder.find("inertia")
+        moments = [self._read_numbers(about, key, 1, "1" if key[1] == key[2] else "0") for key in MOMENTS]
+        add_inertial(out, moved * self._own_pose(holder), mass, moments)
         for kind in GEOMETRY:
             for shape in link.findall(kind):
-                self._write_shape(out, kind, shape, moved)
+                self._write_shape(out, kind, shape, moved * self._own_pose(shape))
 
-    def _write_shape(self, out: Element, kind: str, shape: Element, moved: pin.SE3) -> None:
-        solids = [solid for solid in shape.iterfind("geometry/*") if solid.tag in LENGTHS]
-        if not solids:
-            return
-        written = SubElement(out, kind)
-        write_origin(written, moved * self._own_pose(shape))
-        place = SubElement(written, "geometry")
-        for solid in solids:
+    def _write_shape(self, out: Element, kind: str, shape: Element, pose: pin.SE3) -> None:
+        for solid in (solid for solid in shape.iterfind("geometry/*") if solid.tag in LENGTHS):
             sizes = {
                 key: self._read_numbers(solid, key, n, "1 1 1"[: 2 * n - 1])
                 for key, n, _ in LENGTHS[solid.tag]
             }
-            added = add_element(place, solid.tag, **sizes)
+            added = add_solid(out, kind, pose, solid.tag, **sizes)
             if solid.tag == "mesh":
                 uri = _text_of(solid, "uri").replace("model://", "package://", 1)
                 file = self._path.resolve().parent / uri.removeprefix("file://")
@@ -536,11 +499,8 @@ class _Conversion:
             remedy = "replace it by joints of one coordinate (revolute, continuous, prismatic), or fix it"
             raise self._error_at(f"is of type {kind!r}", f"joint {name!r}", remedy)
         parent, child = self._carrying_link(self._parents[name]), self._carrying_link(self._children[name])
-        written = SubElement(robot, "joint", name=name, type=kind)
-        SubElement(written, "parent", link=parent)
-        SubElement(written, "child", link=child)
         base = pin.SE3.Identity() if parent == _WORLD else self._link_pose(parent)
-        write_origin(written, base.actInv(self._read_pose(name)))
+        written = add_joint(robot, name, kind, parent, child, base.actInv(self._read_pose(name)))
         if kind != "fixed":
             self._write_axis(written, name, joint)
 

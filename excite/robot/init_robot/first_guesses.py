@@ -15,6 +15,7 @@ from excite.arrays import Array
 from excite.display import count
 from excite.finding import first_names
 from excite.results import Assumed
+from excite.robot.init_robot.assumptions import assume
 from excite.robot.init_robot.model_metadata import link_mass
 from excite.robot.robot import Robot
 from excite.robot.shapes.link_shapes import numbers_of, origin_of
@@ -275,7 +276,5 @@ def held_still(held: dict[str, Held]) -> list[Assumed]:
     found = []
     for why in sorted({one.why for one in held.values()}):
         names = [name for name, one in held.items() if one.why == why]
-        what = f"{count(len(names), 'joint')} held still ({why})"
-        consequence = "their links count as part of what carries them; hold them so at the robot"
-        found.append(Assumed(what, first_names(names), consequence))
+        found.append(assume("held", joints=count(len(names), "joint"), why=why, names=first_names(names)))
     return found

@@ -49,7 +49,7 @@ class Figure:
         self.data = robot.model.createData()
         self.shapes = collision_shapes(robot)
 
-    def lowest(self, q: Array) -> dict[int, float]:
+    def lowest_heights(self, q: Array) -> dict[int, float]:
         """Height of the lowest point on each joint that has shapes, by joint [m]."""
         pin.forwardKinematics(self.model, self.data, q)
         return lowest_points(self.shapes, self.data)
@@ -63,7 +63,7 @@ class Figure:
         stand_ins = self.robot.description.collision.stand_ins
         return [shape for shape in self.shapes if shape.joint == joint and shape.link not in stand_ins]
 
-    def chain(self, joint: int) -> list[int]:
+    def joint_chain(self, joint: int) -> list[int]:
         """Joints from the root to ``joint``."""
         return list(self.model.supports[joint])[1:]
 
@@ -85,18 +85,18 @@ class Figure:
             masses[self.model.parents[joint]] += masses[joint]
         return masses
 
-    def centre(self, q: Array) -> Array:
+    def mass_centre(self, q: Array) -> Array:
         """Centre of mass, the root's included ``(3,)`` [m]."""
         return whole_centre(self.model, self.data, q)
 
-    def legs(self, q: Array, *, free: bool) -> list[int]:
+    def find_legs(self, q: Array, *, free: bool) -> list[int]:
         """Joints at the ends of the limbs that the robot stands on, empty if it stands on its base.
 
         Args:
             q: a posture ``(n_joints,)`` with the base upright.
             free: whether the model itself says that its base is free.
         """
-        low = self.lowest(q)
+        low = self.lowest_heights(q)
         ends = self._end_joints(low)
         if not ends:
             return []
@@ -117,26 +117,26 @@ class Figure:
 
     def has_folded_legs(self, q: Array) -> bool:
         """Whether the robot lies on its base with legs about it that are drawn flat: limbs from the root called so."""
-        ends = self._end_joints(self.lowest(q))
+        ends = self._end_joints(self.lowest_heights(q))
         legs = [j for j in ends if self._is_called(j, _LEG) and not self._is_called(j, _ARM)]
-        return len({self.chain(j)[0] for j in legs}) > 1
+        return len({self.joint_chain(j)[0] for j in legs}) > 1
 
     def _end_joints(self, low: dict[int, float]) -> list[int]:
         """Joints at the ends of limbs of several joints that have shapes."""
         inner = set(self.model.parents)
-        return [j for j in low if j and j not in inner and len(self.chain(j)) >= 2]
+        return [j for j in low if j and j not in inner and len(self.joint_chain(j)) >= 2]
 
     def _same_foot(self, one: int, other: int) -> bool:
-        common = [a for a, b in zip(self.chain(one), self.chain(other), strict=False) if a == b]
+        common = [a for a, b in zip(self.joint_chain(one), self.joint_chain(other), strict=False) if a == b]
         # Limbs that part beyond a joint which moves less than this share of the robot's mass end in one foot or hand.
         return bool(common) and self.beyond[common[-1]] < 0.12 * self.beyond[0]
 
     def _is_called(self, end: int, pattern: re.Pattern[str]) -> bool:
-        names = [self.model.names[j] for j in self.chain(end)]
+        names = [self.model.names[j] for j in self.joint_chain(end)]
         names += [shape.link for shape in self.shapes if shape.joint == end]
         return any(pattern.search(name) for name in names)
 
-    def foot(self, joint: int, q: Array) -> FootGuess:
+    def find_foot(self, joint: int, q: Array) -> FootGuess:
         """Where a leg's end touches the ground: a sole's corners, or a point or an edge where it is lowest at ``q``.
 
         A leg that can turn its end has the sole that is largest among the flat sides facing about downwards; a
@@ -147,7 +147,7 @@ class Figure:
         own = self._known_shapes(joint)
         best, largest = self._find_touch(own, pose), -1.0
         # Height and tilt of a sole take three joints, and its place two more.
-        if len(self.chain(joint)) >= 5:
+        if len(self.joint_chain(joint)) >= 5:
             for turn in _face_turns(np.vstack([bottom_points(shape, pose) for shape in own])):
                 found = self._find_touch(own, turn * pose)
                 area = turn.rotation[2, 2] * sole_area(found.sole)
@@ -277,7 +277,7 @@ class Footing:
     def __init__(self, figure: Figure, lower: Array, upper: Array, drawn: Array) -> None:
         self.figure, self.lower, self.upper, self.drawn = figure, lower, upper, drawn
 
-    def stand(self, start: Array, legs: list[int]) -> Standing | None:
+    def find_stance(self, start: Array, legs: list[int]) -> Standing | None:
         """Inverse kinematics from ``start``; a foot that is no sole touches elsewhere when it turns, so thrice."""
         q, on = start, [self._leg_of(leg, self._find_foot(leg, start)) for leg in legs]
         limits, flat = self.figure.robot.limits, self.lower < self.upper
@@ -296,7 +296,7 @@ class Footing:
                 self._posture_residual, inside, bounds=(low, high), args=(start, on), max_nfev=40
             ).x
             on = [
-                leg if len(leg.foot.sole) >= 3 else self._leg_of(leg.end, self.figure.foot(leg.end, q))
+                leg if len(leg.foot.sole) >= 3 else self._leg_of(leg.end, self.figure.find_foot(leg.end, q))
                 for leg in on
             ]
         heights, tilts, offset = self._contact_points(q, on)
@@ -312,12 +312,13 @@ class Footing:
     def _find_foot(self, leg: int, start: Array) -> FootGuess:
         """The larger of the soles that face down at ``start`` and as drawn: a bent leg may point with its toes."""
         return max(
-            (self.figure.foot(leg, q) for q in (start, self.drawn)), key=lambda foot: sole_area(foot.sole)
+            (self.figure.find_foot(leg, q) for q in (start, self.drawn)),
+            key=lambda foot: sole_area(foot.sole),
         )
 
-    def corners(self, stand: Standing, legs: list[int]) -> Array:
+    def sole_corners(self, stand: Standing, legs: list[int]) -> Array:
         """Corners of all soles seen from above, ``(n, 2)`` [m]."""
-        self.figure.centre(stand.q)
+        self.figure.mass_centre(stand.q)
         pairs = zip(legs, stand.feet, strict=True)
         return np.vstack([self._sole_corners(leg, foot) for leg, foot in pairs])[:, :2]
 
@@ -325,19 +326,19 @@ class Footing:
         """Corners of a sole where it is now, ``(n, 3)`` [m]."""
         return place_points(foot.sole, self.figure.data.oMi[leg] * self._foot_placement(foot))
 
-    def bend(self, stand: Standing, leg: int, foot: FootGuess) -> float:
+    def knee_bend(self, stand: Standing, leg: int, foot: FootGuess) -> float:
         """Angle [rad] between thigh and shank, a leg's two longest parts in a row, seen along the joint between them; a
         stretched leg lifts no hip."""
         figure = self.figure
-        figure.centre(stand.q)
+        figure.mass_centre(stand.q)
         pin.computeJointJacobians(figure.model, figure.data, stand.q)
         # From each joint of the leg to the next and from the last to the foot.
-        ends = [figure.data.oMi[joint].translation for joint in figure.chain(leg)]
+        ends = [figure.data.oMi[joint].translation for joint in figure.joint_chain(leg)]
         parts = np.diff([*ends, self._sole_corners(leg, foot).mean(axis=0)], axis=0)
         if len(parts) < 2:
             return np.inf
         k = before_knee(np.linalg.norm(parts, axis=1))
-        knee = figure.chain(leg)[k + 1]
+        knee = figure.joint_chain(leg)[k + 1]
         turn = pin.getJointJacobian(figure.model, figure.data, knee, pin.LOCAL_WORLD_ALIGNED)
         axis = turn[3:, knee - 1]
         # Thighs and shanks stand beside each other in some legs, however straight these are.
@@ -346,15 +347,15 @@ class Footing:
         cosine = parts[k] @ parts[k + 1] / max(sizes[k] * sizes[k + 1], 1e-12)
         return float(np.arccos(np.clip(cosine, -1.0, 1.0)))
 
-    def agility(self, stand: Standing, leg: int, foot: FootGuess) -> float:
+    def foot_agility(self, stand: Standing, leg: int, foot: FootGuess) -> float:
         """Least speed of a point foot at unit speed of its leg's joints, of its distance from the hip [1/rad].
 
         It is infinite of other feet, and of legs with fewer than three joints.
         """
-        figure, chain = self.figure, self.figure.chain(leg)
+        figure, chain = self.figure, self.figure.joint_chain(leg)
         if len(foot.sole) != 1 or len(chain) < 3:
             return np.inf
-        figure.centre(stand.q)
+        figure.mass_centre(stand.q)
         pin.computeJointJacobians(figure.model, figure.data, stand.q)
         tip = self._sole_corners(leg, foot)[0]
         turn = pin.getJointJacobian(figure.model, figure.data, leg, pin.LOCAL_WORLD_ALIGNED)
@@ -366,7 +367,7 @@ class Footing:
 
     def _contact_points(self, q: Array, on: list[_Leg]) -> _Contacts:
         figure = self.figure
-        centre = figure.centre(q)
+        centre = figure.mass_centre(q)
         load = figure.beyond[0] * float(np.linalg.norm(figure.model.gravity.linear)) / len(on)
         heights, tilts, middles = [], [], []
         for leg, foot, ankle in on:
@@ -377,7 +378,7 @@ class Footing:
             if len(corners) >= 3:
                 normal = np.linalg.svd(corners - middle)[2][2]
                 tilts += list(normal[:2] * np.sign(normal[2]))
-                middles[-1] = middles[-1] + ankle.eased(figure.data.oMi, middle[:2], load)
+                middles[-1] = middles[-1] + ankle.ease_point(figure.data.oMi, middle[:2], load)
             elif len(corners) == 2:
                 tilts.append((corners[1] - corners[0])[2] / np.linalg.norm(corners[1] - corners[0]))
         return _Contacts(np.array(heights), np.array(tilts), centre[:2] - np.mean(middles, axis=0))

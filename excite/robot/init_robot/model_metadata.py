@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -15,47 +13,17 @@ import pinocchio as pin
 
 from excite.errors import RobotError
 from excite.results import Assumed
-from excite.robot.description import MASSES, PositionTable
+from excite.robot.init_robot.assumptions import assume
 from excite.robot.shapes.link_shapes import origin_of, solid_shape
 from excite.robot.shapes.mesh_files import read_meshes
 from excite.robot.shapes.shape import coal_geometry
 from excite.robot.shapes.stand_ins import DENSITY
 from excite.robot.urdf.inertia import GEOMETRY
-from excite.robot.urdf.numbers import MOMENTS, add_element
 from excite.robot.urdf.reading import find_mesh
+from excite.robot.urdf.writing import MOMENTS, add_element
 
 PUBLISHED_ARMS = Path(__file__).with_name("published_arms.csv")
 _WORDS = {"arm", "kind", "model"}
-
-# What a model's file says beside the URDF made of it.
-
-
-@dataclass(frozen=True)
-class Said:
-    """What another format said that a URDF cannot.
-
-    Attributes:
-        floating: whether the base is free, None where the file does not say.
-        posture: joint values of a keyframe at which the robot rests [rad or m].
-        ignored: pairs of links that may touch.
-        loops: blocks ``loops`` of a ``robot.yaml``.
-        couplings: blocks ``couplings`` of one.
-        assumed: what was assumed to make the URDF.
-        armature: rotor inertia by joint [kg·m² or kg].
-        by_position: limits that depend on positions.
-        uncertainty: block ``uncertainty`` of an arm whose masses were assumed.
-    """
-
-    floating: bool | None = None
-    posture: Mapping[str, float] | None = None
-    ignored: tuple[tuple[str, str], ...] = ()
-    loops: tuple[Mapping[str, Any], ...] = ()
-    couplings: tuple[Mapping[str, Any], ...] = ()
-    assumed: tuple[Assumed, ...] = ()
-    armature: Mapping[str, float] = field(default_factory=dict)
-    by_position: tuple[PositionTable, ...] = ()
-    uncertainty: Mapping[str, Any] = field(default_factory=dict)
-
 
 # Masses in place of those that a model does not state: its links' geometry at the density of robots.
 
@@ -87,12 +55,8 @@ def weigh_links(root: ElementTree.Element, path: Path) -> tuple[Assumed | None, 
     if not masses:
         return None, {}
     widths = _published_widths(float(np.mean(masses)))
-    value = f"{sum(masses):.3g} kg in all, {DENSITY:.0f} kg/m³ of the links' convex hulls"
-    consequence = (
-        f"{_SHARE:.0%} of published arms weigh within ± {widths['mass']:.0%} of that: motions of an arm are planned "
-        "for all of these, until an identification tells; state <inertial> where masses are known"
-    )
-    return Assumed(MASSES, value, consequence), widths
+    told = {"mass": sum(masses), "density": DENSITY, "share": _SHARE, "width": widths["mass"]}
+    return assume("masses", **told), widths
 
 
 # Share of the published arms that the width of the mass holds.

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from excite.errors import RobotError
 from excite.formats.documents import read_xml, read_yaml
+from excite.robot.catalogue import find_robot, is_package
 from excite.robot.init_robot.source import Source
 from excite.robot.refusal import robot_error
 
@@ -82,6 +83,17 @@ def _find_packages(folder: Path, deep: int) -> Iterator[Path]:
 
 _ASSISTANT = ".setup_assistant"
 _MODELS = ("*.urdf", "*.urdf.xacro", "*.xacro")
+
+
+def find_model(name_or_path: str | Path, source: Source) -> tuple[Path, Source]:
+    """The file that a person names, by a bundled robot's name, a folder or a package; and how it is to be read.
+
+    Raises:
+        UnknownNameError: neither a file nor a bundled robot.
+        RobotError: a file of another kind, or a folder or package without one.
+    """
+    path = Path(name_or_path)
+    return model_of_package(path, source) if is_package(path) else (find_robot(name_or_path), source)
 
 
 def model_of_package(folder: Path, source: Source) -> tuple[Path, Source]:

@@ -14,12 +14,13 @@ from excite.arrays import Array
 from excite.errors import MotionError
 from excite.results import Assumed
 from excite.robot.description import Base
+from excite.robot.init_robot.assumptions import assume
 from excite.robot.init_robot.limbs import Figure, FootGuess, Footing, Standing
-from excite.robot.init_robot.model_metadata import Said
 from excite.robot.legs import TORQUE_SHARE, holding_torques, usable_torque
 from excite.robot.mechanisms.mechanism import limb_columns
 from excite.robot.shapes.collision import PairSearch, ground_height, review_pairs
 from excite.robot.shapes.shape import has_area
+from excite.robot.urdf.converted import Said
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +66,7 @@ def find_rest(figure: Figure, wanted: Array, said: Said, rng: np.random.Generato
         unsteady = "its legs lie flat about its base in the file: hold the robot up, legs free, or state how it stands"
     if unsteady:
         base = "held"
-        notes.append(Assumed("base", "held", unsteady))
+        notes.append(assume("held base", why=unsteady))
     feet: tuple[FootGuess, ...] = ()
     if postures.standing is not None and base == "floating":
         q, feet = postures.standing.q, postures.standing.feet
@@ -80,25 +81,19 @@ def find_rest(figure: Figure, wanted: Array, said: Said, rng: np.random.Generato
     q = np.round(q, 5)
     # Links that rest so close to the margin [m] refuse every motion, which begins and ends there: the filter and the
     # independent check build their shapes anew (iCub's hip and torso, apart at rest, were refused at 9.97 of 10 mm).
-    touching = postures.touching(q, 1e-3)
+    touching = postures.touching_pairs(q, 1e-3)
     if touching:
-        names = ", ".join(f"{a} and {b}" for a, b in touching[:5])
-        why = "no posture to move from was found that parts them: they keep a distance of their own"
-        notes.append(Assumed("links that touch at rest", names, why))
+        notes.append(assume("touching", names=", ".join(f"{a} and {b}" for a, b in touching[:5])))
     stated = {pair for a, b in said.ignored for pair in ((a, b), (b, a))} & set(search.pairs)
     ignored = tuple(dict.fromkeys((*review.never, *(p for p in search.pairs if p in stated))))
     near = _near_pairs(search, q, postures.margin, (*review.at_rest, *review.always, *touching), stated)
     if near:
-        found = f"{len(review.always)} always, {len(review.at_rest)} at rest"
-        how = "they may not overlap, or where their hulls do at rest not deeper by more than the margin"
-        notes.append(Assumed("pairs of links nearer than the margin", found, f"{how}: collision.near_pairs"))
+        notes.append(assume("near pairs", always=len(review.always), at_rest=len(review.at_rest)))
     if ignored:
-        found = f"{len(review.never)} that never meet, {len(stated)} that the model lets touch"
-        where = "found in 100 random postures; they stand in collision.ignored_pairs"
-        notes.append(Assumed("pairs of links not kept apart", found, where))
+        notes.append(assume("ignored pairs", never=len(review.never), stated=len(stated)))
     if base != "held":
         # Of one that is held it stands there why.
-        notes.insert(0, Assumed("base", base, _CONSEQUENCE[base]))
+        notes.insert(0, assume(f"{base} base"))
     legs = tuple(postures.legs) if base == "floating" else ()
     return Rest(base, q, legs, feet, ignored, near, source, tuple(notes))
 
@@ -116,7 +111,7 @@ def _near_pairs(
     each other, and how deep the overlap is changes by millimetres with their joints (of G1 and Talos by 8, but for
     hips): that much, the margin, they may overlap deeper. A limb that goes through a trunk overlaps it by centimetres.
     """
-    at_rest = dict(zip(search.pairs, search.distances(search.posture(q)), strict=True))
+    at_rest = dict(zip(search.pairs, search.link_distances(search.whole_posture(q)), strict=True))
     return {
         pair: 0.0 if at_rest[pair] >= 0.0 else float(np.floor(1e4 * (at_rest[pair] - margin)) / 1e4)
         for pair in dict.fromkeys(pairs)
@@ -128,8 +123,8 @@ def _first_clear(postures: Postures, heights: list[float | None], wanted: Array)
     """A clear posture above the first of some heights where one can be held; else the first of those that cannot."""
     strained: list[Array] = []
     for height in heights:
-        q = postures.clear(height)
-        if q is not None and postures.strain(q) <= 1.0:
+        q = postures.find_clear(height)
+        if q is not None and postures.torque_strain(q) <= 1.0:
             return q
         strained += [] if q is None else [q]
     return strained[0] if strained else wanted
@@ -141,14 +136,8 @@ def weak_joints(figure: Figure, rest: Rest) -> dict[str, float]:
     robot = figure.robot
     usable = usable_torque(robot, np.full(robot.n_joints, TORQUE_SHARE), robot.limits.velocity)
     strained = np.abs(holding_torques(robot, rest.q[None]))[0] > usable
-    strained[[joint - 1 for leg in rest.legs for joint in figure.chain(leg)]] = False
+    strained[[joint - 1 for leg in rest.legs for joint in figure.joint_chain(leg)]] = False
     return {robot.joint_names[i]: float(rest.q[i]) for i in np.flatnonzero(strained)}
-
-
-_CONSEQUENCE = {
-    "fixed": "its root does not move",
-    "floating": "it stands on the feet found, free to fall: check posture and feet before the first run",
-}
 
 
 # A posture in which a bare model rests: upright on its legs, or free of collision above its ground.
@@ -210,8 +199,8 @@ class Postures:
         self.margin = robot.description.collision.margin
         self.usable = usable_torque(robot, np.full(robot.n_joints, TORQUE_SHARE), limits.velocity)
         self.footing = Footing(figure, self.lower, self.upper, self.wanted)
-        self.legs = [] if free is False else figure.legs(wanted, free=bool(free))
-        self.of_legs = {joint for leg in self.legs for joint in figure.chain(leg)}
+        self.legs = [] if free is False else figure.find_legs(wanted, free=bool(free))
+        self.of_legs = {joint for leg in self.legs for joint in figure.joint_chain(leg)}
         known = self.legs and not figure.is_guessed(self.legs)
         self.standing = self._find_standing() if known else None
 
@@ -224,7 +213,7 @@ class Postures:
             return "no geometry says where its soles are: hold the robot up, legs free"
         if standing is None:
             return "no standing posture was found: hold the robot up, legs free"
-        if not has_area(self.footing.corners(standing, self.legs)):
+        if not has_area(self.footing.sole_corners(standing, self.legs)):
             return "its feet span no area to stand on: hold the robot up, legs free"
         # To move a trunk forth, aside and up: six coordinates of the base and the legs' less what the feet hold, six of
         # a sole and three of a point or an edge.
@@ -237,7 +226,7 @@ class Postures:
             return "joints of its legs follow from others, and no balance was planned so: hold the robot up, legs free"
         return ""
 
-    def clear(self, ground: float | None) -> Array | None:
+    def find_clear(self, ground: float | None) -> Array | None:
         """A posture near the wanted one without collision and above the ground that the drives can hold; one that
         strains them least where none can be held, None where all collide."""
         tries = [self._part_links(self.wanted, set()), self.wanted]
@@ -247,12 +236,12 @@ class Postures:
         least: tuple[float, Array] | None = None
         for q in (closed for near in tries if (closed := self._close_posture(near)) is not None):
             eased = self._ease_posture(q)
-            strain = self.strain(eased)
+            strain = self.torque_strain(eased)
             if least is not None and strain >= least[0]:
                 continue
-            low, parents = self.figure.lowest(eased), self.figure.model.parents
+            low, parents = self.figure.lowest_heights(eased), self.figure.model.parents
             least_height = min((low[joint] for joint in low if joint and parents[joint]), default=np.inf)
-            if self.touching(eased) or (ground is not None and least_height < ground + self.margin):
+            if self.touching_pairs(eased) or (ground is not None and least_height < ground + self.margin):
                 continue
             least = strain, eased
             if strain <= 1.0:
@@ -265,19 +254,19 @@ class Postures:
         if robot.mechanism is None:
             return q
         try:
-            q = robot.mechanism.closed(q[None])[0]
+            q = robot.mechanism.close_configurations(q[None])[0]
         except MotionError:
             return None
         inside = (q >= robot.limits.position_lower) & (q <= robot.limits.position_upper)
         return q if inside.all() else None
 
-    def strain(self, q: Array) -> float:
+    def torque_strain(self, q: Array) -> float:
         """The largest torque that holds a posture, of what motions may use of it."""
         return float(np.abs(holding_torques(self.figure.robot, q[None]) / self.usable).max(initial=0.0))
 
     def _ease_posture(self, q: Array) -> Array:
         """A posture near ``q`` that the drives can hold, as far as one is found downhill from it."""
-        if self.strain(q) <= 1.0 or self.figure.robot.mechanism is not None:
+        if self.torque_strain(q) <= 1.0 or self.figure.robot.mechanism is not None:
             return q
         model, data = self.figure.model, self.figure.data
 
@@ -295,10 +284,10 @@ class Postures:
 
     def _link_distances(self, q: Array) -> dict[tuple[str, str], float]:
         """Distances of the links that have to keep one [m]."""
-        found = zip(self.search.pairs, self.search.distances(self.search.posture(q)), strict=True)
+        found = zip(self.search.pairs, self.search.link_distances(self.search.whole_posture(q)), strict=True)
         return {pair: float(distance) for pair, distance in found if pair not in self.ignored}
 
-    def touching(self, q: Array, slack: float = 0.0) -> list[tuple[str, str]]:
+    def touching_pairs(self, q: Array, slack: float = 0.0) -> list[tuple[str, str]]:
         """Pairs of links closer than the margin and some slack [m], those left out that are ignored."""
         return [pair for pair, distance in self._link_distances(q).items() if distance < self.margin + slack]
 
@@ -309,17 +298,22 @@ class Postures:
         are larger than what turns in them, and a robot on straight legs can move nothing but its arms.
         """
         stances = Stances(self.figure, self.lower, self.upper, self.wanted)
-        tried = self._try_stances(stances.bent(self.legs))
-        if not tried or self._least_distance(self.footing.agility, self._choose_best(tried).stand) < _AGILE:
-            tried += self._try_stances(stances.wide(self.legs))
+        tried = self._try_stances(stances.bent_stances(self.legs))
+        if (
+            not tried
+            or self._least_distance(self.footing.foot_agility, self._choose_best(tried).stand) < _AGILE
+        ):
+            tried += self._try_stances(stances.wide_stances(self.legs))
         if not tried:
             return None
         best, stated = self._choose_best(tried), self.ignored
         self.ignored = stated | self._of_hulls(tried)
-        if self.touching(best.stand.q):
+        if self.touching_pairs(best.stand.q):
             # The same feet with arms and head out of the way, if that can be; else as far as it could.
-            found = self.footing.stand(self._part_links(best.stand.q, self.of_legs), self.legs)
-            if found is not None and len(self.touching(found.q)) < len(self.touching(best.stand.q)):
+            found = self.footing.find_stance(self._part_links(best.stand.q, self.of_legs), self.legs)
+            if found is not None and len(self.touching_pairs(found.q)) < len(
+                self.touching_pairs(best.stand.q)
+            ):
                 best = best._replace(stand=found)
         self.ignored = stated
         return best.stand
@@ -328,11 +322,13 @@ class Postures:
         """What is found from some starts, up to the first that leaves nothing to wish for."""
         tried: list[_Tried] = []
         for start in starts:
-            found = self.footing.stand(start, self.legs)
+            found = self.footing.find_stance(start, self.legs)
             if found is None:
                 continue
-            touching = frozenset(self.touching(found.q))
-            tried.append(_Tried(found, touching, self._least_distance(self.footing.bend, found) >= _BEND))
+            touching = frozenset(self.touching_pairs(found.q))
+            tried.append(
+                _Tried(found, touching, self._least_distance(self.footing.knee_bend, found) >= _BEND)
+            )
             if not touching and self._room_left(found) >= 1.0:
                 break
         return tried
@@ -357,21 +353,21 @@ class Postures:
         joints = sorted(joint - 1 for joint in self.of_legs)
         to_limits = np.minimum(q - limits.position_lower, limits.position_upper - q)[joints]
         apart = [one - self.margin for pair, one in self._link_distances(q).items() if pair not in apart_from]
-        low = self.figure.lowest(q)
+        low = self.figure.lowest_heights(q)
         ground = min(low[leg] for leg in self.legs) + self.margin
         above = [low[joint] - ground for joint in low if joint not in self.of_legs]
         shares = (
             float(to_limits.min(initial=_ROOM)) / _ROOM,
             min(apart, default=_APART) / _APART,
             min(above, default=_APART) / _APART,
-            self._least_distance(self.footing.bend, stand) / _BEND,
-            self._least_distance(self.footing.agility, stand) / _AGILE,
+            self._least_distance(self.footing.knee_bend, stand) / _BEND,
+            self._least_distance(self.footing.foot_agility, stand) / _AGILE,
         )
         return sum(min(max(share, 0.0), 1.0) for share in shares) / len(shares)
 
     def _part_links(self, q: Array, kept: set[int]) -> Array:
         """Fewer links touching: pair by pair, joints between its links are drawn anew, but for those ``kept``."""
-        touching = self.touching(q)
+        touching = self.touching_pairs(q)
         for number in range(_TRIES):
             if not touching:
                 break
@@ -381,7 +377,7 @@ class Postures:
             drawn = q.copy()
             goal = self.rng.uniform(self.lower, self.upper)
             drawn[places] += share * (goal - q)[places]
-            after = self.touching(drawn)
+            after = self.touching_pairs(drawn)
             if len(after) < len(touching):
                 q, touching = drawn, after
         return q
@@ -411,13 +407,13 @@ class Stances:
         self.axes = jacobian[3:].T.copy()
         self.sides = np.sign([place.translation[1] for place in figure.data.oMi])
 
-    def bent(self, legs: list[int]) -> list[Array]:
+    def bent_stances(self, legs: list[int]) -> list[Array]:
         """In the order in which they are tried."""
         starts = [self.wanted] if np.any(self.wanted) else []
         starts += [self._bend_knees(legs, bend, wide) for wide in (0.0, 0.12) for bend in _BENDS]
         return [*starts, self.wanted]
 
-    def wide(self, legs: list[int]) -> list[Array]:
+    def wide_stances(self, legs: list[int]) -> list[Array]:
         """More of them, for legs whose feet cannot follow in every direction from the others."""
         return [self._sprawl_legs(legs, bend) for bend in _BENDS if bend > 0.0]
 
@@ -430,7 +426,7 @@ class Stances:
             for side in (1.0, -1.0) if len(pitch) > 1 else ():
                 tried = q.copy()
                 tried[pitch[:2]] = side * bend * np.array([1.0, -1.0]) * signs[:2]
-                self.figure.centre(tried)
+                self.figure.mass_centre(tried)
                 reached.append((float(np.linalg.norm(data.oMi[leg].translation[:2])), tried))
             q = max(reached, key=lambda one: one[0], default=(0.0, q))[1]
         return np.clip(q, self.lower, self.upper)
@@ -439,7 +435,9 @@ class Stances:
         """The wanted posture with knees bent, each leg to the side that its limits allow, and hips turned out."""
         q = self.wanted.copy()
         for leg in legs:
-            rolls = [joint - 1 for joint in self.figure.chain(leg) if abs(self.axes[joint - 1, 0]) > 0.8]
+            rolls = [
+                joint - 1 for joint in self.figure.joint_chain(leg) if abs(self.axes[joint - 1, 0]) > 0.8
+            ]
             # The hip turns out and the ankle back, if joints for that are there.
             for joint, turn in zip((rolls[:1] + rolls[-1:])[: len(rolls)], (1.0, -1.0), strict=False):
                 q[joint] += turn * self.sides[leg] * wide * np.sign(self.axes[joint, 0])
@@ -457,7 +455,7 @@ class Stances:
 
     def _pitch_joints(self, leg: int) -> tuple[list[int], Array]:
         """Joints of a leg that bend it, as indices, and which way each turns: most of its level axes are parallel."""
-        level = {joint - 1: self.axes[joint - 1, :2] for joint in self.figure.chain(leg)}
+        level = {joint - 1: self.axes[joint - 1, :2] for joint in self.figure.joint_chain(leg)}
         sizes = {joint: float(np.linalg.norm(axis)) for joint, axis in level.items()}
         axes = {joint: axis / sizes[joint] for joint, axis in level.items() if sizes[joint] > _ALONG}
         groups = [

@@ -21,7 +21,7 @@ from excite.robot.catalogue import MODEL_SUFFIXES
 from excite.robot.refusal import robot_error
 from excite.robot.shapes.mesh_files import binary_stl
 from excite.robot.urdf.converted import ConvertedModel
-from excite.robot.urdf.numbers import MOMENTS, add_element, write_origin
+from excite.robot.urdf.writing import add_element, add_inertial, add_joint, add_solid
 
 USD_SUFFIXES = MODEL_SUFFIXES[-4:]
 _DEGREE = np.pi / 180.0
@@ -100,7 +100,7 @@ def convert_usd(path: Path) -> ConvertedModel:
     for joint in joints:
         _write_joint(robot, joint, names, shifts, (length, weight))
     notes = tuple(f"{loop} closes a loop and is left out" for loop in loops)
-    return ConvertedModel(path.stem, floating, tostring(robot, "unicode"), meshes, notes)
+    return ConvertedModel(floating=floating, urdf=tostring(robot, "unicode"), meshes=meshes, notes=notes)
 
 
 def _order_joints(
@@ -190,14 +190,10 @@ def _write_inertial(
         raise robot_error(path, str(prim.GetPath()), "has a mass and no moments of inertia", remedy)
     axes = mass.GetPrincipalAxesAttr().Get()
     turn = np.eye(3) if not axes.GetLength() else _read_pose(np.zeros(3), axes, 1.0).rotation
-    inertial = SubElement(link, "inertial")
     # Unless it is stated, the centre of mass is not a number: the body's origin then.
-    write_origin(
-        inertial, shift * pin.SE3(np.eye(3), length * center if np.isfinite(center).all() else np.zeros(3))
-    )
-    add_element(inertial, "mass", value=total)
+    place = pin.SE3(np.eye(3), length * center if np.isfinite(center).all() else np.zeros(3))
     about = turn @ np.diag(moments) @ turn.T
-    add_element(inertial, "inertia", **dict(zip(MOMENTS, map(float, about[np.triu_indices(3)]), strict=True)))
+    add_inertial(link, shift * place, total, about[np.triu_indices(3)].tolist())
 
 
 def _find_shapes(body: Any, bodies: dict[str, Any]) -> Iterator[Any]:
@@ -227,7 +223,7 @@ def _write_shape(
     kind, even = prim.GetTypeName(), np.allclose(stretch, stretch[0])
     if np.linalg.det(turn) < 0.0 or kind not in {"Cube", "Sphere", "Cylinder", "Capsule", "Mesh"}:
         return
-    pose = pin.SE3(turn, length * place[3, :3])
+    pose = shift * pin.SE3(turn, length * place[3, :3])
     if kind in {"Cylinder", "Capsule"}:
         # URDF's cylinders stand along z.
         along = np.eye(3)["XYZ".index(prim.GetAttribute("axis").Get())]
@@ -239,28 +235,25 @@ def _write_shape(
         for name in ("size", "radius", "height")
         if (attribute := prim.GetAttribute(name)).HasValue()
     }
-    collision = SubElement(link, "collision")
-    write_origin(collision, shift * pose)
-    geometry = SubElement(collision, "geometry")
     if kind == "Cube":
-        add_element(geometry, "box", size=length * float(prim.GetAttribute("size").Get()) * stretch)
+        size = length * float(prim.GetAttribute("size").Get()) * stretch
+        add_solid(link, "collision", pose, "box", size=size)
     elif kind == "Sphere" and even:
-        add_element(geometry, "sphere", radius=values["radius"])
+        add_solid(link, "collision", pose, "sphere", radius=values["radius"])
     elif kind in {"Cylinder", "Capsule"} and even:
         # A capsule's caps come on top of its height.
         more = 2.0 * values["radius"] if kind == "Capsule" else 0.0
-        add_element(geometry, "cylinder", radius=values["radius"], length=values["height"] + more)
+        sizes = {"radius": values["radius"], "length": values["height"] + more}
+        add_solid(link, "collision", pose, "cylinder", **sizes)
     elif kind == "Mesh":
         mesh = UsdGeom.Mesh(prim)
         points = length * stretch * np.array(mesh.GetPointsAttr().Get(), dtype=float).reshape(-1, 3)
-        name = f"meshes/{link.get('name')}_{len(link.findall('collision'))}.stl"
+        name = f"meshes/{link.get('name')}_{1 + len(link.findall('collision'))}.stl"
         faces = _cut_triangles(
             mesh.GetFaceVertexCountsAttr().Get(), list(mesh.GetFaceVertexIndicesAttr().Get())
         )
         meshes[name] = binary_stl(points[np.array(faces)])
-        add_element(geometry, "mesh", filename=name)
-    else:
-        link.remove(collision)
+        add_solid(link, "collision", pose, "mesh", filename=name)
 
 
 def _cut_triangles(counts: Iterable[int], corners: Sequence[int]) -> list[tuple[int, int, int]]:
@@ -282,10 +275,9 @@ def _write_joint(
 ) -> None:
     """A joint with its limits; ``units`` of length and mass in SI."""
     prim, kind = joint.prim, _KINDS[joint.prim.GetTypeName()]
-    written = SubElement(robot, "joint", name=_read_stated(prim, "excite:joint") or prim.GetName(), type=kind)
-    SubElement(written, "parent", link=names[joint.parent] if joint.parent else "world")
-    SubElement(written, "child", link=names[joint.child])
-    write_origin(written, shifts.get(joint.parent, pin.SE3.Identity()).inverse() * joint.outer)
+    name, parent = _read_stated(prim, "excite:joint") or prim.GetName(), names.get(joint.parent, "world")
+    place = shifts.get(joint.parent, pin.SE3.Identity()).inverse() * joint.outer
+    written = add_joint(robot, name, kind, parent, names[joint.child], place)
     if kind == "fixed":
         return
     add_element(

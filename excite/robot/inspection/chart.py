@@ -12,11 +12,10 @@ from excite.display import count
 from excite.errors import RobotError
 from excite.finding import Examination, Finding, list_names, merge_findings, worst_first
 from excite.formats.documents import read_xml
-from excite.robot.catalogue import find_robot, is_package
 from excite.robot.description import FREE_BASES, RobotDescription, read_description
 from excite.robot.init_robot.description import AS_IT_IS
 from excite.robot.init_robot.files import convert_model, expand_xacro, is_xacro
-from excite.robot.init_robot.packages import model_of_package
+from excite.robot.init_robot.packages import find_model
 from excite.robot.init_robot.source import Source
 from excite.robot.inspection.links import DescribedRobot
 from excite.robot.inspection.rules import RULES, impossible_inertia
@@ -24,9 +23,9 @@ from excite.robot.loading import load_robot, urdf_of
 from excite.robot.mjcf.conversion import is_mjcf
 from excite.robot.robot import Robot
 from excite.robot.urdf.inertia import drop_points, inertial_faults
-from excite.robot.urdf.numbers import MOMENTS, add_element
 from excite.robot.urdf.reading import MAX_NESTING, prepare_urdf
 from excite.robot.urdf.tree import check_tree
+from excite.robot.urdf.writing import MOMENTS, add_element
 from excite.temporary_folder import TemporaryFolder
 
 # What follows from another fault of the same link is not said beside it.
@@ -68,11 +67,7 @@ def examine_description(name_or_path: str | Path) -> RobotChart:
         RobotError: the file is missing, or so broken that nothing in it can be judged.
         UnknownNameError: neither a file nor a bundled robot.
     """
-    path = Path(name_or_path)
-    if is_package(path):
-        path, _ = model_of_package(path, Source())
-    elif path.suffix != ".xacro":
-        path = find_robot(name_or_path)
+    path, _ = find_model(name_or_path, Source())
     if path.suffix in {".yaml", ".yml"}:
         description = read_description(path)
         chart = _of_description(description, path)

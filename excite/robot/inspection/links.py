@@ -24,9 +24,10 @@ from excite.robot.shapes.link_shapes import solid_shape
 from excite.robot.shapes.mesh_files import read_meshes
 from excite.robot.shapes.shape import outline_points, place_points
 from excite.robot.urdf.inertia import WEIGHTLESS, symmetric_matrix
-from excite.robot.urdf.numbers import MOMENTS, read_numbers
+from excite.robot.urdf.numbers import read_numbers
 from excite.robot.urdf.reading import absolute_meshes
 from excite.robot.urdf.tree import MOVING, LinkTree, link_at
+from excite.robot.urdf.writing import MOMENTS
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,11 +64,11 @@ class Solid:
         squares += np.einsum("t,ti,tj->ij", volumes, sums, sums)
         return np.asarray(squares / 20.0 / volumes.sum() - np.outer(centre, centre))
 
-    def distance(self, point: Array) -> float:
+    def distance_outside(self, point: Array) -> float:
         """How far outside a point is, at least [m]; negative inside."""
         return float((self.planes[:, :3] @ point + self.planes[:, 3]).max())
 
-    def nearest(self, point: Array) -> Array:
+    def nearest_point(self, point: Array) -> Array:
         """The point of the body nearest to one outside: the mean of its corners by weights of least squares."""
         from scipy.optimize import nnls
 
@@ -242,7 +243,7 @@ class DescribedRobot:
         """Of all links [kg]."""
         return sum(link.mass or 0.0 for link in self.links.values())
 
-    def bodies(self) -> Iterator[DescribedLink]:
+    def weighty_links(self) -> Iterator[DescribedLink]:
         """Links that state a mass which counts."""
         return (link for link in self.links.values() if link.weight and not self.is_weightless(link))
 
@@ -255,7 +256,7 @@ class DescribedRobot:
         found = self._hull_of(link, "collision")
         return self._hull_of(link, "visual") if found is None and self.thorough else found
 
-    def hulls(self, link: str) -> Iterable[Solid]:
+    def link_hulls(self, link: str) -> Iterable[Solid]:
         """Hulls that the link may be, each with more in it: its collision geometry, with its looks, its whole body's.
 
         The last stands only for a link without geometry of its own, or holds what is mounted on it: what an earlier one
@@ -270,7 +271,7 @@ class DescribedRobot:
 
     def first_hull(self, link: str) -> Solid | None:
         """The first of :meth:`hulls`."""
-        return next(iter(self.hulls(link)), None)
+        return next(iter(self.link_hulls(link)), None)
 
     def _hull_of(self, link: str, *kinds: str) -> Solid | None:
         """Convex hull of a link's geometry of some kinds, with ``body`` of all links of its rigid body."""

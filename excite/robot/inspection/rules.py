@@ -16,7 +16,7 @@ from excite.robot.init_robot.first_guesses import mirror_names
 from excite.robot.inspection.links import DescribedJoint, DescribedLink, DescribedRobot, Solid
 from excite.robot.quantities import MAX_TRAVEL, looks_like_degrees
 from excite.robot.urdf.inertia import TOLERANCE, symmetric_matrix
-from excite.robot.urdf.numbers import MOMENTS
+from excite.robot.urdf.writing import MOMENTS
 
 # Inertias that no body has, and the smallest correction that makes one of them possible.
 
@@ -221,13 +221,15 @@ def check_density(robot: DescribedRobot) -> Iterator[Finding]:
     """Mass over the volume of the link's shape: nothing is denser than osmium, and no link as light as foam."""
     found = {
         link.name: link.weight / own.volume
-        for link in robot.bodies()
+        for link in robot.weighty_links()
         if (own := robot.own_hull(link.name)) is not None
     }
     median = float(np.median([*found.values()])) if found else _WATER
     # Power of ten by which the masses of most links are too large.
     slip = 1.0 if _FOAM <= median <= _COPPER else 10.0 ** round(math.log10(median / _WATER))
-    hulls = [(link, solid) for link in robot.bodies() if (solid := robot.first_hull(link.name)) is not None]
+    hulls = [
+        (link, solid) for link in robot.weighty_links() if (solid := robot.first_hull(link.name)) is not None
+    ]
     sound = [share for link, solid in hulls if _FOAM < (share := link.weight / solid.volume) < _COPPER]
     for link in robot.links.values():
         own = robot.own_hull(link.name) if link.weight else None
@@ -261,16 +263,16 @@ def check_density(robot: DescribedRobot) -> Iterator[Finding]:
 
 def com_outside(robot: DescribedRobot) -> Iterator[Finding]:
     """No body's centre of mass lies outside the convex hull of its matter."""
-    for link in robot.bodies():
+    for link in robot.weighty_links():
         own = robot.first_hull(link.name)
         if own is None:
             continue
         at_frame = not link.com.any()
-        share = own.distance(link.com) / own.size
+        share = own.distance_outside(link.com) / own.size
         if not at_frame:
             most = _SLACK if robot.thorough else _FAR
             share = _least_over_hulls(
-                robot, link, most, lambda link, solid: solid.distance(link.com) / solid.size
+                robot, link, most, lambda link, solid: solid.distance_outside(link.com) / solid.size
             )
         if share <= _SLACK:
             continue
@@ -278,8 +280,12 @@ def com_outside(robot: DescribedRobot) -> Iterator[Finding]:
         said = f"its centre of mass ({numbers_in_words(link.com)}) m lies {outside:.2g} m outside its shape"
         said += ": it was left at the link's frame" * at_frame
         words, better = next(
-            ((words, com) for words, com in _com_readings(link.com, own.size) if own.distance(com) < 0.0),
-            ("the nearest point of its shape", own.nearest(link.com)),
+            (
+                (words, com)
+                for words, com in _com_readings(link.com, own.size)
+                if own.distance_outside(com) < 0.0
+            ),
+            ("the nearest point of its shape", own.nearest_point(link.com)),
         )
         remedy = f'{words}: xyz="{numbers_in_words(better)}"'
         severity: Severity = "spoils" if sure > 0.6 else "limits"
@@ -304,11 +310,11 @@ def _com_readings(com: Array, size: float) -> Iterator[tuple[str, Array]]:
 
 def inertia_scale(robot: DescribedRobot) -> Iterator[Finding]:
     """How far the mass is spread: not beyond its shape, and not as if it all were in one point of it."""
-    for link in robot.bodies():
+    for link in robot.weighty_links():
         own = robot.first_hull(link.name)
         if own is None or not is_possible(link.stated):
             continue
-        outside = own.distance(link.com) > 0.0
+        outside = own.distance_outside(link.com) > 0.0
         squared, even = _squared_spread(link), float(np.trace(own.spread))
         beyond = _least_over_hulls(
             robot,
@@ -340,7 +346,7 @@ def _least_over_hulls(
 ) -> float:
     """The least of a measure over the hulls that a link may be; no further one is made once it is within ``most``."""
     least = math.inf
-    for solid in robot.hulls(link.name):
+    for solid in robot.link_hulls(link.name):
         least = min(least, measure(link, solid))
         if least <= most:
             break
@@ -380,7 +386,7 @@ _HOLDS = 4.0
 
 def find_placeholders(robot: DescribedRobot) -> Iterator[Finding]:
     """Inertials that were put in for want of better: the same on links of different shape, or a unit's multiple."""
-    bodies = list(robot.bodies())
+    bodies = list(robot.weighty_links())
     groups: dict[str, list[DescribedLink]] = {}
     for link in bodies:
         xx, xy, xz, yy, yz, zz = link.stated
@@ -407,7 +413,7 @@ def find_placeholders(robot: DescribedRobot) -> Iterator[Finding]:
 def find_asymmetry(robot: DescribedRobot) -> Iterator[Finding]:
     """Left and right are mirror images: masses, centres and inertias of twins whose frames mirror each other."""
     pairs = []
-    for left in robot.bodies():
+    for left in robot.weighty_links():
         twins = (robot.links.get(name) for name in mirror_names(left.name) if name != left.name)
         right = next((twin for twin in twins if twin and twin.weight and twin.pose is not None), None)
         if right is not None and left.pose is not None and right.pose is not None:

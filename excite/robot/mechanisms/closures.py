@@ -29,7 +29,7 @@ from excite.robot.quantities import (
     Velocity,
 )
 from excite.robot.refusal import robot_error, unknown_name
-from excite.robot.urdf.numbers import MOMENTS, add_element
+from excite.robot.urdf.writing import add_element, add_inertial, add_joint
 
 # Singular values of the passive joints' part of K below this share of the largest are rounding: equations that say
 # the same, as a plane's do. A mechanism that is so near a singular position amplifies any error a million times.
@@ -335,14 +335,9 @@ def add_motors(root: ElementTree.Element, blocks: tuple[TransmissionBlock, ...],
 
 
 def _add_motor(root: ElementTree.Element, motor: MotorBlock) -> None:
-    inertial = add_element(add_element(root, "link", name=crank_link(motor)), "inertial")
-    add_element(inertial, "mass", value=_MASS)
-    moments: tuple[str | float, ...] = (_INERTIA, "0", "0", _INERTIA, "0", _INERTIA)
-    add_element(inertial, "inertia", **dict(zip(MOMENTS, moments, strict=True)))
-    joint = add_element(root, "joint", name=motor.name, type="revolute")
-    add_element(joint, "parent", link=motor.link)
-    add_element(joint, "child", link=crank_link(motor))
-    add_element(joint, "origin", xyz=motor.xyz, rpy="0 0 0")
+    link, place = add_element(root, "link", name=crank_link(motor)), pin.SE3(np.eye(3), np.array(motor.xyz))
+    add_inertial(link, pin.SE3.Identity(), _MASS, _INERTIA * np.eye(3)[np.triu_indices(3)])
+    joint = add_joint(root, motor.name, "revolute", motor.link, crank_link(motor), place)
     add_element(joint, "axis", xyz=motor.axis)
     lower, upper = motor.position
     add_element(joint, "limit", lower=lower, upper=upper, velocity=motor.velocity, effort=motor.torque)

@@ -47,7 +47,7 @@ class Mechanism:
     @cached_property
     def ratios(self) -> ConstantRatios | None:
         """All closures as constant ratios, which need no search; None where one is more than that."""
-        return ConstantRatios.of(self.model, self.closures, self.passive, self.driven)
+        return ConstantRatios.from_closures(self.model, self.closures, self.passive, self.driven)
 
     @property
     def meeting(self) -> set[frozenset[int]]:
@@ -62,7 +62,7 @@ class Mechanism:
         carry = [[set(self.model.supports[joint]) for joint in pair] for pair in ends]
         return {joint for one, other in carry for joint in one ^ other}
 
-    def closed(self, q: Array, *, near: bool = False) -> Array:
+    def close_configurations(self, q: Array, *, near: bool = False) -> Array:
         """Configurations whose closures hold, the passive joints moved alone.
 
         Args:
@@ -76,7 +76,7 @@ class Mechanism:
             MotionError: a loop cannot be closed.
         """
         if self.ratios is not None:
-            return self.ratios.closed(q)
+            return self.ratios.close_configurations(q)
         data, out, before = self.model.createData(), np.array(q, dtype=float), self.rest
         for i in range(len(out)):
             before = out[i] = (
@@ -86,17 +86,17 @@ class Mechanism:
             )
         return out
 
-    def gaps(self, q: Array) -> Array:
+    def closure_gaps(self, q: Array) -> Array:
         """How far the worst closure is open, ``(n,)`` [m or rad]."""
         if self.ratios is not None:
-            return self.ratios.gaps(q)
+            return self.ratios.closure_gaps(q)
         data, out = self.model.createData(), np.zeros(len(q))
         for i in range(len(q)):
             pin.forwardKinematics(self.model, data, q[i])
             out[i] = np.abs(self._closure_gap(q[i], data)).max(initial=0.0)
         return out
 
-    def widest(self, q: Array) -> str:
+    def widest_closure(self, q: Array) -> str:
         """Name of the closure that is widest open at ``q`` ``(nq,)``."""
         data = self.model.createData()
         pin.forwardKinematics(self.model, data, q)
@@ -150,7 +150,7 @@ class Mechanism:
     def _closure_jacobian(self, q: Array, data: pin.Data) -> Array:
         return np.vstack([closure.jacobian(self.model, q, data) for closure in self.closures])
 
-    def completed(self, q: Array, v: Array, a: Array) -> Moved:
+    def complete_motion(self, q: Array, v: Array, a: Array) -> Moved:
         """Configurations, velocities and accelerations of which the passive ones follow from the others.
 
         Args:
@@ -161,9 +161,9 @@ class Mechanism:
         Raises:
             MotionError: a loop cannot be closed, or its joints do not follow from the motors.
         """
-        return self.following(self.closed(q), v, a)
+        return self.follow_driven(self.close_configurations(q), v, a)
 
-    def following(self, q: Array, v: Array, a: Array) -> Moved:
+    def follow_driven(self, q: Array, v: Array, a: Array) -> Moved:
         """The same at configurations ``(n, nq)`` that are closed."""
         v, a = np.array(v, dtype=float), np.array(a, dtype=float)
         passive, driven, still = self.passive, self.driven, np.zeros(self.model.nv)
@@ -226,7 +226,7 @@ class Mechanism:
         out[:, self.driven] = np.einsum("nij,ni...->nj...", self.motion_maps(q), forces)
         return out
 
-    def drawn(self, rng: np.random.Generator, lower: Array, upper: Array, n: int) -> Array:
+    def draw_configurations(self, rng: np.random.Generator, lower: Array, upper: Array, n: int) -> Array:
         """Closed configurations ``(n, nq)`` whose driven joints are drawn between bounds ``(n_joints,)``.
 
         A draw out of reach is pulled towards rest until it is within. A free base stays at rest.
@@ -306,7 +306,7 @@ class ConstantRatios:
     velocities: Array
 
     @classmethod
-    def of(
+    def from_closures(
         cls,
         model: pin.Model,
         closures: Sequence[Closure],
@@ -338,7 +338,7 @@ class ConstantRatios:
             -np.linalg.solve(own, of_v[:, driven]),
         )
 
-    def closed(self, q: Array) -> Array:
+    def close_configurations(self, q: Array) -> Array:
         """Configurations ``(n, nq)`` in which these joints stand as the others want it."""
         out = np.array(q, dtype=float)
         out[:, self.columns] = 0.0
@@ -347,7 +347,7 @@ class ConstantRatios:
         ).T
         return out
 
-    def gaps(self, q: Array) -> Array:
+    def closure_gaps(self, q: Array) -> Array:
         """How far the worst closure is open, ``(n,)`` [rad or m]."""
         return np.asarray(np.abs(q @ self.sums.T - self.offset).max(axis=1))
 
@@ -373,7 +373,7 @@ def build_mechanism(
     near = pin.neutral(model) if rest is None else rest
     open_ = Mechanism(model, tuple(closures), np.array(columns, dtype=np.int64), near)
     by = open_.following_from(limb_columns(model, carrying)) if carrying else open_
-    closed = replace(open_, rest=by.closed(near[None])[0])
+    closed = replace(open_, rest=by.close_configurations(near[None])[0])
     closed.motion_maps(closed.rest[None])
     return closed
 

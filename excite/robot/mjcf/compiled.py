@@ -21,8 +21,7 @@ from excite.robot.mjcf.trees import (
     single_joints,
     tendon_groups,
     torque_limits,
-    write_couplings,
-    write_loops,
+    write_ties,
 )
 from excite.robot.mjcf.urdf import BALL, HINGE, UrdfWriter
 from excite.robot.refusal import robot_error
@@ -65,23 +64,23 @@ def compile_mjcf(path: Path) -> ConvertedModel:
         notes.append("equalities with mocap bodies, handles of a simulation, are left out")
     _hold_joints(model, closures, set(bodies), writer, notes)
     writer.mimics, writer.torque_limits = find_mimics(model, closures), torque_limits(model)
-    robot = writer.robot(spec.modelname or path.stem, root, bodies)
+    robot = writer.write_robot(spec.modelname or path.stem, root, bodies)
     if model.jnt_stiffness.any():
         notes.append("springs of joints (stiffness) are left out: torques predicted there lack them")
+    ties = write_ties(model, closures, writer)
     pairs = [(int(pair) >> 16, int(pair) & 0xFFFF) for pair in model.exclude_signature]
     known = [pair for pair in pairs if set(pair) <= set(bodies)]
     rotors = {joint: float(model.dof_armature[model.jnt_dofadr[joint]]) for joint in single_joints(model)}
     return ConvertedModel(
-        spec.modelname or path.stem,
-        root != 0,
-        '<?xml version="1.0"?>\n' + ElementTree.tostring(robot, encoding="unicode") + "\n",
-        writer.meshes,
-        (*notes, *writer.notes),
-        _rest_keyframe(model, writer),
-        tuple((writer.link_name(first), writer.link_name(second)) for first, second in known),
-        write_loops(model, closures, writer),
-        write_couplings(model, closures, writer),
-        {writer.joint_name(joint): rotor for joint, rotor in rotors.items() if rotor > 0.0},
+        floating=root != 0,
+        urdf='<?xml version="1.0"?>\n' + ElementTree.tostring(robot, encoding="unicode") + "\n",
+        meshes=writer.meshes,
+        notes=(*notes, *writer.notes),
+        posture=_rest_keyframe(model, writer),
+        ignored=tuple((writer.link_name(first), writer.link_name(second)) for first, second in known),
+        loops=tuple(ties.loops),
+        couplings=tuple(ties.couplings),
+        armature={writer.joint_name(joint): rotor for joint, rotor in rotors.items() if rotor > 0.0},
     )
 
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Collection
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -289,34 +289,38 @@ def find_mimics(model: mujoco.MjModel, closures: Closures) -> dict[int, Mimic]:
     return found
 
 
-def write_loops(model: mujoco.MjModel, closures: Closures, writer: UrdfWriter) -> tuple[dict[str, Any], ...]:
-    """Blocks ``loops`` of a ``robot.yaml``, once the URDF is written."""
-    kinds = {_CONNECT: "point", _WELD: "weld"}
-    return tuple(
-        {
-            "name": name,
-            "kind": kinds[int(model.eq_type[number])],
-            "ends": [_end_block(writer, *end) for end in _loop_ends(model, number)],
-            "passive": passive,
-            "source": _SOURCE,
-        }
-        for number, name, passive in _tie_blocks(model, closures, writer)
-        if int(model.eq_type[number]) in kinds
-    )
+class TieBlocks(NamedTuple):
+    """Blocks ``loops`` and ``couplings`` of a ``robot.yaml``."""
+
+    loops: list[dict[str, Any]]
+    couplings: list[dict[str, Any]]
 
 
-def _tie_blocks(
-    model: mujoco.MjModel, closures: Closures, writer: UrdfWriter
-) -> list[tuple[int, str, list[str]]]:
-    """Numbers of the equalities that a description holds, their names, and the joints that follow by each."""
-    return [
-        (
-            number,
-            model.equality(number).name or f"equality_{number}",
-            [writer.joint_name(joint) for joint in sorted(closures.passive.get(number, ()))],
-        )
-        for number in closures.solved
-    ]
+def write_ties(model: mujoco.MjModel, closures: Closures, writer: UrdfWriter) -> TieBlocks:
+    """What a description holds of a model's equalities, once the URDF, which has the mimic joints, is written."""
+    kinds, found = {_CONNECT: "point", _WELD: "weld"}, TieBlocks([], [])
+    for number in closures.solved:
+        kind, data = int(model.eq_type[number]), model.eq_data[number]
+        first, second = int(model.eq_obj1id[number]), int(model.eq_obj2id[number])
+        name = model.equality(number).name or f"equality_{number}"
+        passive = [writer.joint_name(joint) for joint in sorted(closures.passive.get(number, ()))]
+        told = {"passive": passive, "source": _SOURCE}
+        if kind in kinds:
+            ends = [_end_block(writer, *end) for end in _loop_ends(model, number)]
+            found.loops.append({"name": name, "kind": kinds[kind], "ends": ends, **told})
+            continue
+        if kind == _TENDON:
+            joints: dict[int, Any] = {**_tendon_joints(model, first)}
+            for joint, factor in _tendon_joints(model, second).items():
+                joints[joint] = joints.get(joint, 0.0) - float(data[1]) * factor
+        elif first in writer.mimics and passive:
+            continue
+        else:
+            powers = [-float(x) for x in np.trim_zeros(data[1:5], "b")] or [0.0]
+            joints = {first: 1.0, second: powers if len(powers) > 1 else powers[0]}
+        ratios = {writer.joint_name(joint): factors for joint, factors in joints.items()}
+        found.couplings.append({"name": name, "joints": ratios, "offset": float(data[0]), **told})
+    return found
 
 
 def _end_block(writer: UrdfWriter, body: int, place: pin.SE3) -> dict[str, Any]:
@@ -324,28 +328,3 @@ def _end_block(writer: UrdfWriter, body: int, place: pin.SE3) -> dict[str, Any]:
     rpy = pin.rpy.matrixToRpy(link.rotation)
     turned = {"rpy": [float(x) for x in rpy]} if np.abs(rpy).max() > 0.0 else {}
     return {"link": writer.link_name(body), "xyz": [float(x) + 0.0 for x in link.translation], **turned}
-
-
-def write_couplings(
-    model: mujoco.MjModel, closures: Closures, writer: UrdfWriter
-) -> tuple[dict[str, Any], ...]:
-    """Blocks ``couplings`` of a ``robot.yaml``, of what is no mimic joint in the URDF."""
-    found = []
-    for number, name, passive in _tie_blocks(model, closures, writer):
-        first, second = int(model.eq_obj1id[number]), int(model.eq_obj2id[number])
-        kind, data = model.eq_type[number], model.eq_data[number]
-        if kind == _JOINT and not (first in writer.mimics and passive):
-            powers = [-float(x) for x in np.trim_zeros(data[1:5], "b")] or [0.0]
-            joints: dict[int, Any] = {first: 1.0, second: powers if len(powers) > 1 else powers[0]}
-        elif kind == _TENDON:
-            joints = {**_tendon_joints(model, first)}
-            for joint, factor in _tendon_joints(model, second).items():
-                joints[joint] = joints.get(joint, 0.0) - float(data[1]) * factor
-        else:
-            continue
-        ratios = {writer.joint_name(joint): factors for joint, factors in joints.items()}
-        offset = float(data[0])
-        found.append(
-            {"name": name, "joints": ratios, "offset": offset, "passive": passive, "source": _SOURCE}
-        )
-    return tuple(found)

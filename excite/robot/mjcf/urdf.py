@@ -12,7 +12,7 @@ import pinocchio as pin
 
 from excite.arrays import Array
 from excite.robot.shapes.mesh_files import binary_stl
-from excite.robot.urdf.numbers import MOMENTS, add_element, write_origin
+from excite.robot.urdf.writing import add_element, add_inertial, add_joint, add_solid
 
 FREE, BALL, SLIDE, HINGE = (
     int(kind)
@@ -59,7 +59,7 @@ class UrdfWriter:
     notes: list[str] = field(default_factory=list)
     anchors: dict[int, Array] = field(default_factory=dict)
 
-    def robot(self, name: str, root: int, bodies: list[int]) -> Element:
+    def write_robot(self, name: str, root: int, bodies: list[int]) -> Element:
         """The ``robot`` element of bodies, parents first; ``root`` becomes the root link, 0 for the world."""
         self._element, self.anchors[root] = Element("robot", name=name), np.zeros(3)
         pose = pose_of(np.zeros(3), self.model.body_quat[root])
@@ -70,7 +70,7 @@ class UrdfWriter:
             # A link without mass above a floating body whose own axes do not stand upright in the model.
             link = self.link_name(root)
             SubElement(self._element, "link", name=f"{link}_upright")
-            self._joint_element(f"{link}_upright_fixed", "fixed", f"{link}_upright", link, pose)
+            add_joint(self._element, f"{link}_upright_fixed", "fixed", f"{link}_upright", link, pose)
             self.notes.append(f"the base is {link}_upright: the axes of {link} do not stand upright")
         for body in bodies:
             if body != root:
@@ -94,7 +94,7 @@ class UrdfWriter:
         before, link = pin.SE3(np.eye(3), -self.anchors[parent]) * pose, self.link_name(parent)
         self.anchors[body], count = np.zeros(3), int(model.body_jntnum[body])
         if count == 0:
-            self._joint_element(f"{own}_fixed", "fixed", link, own, before)
+            add_joint(self._element, f"{own}_fixed", "fixed", link, own, before)
         for number in range(count):
             joint, last = int(model.body_jntadr[body]) + number, number == count - 1
             child = own if last else f"{own}_before_{number + 1}"
@@ -108,7 +108,8 @@ class UrdfWriter:
         model, name, type_ = self.model, self.joint_name(joint), self.model.jnt_type[joint]
         limited = bool(model.jnt_limited[joint])
         kind = "prismatic" if type_ == SLIDE else "revolute" if limited else "continuous"
-        element = self._joint_element(name, "fixed" if type_ == BALL else kind, parent, child, origin)
+        kind = "fixed" if type_ == BALL else kind
+        element = add_joint(self._element, name, kind, parent, child, origin)
         if type_ == BALL:
             return
         add_element(element, "axis", xyz=model.jnt_axis[joint])
@@ -127,31 +128,22 @@ class UrdfWriter:
             master = self.joint_name(mimic.master)
             add_element(element, "mimic", joint=master, multiplier=mimic.multiplier, offset=mimic.offset)
 
-    def _joint_element(self, name: str, kind: str, parent: str, child: str, origin: pin.SE3) -> Element:
-        element = SubElement(self._element, "joint", name=name, type=kind)
-        SubElement(element, "parent", link=parent)
-        SubElement(element, "child", link=child)
-        write_origin(element, origin)
-        return element
-
     def _write_link(self, body: int) -> None:
         model = self.model
         link = SubElement(self._element, "link", name=self.link_name(body))
         shift = pin.SE3(np.eye(3), -self.anchors[body])
         if model.body_mass[body] > 0.0:
-            inertial = SubElement(link, "inertial")
-            write_origin(inertial, shift * pose_of(model.body_ipos[body], model.body_iquat[body]))
-            add_element(inertial, "mass", value=model.body_mass[body])
-            xx, yy, zz = model.body_inertia[body]
-            values: tuple[str | float, ...] = (xx, "0", "0", yy, "0", zz)
-            add_element(inertial, "inertia", **dict(zip(MOMENTS, values, strict=True)))
+            pose, (xx, yy, zz) = (
+                pose_of(model.body_ipos[body], model.body_iquat[body]),
+                model.body_inertia[body],
+            )
+            add_inertial(link, shift * pose, model.body_mass[body], (xx, "0", "0", yy, "0", zz))
         for geom in int(model.body_geomadr[body]) + np.arange(model.body_geomnum[body]):
             touches = model.geom_contype[geom] or model.geom_conaffinity[geom]
             pose = shift * pose_of(model.geom_pos[geom], model.geom_quat[geom])
             for height, tag, sizes in self._split_geom(int(geom)):
-                element = SubElement(link, "collision" if touches else "visual")
-                write_origin(element, pose * pin.SE3(np.eye(3), np.array([0.0, 0.0, height])))
-                add_element(SubElement(element, "geometry"), tag, **sizes)
+                place = pose * pin.SE3(np.eye(3), np.array([0.0, 0.0, height]))
+                add_solid(link, "collision" if touches else "visual", place, tag, **sizes)
 
     def _split_geom(self, geom: int) -> Iterator[tuple[float, str, dict[str, str | float | Array]]]:
         """What a geom is made of in a URDF, each solid with its height in the geom's frame [m], tag and sizes."""

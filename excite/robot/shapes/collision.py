@@ -40,8 +40,7 @@ _TABLE_SIZE = (4.0, 4.0, 1.0)
 
 # By robot hash, so that a robot that was pickled to a worker process finds its geometry again.
 _SHAPES: dict[str, tuple[Shape, ...]] = {}
-_MODELS: dict[str, pin.GeometryModel] = {}
-_WATCHED: dict[str, tuple[pin.GeometryModel, Array]] = {}
+_MODELS: dict[tuple[str, bool], tuple[pin.GeometryModel, Array]] = {}
 
 
 def collision_shapes(robot: Robot) -> tuple[Shape, ...]:
@@ -71,31 +70,25 @@ def collision_model(robot: Robot) -> pin.GeometryModel:
     Raises:
         RobotError: as :func:`collision_shapes`, or ``ignored_pairs`` names a link without shape.
     """
-    if robot.hash not in _MODELS:
-        near = {frozenset(pair.links) for pair in robot.description.collision.near_pairs}
-        shapes = collision_shapes(robot)
-        _MODELS[robot.hash] = _geometry_model(
-            shapes, shape_pairs(robot, shapes, _ignored_pairs(robot, shapes) | near)
-        )
-    return _MODELS[robot.hash]
+    return _watched_pairs(robot, near=False)[0]
 
 
 def watched_model(robot: Robot) -> tuple[pin.GeometryModel, Array]:
     """:func:`collision_model` with ``near_pairs`` too, and the distance that each pair keeps, ``(n_pairs,)`` [m]."""
-    block = robot.description.collision
-    if not block.near_pairs:
-        model = collision_model(robot)
-        return model, np.full(len(model.collisionPairs), block.margin)
-    if robot.hash not in _WATCHED:
-        shapes, own = (
-            collision_shapes(robot),
-            {frozenset(pair.links): pair.distance for pair in block.near_pairs},
-        )
-        pairs = shape_pairs(robot, shapes, _ignored_pairs(robot, shapes))
+    return _watched_pairs(robot, near=bool(robot.description.collision.near_pairs))
+
+
+def _watched_pairs(robot: Robot, *, near: bool) -> tuple[pin.GeometryModel, Array]:
+    """Model and distances, with ``near_pairs`` or without."""
+    if (robot.hash, near) not in _MODELS:
+        block, shapes = robot.description.collision, collision_shapes(robot)
+        own = {frozenset(pair.links): pair.distance for pair in block.near_pairs}
+        left_out = _ignored_pairs(robot, shapes) | (frozenset() if near else frozenset(own))
+        pairs = shape_pairs(robot, shapes, left_out)
         links = [frozenset((shapes[first].link, shapes[second].link)) for first, second in pairs]
         distances = np.array([own.get(pair, block.margin) for pair in links])
-        _WATCHED[robot.hash] = _geometry_model(shapes, pairs), distances
-    return _WATCHED[robot.hash]
+        _MODELS[robot.hash, near] = _geometry_model(shapes, pairs), distances
+    return _MODELS[robot.hash, near]
 
 
 def _geometry_model(shapes: Sequence[Shape], pairs: Sequence[tuple[int, int]]) -> pin.GeometryModel:
@@ -287,18 +280,13 @@ def turn_upright(
         kind: ``collision`` or ``visual``.
         points: corners as they stand in the files ``(n, 3)``, by file.
     """
-    turned = {path: turn_file_upright(path, corners) for path, corners in points.items() if _y_up(path)}
+    turned = {path: np.asarray(corners @ _UPRIGHT.T) for path, corners in points.items() if _y_up(path)}
     votes = [_axis_vote(link, kind, points, turned) for link in links] if turned else []
     as_is, otherwise = votes.count(-1), votes.count(1)
     # Fewer votes than these could be chance: without them meshes are read as RViz and pinocchio read them.
     if otherwise < 3 or otherwise < 0.75 * (as_is + otherwise):
         return points
     return {**points, **turned}
-
-
-def turn_file_upright(path: Path, corners: Array) -> Array:
-    """Corners ``(n, 3)`` of a file whose y is up with z up; those of any other file as they are."""
-    return np.asarray(corners @ _UPRIGHT.T) if _y_up(path) else corners
 
 
 def _y_up(path: Path) -> bool:
@@ -480,8 +468,8 @@ def review_pairs(
         rest: joints ``(n_joints,)`` of the rest posture; the robot's own where None.
     """
     search, margin = search or PairSearch(robot), robot.description.collision.margin
-    near = search.distances(robot.rest if rest is None else search.posture(rest))
-    drawn = [search.distances(q) for q in robot.draw_configurations(rng, n_random)]
+    near = search.link_distances(robot.rest if rest is None else search.whole_posture(rest))
+    drawn = [search.link_distances(q) for q in robot.draw_configurations(rng, n_random)]
     random = np.array(drawn).reshape(n_random, len(search.pairs))
     found: dict[str, list[tuple[str, str]]] = {
         kind: [] for kind in ("at_rest", "always", "never", "rest_collisions")
@@ -520,13 +508,13 @@ class PairSearch:
         self.joints = {shape.link: shape.joint for shape in shapes}
         self.data, self.geometry_data = robot.model.createData(), geometry_data(self.geometry)
 
-    def posture(self, joints: Array) -> Array:
+    def whole_posture(self, joints: Array) -> Array:
         """A configuration ``(nq,)`` with the joints' positions given and the base at rest."""
         q = self.robot.rest.copy()
         q[self.robot.n_base_q :] = joints
         return q
 
-    def distances(self, q: Array) -> Array:
+    def link_distances(self, q: Array) -> Array:
         """Smallest distance of each pair of links [m], ``(n_pairs,)``."""
         pin.computeDistances(self.robot.model, self.data, self.geometry, self.geometry_data, q)
         found = np.full(len(self.pairs), np.inf)
@@ -550,7 +538,7 @@ class PairSearch:
             joints = self.robot.rest[self.robot.n_base_q :].copy()
             joints[places] = lower[places] + np.array(fractions) * (upper - lower)[places]
             pin.updateGeometryPlacements(
-                self.robot.model, self.data, self.geometry, self.geometry_data, self.posture(joints)
+                self.robot.model, self.data, self.geometry, self.geometry_data, self.whole_posture(joints)
             )
             for index in wanted:
                 result = pin.computeDistance(self.geometry, self.geometry_data, int(index))

@@ -8,38 +8,53 @@ from pathlib import Path
 from typing import Any
 
 from excite.atomic import write_bytes, write_text
+from excite.results import Assumed
+from excite.robot.description import PositionTable
 
 
-@dataclass(frozen=True, eq=False)
-class ConvertedModel:
-    """A model of MuJoCo, SDF or USD as a URDF.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Said:
+    """What a model's file says that a URDF cannot.
 
     Attributes:
-        name: of the model.
-        floating: whether its base is free, None where the file does not say.
-        urdf: the URDF's text; mesh paths are relative to its file.
-        meshes: STL files by relative path.
-        notes: what the URDF leaves out or says differently.
-        posture: joints of the keyframe in which the robot rests [rad or m], None without one.
-        excluded: pairs of links that the model lets touch.
-        loops: blocks ``loops`` of a ``robot.yaml``, which a URDF does not have.
+        floating: whether the base is free, None where the file does not say.
+        posture: joint values of a keyframe at which the robot rests [rad or m], None without one.
+        ignored: pairs of links that may touch.
+        loops: blocks ``loops`` of a ``robot.yaml``.
         couplings: blocks ``couplings`` of one.
+        assumed: what was assumed to make the URDF.
         armature: rotor inertia by joint, where there is one [kg·m² or kg].
+        by_position: limits that depend on positions.
+        uncertainty: block ``uncertainty`` of an arm whose masses were assumed.
     """
 
-    name: str
-    floating: bool | None
-    urdf: str
-    meshes: Mapping[str, bytes] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
+    floating: bool | None = None
     posture: Mapping[str, float] | None = None
-    excluded: tuple[tuple[str, str], ...] = ()
+    ignored: tuple[tuple[str, str], ...] = ()
     loops: tuple[Mapping[str, Any], ...] = ()
     couplings: tuple[Mapping[str, Any], ...] = ()
+    assumed: tuple[Assumed, ...] = ()
     armature: Mapping[str, float] = field(default_factory=dict)
+    by_position: tuple[PositionTable, ...] = ()
+    uncertainty: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ConvertedModel(Said):
+    """A URDF that was made of a file, and what that says besides.
+
+    Attributes:
+        urdf: its text, mesh paths relative to its file; None where the file itself is the URDF.
+        meshes: STL files by relative path.
+        notes: what the file says and the URDF leaves out or says differently.
+    """
+
+    urdf: str | None = None
+    meshes: Mapping[str, bytes] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
     def write(self, path: Path) -> Path:
         """Write the URDF to ``path`` and the meshes beside it."""
         for name, content in self.meshes.items():
             write_bytes(path.parent / name, content)
-        return write_text(path, self.urdf)
+        return write_text(path, self.urdf or "")

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from excite.errors import RobotError
 from excite.formats.documents import all_alike
 from excite.robot.refusal import robot_error
-from excite.robot.urdf.numbers import MOMENTS, read_number, read_numbers, read_origin
+from excite.robot.urdf.numbers import read_number, read_numbers, read_origin
+from excite.robot.urdf.writing import MOMENTS
 
 TOLERANCE = 1e-6
 """How far, relative to the largest principal moment, a moment may break the triangle inequality."""

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Sequence
 from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from excite.robot.quantities import (
     MAX_FORCE,
@@ -22,8 +20,8 @@ from excite.robot.quantities import (
     MAX_TRAVEL,
 )
 from excite.robot.refusal import robot_error
+from excite.robot.urdf.writing import MOMENTS
 
-MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 # Largest magnitude by attribute, and the likely cause of a larger one; elsewhere what stands in for "no limit".
 _LARGEST: dict[str, tuple[float, str]] = {
     "xyz": (MAX_TRAVEL, "looks like millimetres: write metres"),
@@ -100,24 +98,6 @@ def read_origin(element: ElementTree.Element, source: Path, where: str) -> pin.S
         for key in ("xyz", "rpy")
     )
     return pin.SE3(pin.rpy.rpyToMatrix(*rpy), xyz)
-
-
-def format_row(values: Iterable[float]) -> str:
-    """Numbers as an attribute holds them, to the last bit; a zero has no sign."""
-    return " ".join(repr(float(value) + 0.0) for value in values)
-
-
-def add_element(
-    parent: ElementTree.Element, tag: str, /, **values: str | float | NDArray[np.float64] | Sequence[float]
-) -> ElementTree.Element:
-    """An element below another one, with attributes of words, numbers and rows of numbers."""
-    words = {k: v if isinstance(v, str) else format_row(np.atleast_1d(v)) for k, v in values.items()}
-    return ElementTree.SubElement(parent, tag, words)
-
-
-def write_origin(element: ElementTree.Element, pose: pin.SE3) -> None:
-    """Give an element an ``<origin>``."""
-    add_element(element, "origin", xyz=pose.translation, rpy=pin.rpy.matrixToRpy(pose.rotation))
 
 
 def shorten_text(text: str) -> str:

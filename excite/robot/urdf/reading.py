@@ -22,8 +22,9 @@ from excite.robot.joint_values import check_range
 from excite.robot.refusal import robot_error, unknown_name
 from excite.robot.urdf.inertia import check_inertials, drop_points
 from excite.robot.urdf.limits import keep_stated_limits
-from excite.robot.urdf.numbers import read_number, read_numbers, read_origin, write_origin
-from excite.robot.urdf.tree import MOVING, check_tree, declare_world, drop_free_root, hold_planar_root
+from excite.robot.urdf.numbers import read_number, read_numbers, read_origin
+from excite.robot.urdf.tree import MOVING, check_tree, declare_world, settle_root
+from excite.robot.urdf.writing import write_origin
 
 # The deepest element known, a mesh of a link, is the sixth.
 MAX_NESTING = 32
@@ -138,8 +139,7 @@ def prepare_urdf(root: ElementTree.Element, path: Path) -> dict[str, dict[str, l
         )
     drop_points(root)
     declare_world(root)
-    drop_free_root(root)
-    hold_planar_root(root)
+    settle_root(root)
     return keep_stated_limits(root, path)
 
 

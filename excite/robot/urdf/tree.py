@@ -64,7 +64,7 @@ def check_tree(root: ElementTree.Element, path: Path) -> dict[str, ElementTree.E
             raise robot_error(path, f"link {link!r}", what, remedy)
         carriers[link] = joint
         _check_joint(joint, f"joint {name!r}", path)
-    _check_roots(list(links), carriers, path)
+    _check_roots(list(links), LinkTree(joints), path)
     _check_counts(root, path)
     for link, element in links.items():
         check_geometry(element, link, path)
@@ -112,11 +112,10 @@ class LinkTree:
 
     def above(self, link: str) -> list[str]:
         """Joints between a link and the root, the link's own first; of a circle each once."""
-        found: list[str] = []
-        while link in self.carriers and self.carriers[link] not in found:
-            found.append(self.carriers[link])
-            link = self.ends[found[-1]][0]
-        return found
+        found: dict[str, None] = {}
+        while link in self.carriers and (joint := self.carriers[link]) not in found:
+            found[joint], link = None, self.ends[joint][0]
+        return list(found)
 
     def below(self, link: str) -> list[str]:
         """Joints that hang on a link."""
@@ -218,28 +217,24 @@ def _check_limit(joint: ElementTree.Element, limit: ElementTree.Element, where: 
         check_range(joint.get("name", ""), (lower, upper), slides, where, path)
 
 
-def _check_roots(links: list[str], carriers: dict[str, ElementTree.Element], path: Path) -> None:
-    deepest, most = "", -1
+def _check_roots(links: list[str], tree: LinkTree, path: Path) -> None:
+    depths: dict[str, int] = {}
     for link in links:
-        chain, above = [link], {link}
-        while chain[-1] in carriers:
-            parent = link_at(carriers[chain[-1]], "parent")
-            if parent in above:
-                loop = chain[chain.index(parent) :]
-                names = ", ".join(loop[:5]) + (", …" if len(loop) > 5 else "")
-                what = f"is its own ancestor (closed loop of {names})"
-                remedy = "cut the loop; closed loops are not modelled"
-                raise robot_error(path, f"link {parent!r}", what, remedy)
-            chain.append(parent)
-            above.add(parent)
-        if len(chain) > most:
-            deepest, most = link, len(chain)
-    roots = [link for link in links if link not in carriers]
+        way = [link, *(tree.ends[joint][0] for joint in tree.above(link))]
+        if way[-1] in tree.carriers:
+            loop = way[way.index(way[-1]) : -1]
+            names = ", ".join(loop[:5]) + (", …" if len(loop) > 5 else "")
+            what = f"is its own ancestor (closed loop of {names})"
+            remedy = "cut the loop; closed loops are not modelled"
+            raise robot_error(path, f"link {way[-1]!r}", what, remedy)
+        depths[link] = len(way) - 1
+    roots = [link for link, depth in depths.items() if not depth]
     if len(roots) > 1:
         what = f"has {len(roots)} root links: {', '.join(roots[:5])}"
         raise robot_error(path, "robot", what, "join them by a fixed joint or remove the loose ones")
-    if most - 1 > MAX_DEPTH:
-        what = f"lies {most - 1} joints from the root, more than {MAX_DEPTH}"
+    deepest = max(links, key=depths.__getitem__)
+    if depths[deepest] > MAX_DEPTH:
+        what = f"lies {depths[deepest]} joints from the root, more than {MAX_DEPTH}"
         raise robot_error(path, f"link {deepest!r}", what, "shorten the chain")
 
 
@@ -264,13 +259,6 @@ def planar_root(root: ElementTree.Element) -> ElementTree.Element | None:
     return None if found is None else found[0]
 
 
-def hold_planar_root(root: ElementTree.Element) -> None:
-    """Fix such a joint: it stands for wheels, which are held still as others are."""
-    joint = planar_root(root)
-    if joint is not None:
-        joint.set("type", "fixed")
-
-
 def _carrying_joint(
     root: ElementTree.Element, kind: str
 ) -> tuple[ElementTree.Element, ElementTree.Element] | None:
@@ -286,10 +274,16 @@ def _carrying_joint(
     return None
 
 
-def drop_free_root(root: ElementTree.Element) -> None:
-    """Take such a joint and its bare link out: whether the base is free is for a ``robot.yaml`` to say."""
+def settle_root(root: ElementTree.Element) -> None:
+    """Take a free base's joint and its bare link out, which is for a ``robot.yaml`` to say, and fix a planar joint.
+
+    That stands for wheels, which are held still as others are.
+    """
     for element in free_root(root) or ():
         root.remove(element)
+    joint = planar_root(root)
+    if joint is not None:
+        joint.set("type", "fixed")
 
 
 def declare_world(root: ElementTree.Element) -> bool:

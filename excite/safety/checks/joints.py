@@ -107,10 +107,10 @@ def judge_mechanism(sweep: Sweep) -> CheckResult:
     mechanism = sweep.robot.mechanism
     if mechanism is None:
         return CheckResult()
-    gaps, time = mechanism.gaps(sweep.fine.q), sweep.fine.time
+    gaps, time = mechanism.closure_gaps(sweep.fine.q), sweep.fine.time
     worst = int(np.argmax(gaps > TOLERANCE))
     if gaps[worst] > TOLERANCE:
-        where = mechanism.widest(sweep.fine.q[worst])
+        where = mechanism.widest_closure(sweep.fine.q[worst])
         found = Violation("mechanism_open", float(time[worst]), where, float(gaps[worst]), TOLERANCE)
         return CheckResult(violations=(found,), readable=False)
     try:

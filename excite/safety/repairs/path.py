@@ -66,7 +66,7 @@ class MotionPath:
         sample = self._open_sample(s)
         if self.robot.closing is None:
             return sample
-        return PathSample(s, *self.robot.closing.completed(sample.q, sample.twist, sample.curvature))
+        return PathSample(s, *self.robot.closing.complete_motion(sample.q, sample.twist, sample.curvature))
 
     def _open_sample(self, s: Array) -> PathSample:
         """The splines' sample; joints without a motor are where these happen to pass."""

@@ -47,13 +47,15 @@ class Sampling(Repair):
                 plan_transfer(self.robot, q[-1], rest, rate),
             )
             for part in (there, back):
-                ways = part.q if self.robot.closing is None else self.robot.closing.closed(part.q)
+                ways = (
+                    part.q if self.robot.closing is None else self.robot.closing.close_configurations(part.q)
+                )
                 collision = self.probe.first(ways)
                 if collision is not None:
                     return refused_by(draft, self.probe.closest(ways[collision:]), "transfer, {}")
             q, v, a = _join_phases(there, (q, v, a), back)
             if self.robot.closing is not None:
-                q, v, a = self.robot.closing.completed(q, v, a)
+                q, v, a = self.robot.closing.complete_motion(q, v, a)
             time = np.arange(len(q)) / rate
         candidate = draft.candidate
         motion = Motion(

@@ -99,7 +99,7 @@ class Waypoints(Repair):
         """The configurations with joints that follow where they follow to; raises MotionError."""
         if self.robot.closing is None:
             return q
-        q, limits = self.robot.closing.closed(q), self.robot.limits
+        q, limits = self.robot.closing.close_configurations(q), self.robot.limits
         joints = q[:, self.robot.n_base_q :]
         outside = ((joints < limits.position_lower) | (joints > limits.position_upper)).any(axis=0)
         if outside.any():

@@ -80,7 +80,7 @@ class WholeBody(Repair):
                 return draft.rejected("unreachable", "legs")
             if self.robot.closing is not None:
                 try:
-                    q[:] = self.robot.closing.closed(q)
+                    q[:] = self.robot.closing.close_configurations(q)
                 except MotionError as error:
                     return draft.rejected("mechanism", error.field or "loops")
             low, high = self.robot.limits.position_lower, self.robot.limits.position_upper

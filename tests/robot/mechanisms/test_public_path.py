@@ -94,13 +94,13 @@ def test_passive_joints_follow_from_the_motors(text: str, tmp_path: Path) -> Non
     q = np.zeros((len(time), model.nq))
     for k, column in enumerate(closed.driven):
         q[:, column] = 0.3 * np.sin(7.0 * time + 2.0 * k) - 0.3 * np.sin(2.0 * k)
-    q = closed.closed(q)
-    assert closed.gaps(q).max() < 1e-9
+    q = closed.close_configurations(q)
+    assert closed.closure_gaps(q).max() < 1e-9
     rough = np.gradient(q, time, axis=0, edge_order=2)
-    v = closed.following(q, rough, rough).v
+    v = closed.follow_driven(q, rough, rough).v
     assert np.abs(v - rough)[2:-2].max() < 1e-3
     slow = np.gradient(v, time, axis=0, edge_order=2)
-    a = closed.following(q, v, slow).a
+    a = closed.follow_driven(q, v, slow).a
     assert np.abs(a - slow)[2:-2].max() < 2e-2
     for i in range(2, len(time), 50):
         data.qpos[order], data.qvel[order] = q[i], v[i]
@@ -116,7 +116,7 @@ def test_a_loop_out_of_reach_is_named(tmp_path: Path) -> None:
     (first, second), near = closed.closures[0].joints, closed.closures[0].placements[0]
     far = Loop("far", (first, second), (near, pin.SE3(np.eye(3), np.ones(3))))
     with pytest.raises(MotionError, match=r"loops\.far"):
-        replace(closed, closures=(far,)).closed(np.zeros((1, 3)))
+        replace(closed, closures=(far,)).close_configurations(np.zeros((1, 3)))
 
 
 def test_a_four_bar_from_its_file_to_its_parameters(tmp_path: Path) -> None:
@@ -131,7 +131,7 @@ def test_a_four_bar_from_its_file_to_its_parameters(tmp_path: Path) -> None:
     assert len(motions) >= 2
     for motion in motions:
         assert check_motion(robot, motion).safe
-        assert robot.mechanism is not None and robot.mechanism.gaps(motion.q).max() < 1e-9
+        assert robot.mechanism is not None and robot.mechanism.closure_gaps(motion.q).max() < 1e-9
         assert np.ptp(motion.joint_positions(), axis=0).min() > 0.1
     file = export_motion(motions[0], robot, "csv", tmp_path / "command.csv")
     assert "q.rocker" not in file.read_text().splitlines()[0]
@@ -174,7 +174,7 @@ def test_a_mimic_joint_moves_with_its_master(tmp_path: Path) -> None:
     q[:, 1] += 0.1
     assert robot.mechanism is not None
     for mine, wanted in zip(
-        robot.mechanism.completed(q * [1, 0], v * [1, 0], a * [1, 0]), (q, v, a), strict=True
+        robot.mechanism.complete_motion(q * [1, 0], v * [1, 0], a * [1, 0]), (q, v, a), strict=True
     ):
         np.testing.assert_allclose(mine, wanted, atol=1e-9)
     model = mujoco.MjModel.from_xml_string(ARM)

@@ -23,7 +23,7 @@ def finger(tmp_path_factory: pytest.TempPathFactory) -> Mechanism:
 
 
 def _by_search(mechanism: Mechanism, monkeypatch: pytest.MonkeyPatch) -> Mechanism:
-    monkeypatch.setattr(ConstantRatios, "of", lambda *_: None)
+    monkeypatch.setattr(ConstantRatios, "from_closures", lambda *_: None)
     return replace(mechanism)
 
 
@@ -33,17 +33,17 @@ def test_all_samples_at_once_are_those_of_the_search(
     rng = np.random.default_rng(0)
     q, v, a = (rng.uniform(-0.5, 0.5, (30, finger.model.nv)) for _ in range(3))
     assert finger.ratios is not None
-    at_once, maps, open_by = finger.completed(q, v, a), finger.motion_maps(q), finger.gaps(q)
-    np.testing.assert_allclose(finger.closed(q), at_once.q)
-    assert finger.gaps(at_once.q).max() < 1e-12
+    at_once, maps, open_by = finger.complete_motion(q, v, a), finger.motion_maps(q), finger.closure_gaps(q)
+    np.testing.assert_allclose(finger.close_configurations(q), at_once.q)
+    assert finger.closure_gaps(at_once.q).max() < 1e-12
     searched = _by_search(finger, monkeypatch)
     assert searched.ratios is None
-    one_by_one = searched.completed(q, v, a)
+    one_by_one = searched.complete_motion(q, v, a)
     for name in ("q", "v", "a"):
         np.testing.assert_allclose(getattr(at_once, name), getattr(one_by_one, name), atol=1e-9)
     np.testing.assert_allclose(maps, searched.motion_maps(q), atol=1e-12)
-    np.testing.assert_allclose(open_by, searched.gaps(q), atol=1e-12)
-    np.testing.assert_allclose(finger.following(q, v, a).a, searched.following(q, v, a).a, atol=1e-12)
+    np.testing.assert_allclose(open_by, searched.closure_gaps(q), atol=1e-12)
+    np.testing.assert_allclose(finger.follow_driven(q, v, a).a, searched.follow_driven(q, v, a).a, atol=1e-12)
 
 
 def test_loops_curves_and_loose_joints_are_searched_for(finger: Mechanism, tmp_path: Path) -> None:

@@ -114,7 +114,7 @@ def _states(robot: Robot, of_motors: bool) -> tuple[np.ndarray, np.ndarray, np.n
     assert robot.mechanism is not None
     columns = np.array([robot.joint_index(name) for name in ("pitch", "roll")])
     by = robot.mechanism if of_motors else robot.mechanism.following_from(columns)
-    return by.completed(q, v, a)
+    return by.complete_motion(q, v, a)
 
 
 def test_motors_stand_where_their_rods_hold_them(tmp_path: Path) -> None:
@@ -129,7 +129,7 @@ def test_motors_stand_where_their_rods_hold_them(tmp_path: Path) -> None:
     assert robot.mechanism is not None
     guess = q.copy()
     guess[:, robot.passive] = 0.0
-    np.testing.assert_allclose(robot.mechanism.closed(guess), q, atol=1e-8)
+    np.testing.assert_allclose(robot.mechanism.close_configurations(guess), q, atol=1e-8)
 
 
 @pytest.mark.parametrize("motors", [RODS, GEARS], ids=["rods", "gears"])
@@ -141,7 +141,7 @@ def test_motors_do_the_work_of_the_joints(motors: list[dict[str, object]], tmp_p
     # For any velocity that the mechanism allows, not just for the motion's own.
     rng = np.random.default_rng(2)
     assert robot.mechanism is not None
-    other = robot.mechanism.following(q, rng.normal(size=v.shape), a).v
+    other = robot.mechanism.follow_driven(q, rng.normal(size=v.shape), a).v
     np.testing.assert_allclose((found * other).sum(axis=1), (tree * other).sum(axis=1), atol=1e-9)
     if motors is GEARS:
         pitch, roll, first, second = (robot.joint_index(name) for name in ("pitch", "roll", "A", "B"))
