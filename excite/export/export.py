@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +30,6 @@ from excite.robot.load import RobotLike, as_robot, load_robot
 from excite.robot.robot import Robot
 from excite.safety.check import check_motion
 from excite.safety.checks.motion import coordinate_names
-from excite.safety.repairs.collisions import find_route
 from excite.safety.repairs.sampling import plan_transfer
 from excite.safety.verdict import Margins, Verdict, Violation
 from excite.simulation.rehearsal import rehearsed_verdict
@@ -244,9 +242,8 @@ def _approach_way(robot: Robot, motion: Motion, row: int) -> Motion | None:
             remedy="plan it from rest to rest, or leave --approach out",
         )
     start, end = (rest, there) if row == 0 else (there, rest)
-    postures = find_route(robot, start, end, np.random.default_rng(0)) or [start, end]
     # Speeds at which a way is tried, as shares of half of each limit: slower ones where the torques do not suffice.
-    ways = [_way_along(robot, motion, postures, row, speed) for speed in (1.0, 0.5, 0.25)]
+    ways = [_way_along(robot, motion, start, end, row, speed) for speed in (1.0, 0.5, 0.25)]
     unsaid = replace(motion.metadata, previous="", following="", stated_hash="", robot_hash="")
     safe = (
         way
@@ -256,24 +253,18 @@ def _approach_way(robot: Robot, motion: Motion, row: int) -> Motion | None:
     return next(safe, ways[0])
 
 
-def _way_along(robot: Robot, motion: Motion, postures: list[Array], row: int, speed: float) -> Motion:
-    """Straight from posture to posture, at rest in each, at a share of what a transfer does; else as in a sample."""
-    rate, still = (motion.n_samples - 1) / motion.duration, np.zeros((1, robot.n_joints))
-    time, q, v, a = [np.zeros(1)], [postures[0][None]], [still], [still]
-    for start, end in pairwise(postures):
-        # Sampled more finely by as much as it is stretched afterwards.
-        part = plan_transfer(robot, start, end, rate / speed)
-        time.append(time[-1][-1] + part.time[1:] / speed)
-        for rows, values in ((q, part.q), (v, speed * part.v), (a, speed**2 * part.a)):
-            rows.append(values[1:])
-    n = sum(map(len, time))
+def _way_along(robot: Robot, motion: Motion, start: Array, end: Array, row: int, speed: float) -> Motion:
+    """Straight from posture to posture at a share of a transfer's speed; all else as in one of the motion's samples."""
+    # Sampled more finely by as much as it is stretched afterwards.
+    part = plan_transfer(robot, start, end, (motion.n_samples - 1) / motion.duration / speed)
+    n = len(part.time)
     base, held = np.repeat(motion.q[[row], : robot.n_base_q], n, axis=0), np.zeros((n, robot.n_base_v))
     return replace(
         motion,
-        time=np.concatenate(time),
-        q=np.hstack([base, np.vstack(q)]),
-        v=np.hstack([held, np.vstack(v)]),
-        a=np.hstack([held, np.vstack(a)]),
+        time=part.time / speed,
+        q=np.hstack([base, part.q]),
+        v=np.hstack([held, speed * part.v]),
+        a=np.hstack([held, speed**2 * part.a]),
         contacts={name: np.repeat(flags[[row]], n) for name, flags in motion.contacts.items()},
     )
 

@@ -51,7 +51,6 @@ class MotionDocument(BaseModel):
     following: _Name = Field(default="", alias="next")
     content_hash: _Name = ""
     curve: StatedCurve | None = None
-    blend_s: float | None = None
     verdict: dict[str, Any] | None = None
 
 
@@ -141,7 +140,7 @@ def load_motion(path: str | Path, robot: RobotLike) -> Motion:
             remedy="leave it out",
         )
     stack_columns(columns, [f"q.{joint}" for joint in joints], path)
-    columns = sampled_curve(columns, joints, curve, path, None if said is None else said.blend_s)
+    columns = sampled_curve(columns, joints, curve, path)
     columns = with_derivatives(columns, joints, path)
     q, v, a = (stack_columns(columns, [f"{p}.{joint}" for joint in joints], path) for p in ("q", "v", "a"))
     contacts = {}
@@ -208,7 +207,7 @@ def _read_statement(metadata: Any, path: Path) -> MotionDocument | None:
         raise MotionError(
             "is no JSON object", source=path, field="metadata", remedy="write it with save_motion"
         )
-    if set(metadata) <= {"robot", "robot_hash", "curve", "blend_s"}:
+    if set(metadata) <= {"robot", "robot_hash", "curve"}:
         metadata = {"schema": SCHEMA, **metadata}
     if metadata.get("schema") != SCHEMA:
         found = metadata.get("schema")

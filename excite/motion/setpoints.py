@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from excite.arrays import Array, Moved
 from excite.errors import MotionError
 
-StatedCurve = Literal["linear", "hold", "blend"]
-"""Curves that no column tells, which a file may state: straight lines, each row held until the next one, or lines whose
-corners are rounded by parabolas that last a stated time."""
+StatedCurve = Literal["linear"]
+"""The curve that no column tells, which a file may state: straight lines."""
 Curve = Literal["quintic", "cubic", "spline"] | StatedCurve
 """Between samples: quintic and cubic polynomials that meet them and their derivatives, a stated curve, or nothing that
 a controller would run: a spline through positions, of which v and a are derivatives."""
@@ -53,9 +52,9 @@ def stated_curve(names: Sequence[str], time: Array, *, goal: bool, floating: boo
 
 
 def sampled_curve(
-    columns: Mapping[str, Array], joints: Sequence[str], curve: Curve, path: Path, blend: float | None = None
+    columns: Mapping[str, Array], joints: Sequence[str], curve: Curve, path: Path
 ) -> dict[str, Array]:
-    """Columns of a cubic, linear, held or blended curve at 200 Hz, with its own derivatives; others as they are.
+    """Columns of a cubic or linear curve at 200 Hz, with its own derivatives; others as they are.
 
     At a setpoint acceleration or velocity jumps from the value of one polynomial to that of the next. The samples
     stand half a step before and after, between which the jump happens: so fast it comes to a controller of that rate.
@@ -65,21 +64,15 @@ def sampled_curve(
         joints: of the robot.
         curve: what runs through the setpoints.
         path: the file, for errors.
-        blend: how long the parabolas of a blended curve last [s].
 
     Raises:
-        MotionError: it lasts longer than any motion, or its parabolas longer than the lines between them.
+        MotionError: it lasts longer than any motion.
     """
-    if curve not in ("cubic", "linear", "hold", "blend"):
+    if curve not in ("cubic", "linear"):
         return dict(columns)
     time = columns["time"]
     q = np.column_stack([columns[f"q.{joint}"] for joint in joints])
     v = np.column_stack([columns[f"v.{joint}"] for joint in joints]) if curve == "cubic" else None
-    if curve == "hold":
-        time, q = _held(time, q)
-    elif curve == "blend":
-        time, moved = _blended(time, q, blend, path)
-        q, v = moved.q, moved.v
     h = np.diff(time)
     if time[-1] - time[0] > LONGEST_GOAL_S:
         raise MotionError(
@@ -102,39 +95,6 @@ def sampled_curve(
     for name, value in zip("qva", values, strict=True):
         found |= {f"{name}.{joint}": value[:, i] for i, joint in enumerate(joints)}
     return found
-
-
-def _held(time: Array, q: Array) -> tuple[Array, Array]:
-    """Setpoints of the lines that hold each row until the next one, to which the last of its cycles leads."""
-    step = np.minimum(1.0 / _CURVE_RATE_HZ, 0.5 * np.diff(time))
-    ends = np.column_stack([time[1:] - step, time[1:]]).ravel()
-    return np.r_[time[0], ends], np.vstack([q[:1], np.stack([q[:-1], q[1:]], axis=1).reshape(-1, q.shape[1])])
-
-
-def _blended(time: Array, q: Array, blend: float | None, path: Path) -> tuple[Array, Moved]:
-    """Where lines of constant speed begin and end between setpoints, from rest to rest.
-
-    Between lines the acceleration is constant, as of controllers that pass setpoints with a blend (linear segments with
-    parabolic blends: Craig, Introduction to Robotics, section 7.3). The first and last parabola lie within the motion.
-    """
-    h, remedy = (
-        np.diff(time),
-        "state how long the parabola at each setpoint lasts, less than the lines beside it",
-    )
-    width = 0.0 if blend is None else blend
-    outer = np.zeros(len(h))
-    outer[0] += 0.5 * width
-    outer[-1] += 0.5 * width
-    if width <= 0.0 or (h - outer <= width).any():
-        what = "is missing" if blend is None else f"is {blend:g} s, and setpoints are {h.min():.3g} s apart"
-        raise MotionError(what, source=path, field="blend_s", remedy=remedy)
-    speed = np.diff(q, axis=0) / (h - outer)[:, None]
-    ends = time[1:-1, None] + 0.5 * width * np.array([-1.0, 1.0])
-    instants = np.r_[time[0], time[0] + width, ends.ravel(), time[-1] - width, time[-1]]
-    still = np.zeros((1, q.shape[1]))
-    v = np.vstack([still, np.repeat(speed, 2, axis=0), still])
-    moved = 0.5 * (v[:-1] + v[1:]) * np.diff(instants)[:, None]
-    return instants, Moved(np.vstack([q[:1], q[0] + np.cumsum(moved, axis=0)]), v, np.zeros_like(v))
 
 
 def _polynomials(

@@ -405,7 +405,7 @@ class CheckReport(Tabled, Stated):
 # What leads on where rows are too far apart.
 _NO_CURVE = (
     "such rows tell no curve: write velocities beside the positions, 20 rows a second or more, or as the first line "
-    'what the controller runs through them: # {"schema": "excite.motion/1", "curve": "linear"} (hold, blend)'
+    'what the controller runs through them: # {"schema": "excite.motion/1", "curve": "linear"}'
 )
 
 # Units of what limits a motion: those of a joint are what it moves in, radians or metres.

@@ -18,7 +18,6 @@ from excite.robot.robot import Robot
 from excite.safety.check import check_motion
 from excite.safety.checks.joints import drive_torques
 from excite.safety.checks.sweep import Sweep
-from excite.safety.repairs.collisions import find_route
 from excite.safety.repairs.sampling import plan_transfer
 from tests.safety.motions import check_file
 
@@ -57,23 +56,6 @@ def test_the_file_starts_and_ends_at_rest_and_holds_the_motion_in_between(
 def test_a_motion_that_starts_at_rest_is_the_same_with_and_without(arm: Robot, tmp_path: Path) -> None:
     motion = load_motion(library_folder("ur10") / "motions" / "random_joint_015.parquet", arm)
     assert with_approach(arm, motion) is motion
-
-
-def test_the_way_goes_round_the_robots_own_bodies(arm: Robot, tmp_path: Path) -> None:
-    # Straight from rest to this posture the wrist goes through the upper arm.
-    folded = np.array([-1.58, -2.79, 1.62, 2.7, -1.64, -2.02])
-    straight = check_motion(arm, moved_to(arm, folded, arm.rest))
-    assert {violation.kind for violation in straight.violations} == {"self_collision"}
-    there = find_route(arm, arm.rest, folded, np.random.default_rng(0))
-    assert there is not None and len(there) > 2
-    np.testing.assert_array_equal([there[0], there[-1]], [arm.rest, folded])
-    bend = moved_to(arm, folded + 0.02, folded, "bend")
-    assert check_motion(arm, bend).safe
-    path = export_motion(bend, arm, "csv", tmp_path / "bend", approach=True)
-    led = load_motion(path, arm)
-    assert check_file(arm, path).safe and led.duration > 2.0 + bend.duration
-    again = export_motion(bend, arm, "csv", tmp_path / "again", approach=True)
-    assert again.read_bytes() == path.read_bytes()
 
 
 @pytest.mark.parametrize("size", [0.3, 0.02, 1e-3, 1e-6])

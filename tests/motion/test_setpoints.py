@@ -167,68 +167,8 @@ def test_actions_that_are_held_jump_and_lines_where_they_are_stated_do_not(
         path.write_text(f'# {{"schema": "excite.motion/1", "curve": "{curve}"}}\n{path.read_text()}')
         return load_motion(path, arm)
 
-    wrist = arm.joint_index("wrist_3_joint")
-    held, q = load("hold"), columns["q.wrist_3_joint"]
-    # Away from the last cycle of each row and from the corner after it, by a loop of its own.
-    for time, value in zip(held.time, held.q[:, wrist], strict=True):
-        row = int(time / STEP_S + 1e-9)
-        if 0.0026 < (time + 1e-9) % STEP_S < STEP_S - 0.0051:
-            assert value == pytest.approx(q[row], abs=1e-6)
-    assert np.abs(held.v[:, wrist]).max() == pytest.approx(np.abs(np.diff(q)).max() / 0.005, rel=1e-4)
-    assert {"joint_velocity", "joint_acceleration"} <= kinds(arm, held) and "rate_too_low" not in kinds(
-        arm, held
-    )
-    lines = load("linear")
+    lines, q = load("linear"), columns["q.wrist_3_joint"]
     assert np.abs(lines.v).max() == pytest.approx(np.abs(np.diff(q)).max() / STEP_S, rel=1e-4)
-    # Steps far below an encoder's are within the limit of jerk.
-    columns["q.wrist_3_joint"] = arm.rest[wrist] + 1e-5 * (q - arm.rest[wrist])
-    assert not kinds(arm, load("hold"))
-
-
-def blended(arm: Robot, folder: Path, time: np.ndarray, wrist: np.ndarray, said: str) -> Path:
-    """Way points of the last wrist joint alone, in a table that states a curve with blends."""
-    names = {joint: index for index, joint in enumerate(arm.joint_names)}
-    columns = {f"q.{name}": np.full(len(time), arm.rest[i]) for name, i in names.items()}
-    columns["q.wrist_3_joint"] = columns["q.wrist_3_joint"] + wrist
-    path = written({"time": time, **columns}, folder / "way.csv")
-    path.write_text(f'# {{"schema": "excite.motion/1", "curve": "blend"{said}}}\n{path.read_text()}')
-    return path
-
-
-def test_way_points_that_are_passed_with_a_blend(arm: Robot, tmp_path: Path) -> None:
-    """Against the acceleration that its definition gives, integrated twice on a fine grid."""
-    time, way, width = np.array([0.0, 1.0, 2.5, 3.5]), np.array([0.0, 0.2, -0.1, 0.1]), 0.3
-    motion = load_motion(blended(arm, tmp_path, time, way, f', "blend_s": {width}'), arm)
-    speed = np.diff(way) / (np.diff(time) - [0.15, 0.0, 0.15])
-    fine = np.linspace(0.0, 3.5, 350001)
-    turns = zip((0.15, 1.0, 2.5, 3.35), np.diff(np.r_[0.0, speed, 0.0]), strict=True)
-    v = sum(turn * np.clip((fine - middle) / width + 0.5, 0.0, 1.0) for middle, turn in turns)
-    q = np.r_[0.0, np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(fine))]
-    wrist = arm.joint_index("wrist_3_joint")
-    assert motion.v[:, wrist] == pytest.approx(np.interp(motion.time, fine, v), abs=1e-6)
-    assert motion.q[:, wrist] - arm.rest[wrist] == pytest.approx(np.interp(motion.time, fine, q), abs=1e-6)
-    assert motion.q[-1, wrist] - arm.rest[wrist] == pytest.approx(0.1)
-    assert not kinds(arm, motion) & {
-        "starts_moving",
-        "ends_moving",
-        "rate_too_low",
-        "velocity_not_derivative",
-    }
-    # So softly that no limit of jerk is met, and the same as lines, which turn within a cycle.
-    soft = load_motion(blended(arm, tmp_path, time, 0.1 * way, f', "blend_s": {width}'), arm)
-    assert not kinds(arm, soft)
-    path = blended(arm, tmp_path, time, way, "")
-    path.write_text(path.read_text().replace("blend", "linear"))
-    assert "joint_jerk" in kinds(arm, load_motion(path, arm))
-
-
-@pytest.mark.parametrize(
-    ("said", "what"), [("", "is missing"), (', "blend_s": 0.9', "is 0.9 s, and setpoints")]
-)
-def test_blends_that_do_not_fit_are_refused(arm: Robot, tmp_path: Path, said: str, what: str) -> None:
-    path = blended(arm, tmp_path, np.array([0.0, 1.0, 2.0]), np.array([0.0, 0.1, 0.0]), said)
-    with pytest.raises(MotionError, match=f"blend_s: {what}"):
-        load_motion(path, arm)
 
 
 def test_a_curve_that_is_none_is_refused(arm: Robot, tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from excite.motion.generators.curves import SplineCurve, hermite_curve
+from excite.motion.generators.curves import SplineCurve
 from excite.motion.generators.generator import Draws
 from excite.motion.generators.registry import make_generator
 from excite.motion.motion import Motion
@@ -263,23 +263,6 @@ def test_milder_squats_and_swings(g1: Robot) -> None:
     assert leans == pytest.approx([1.0, 1.0, 1.0, 0.6, 0.4])
     upper = make_generator("random_joint").candidates(g1, 1, np.random.SeedSequence(1))[0]
     assert list(milder_candidates(replace(upper, pelvis=None, com=None, feet={}))) == []
-
-
-def test_milder_walks_change_pitch_and_roll_alone() -> None:
-    robot = load_robot("hrp2like")
-    walk = make_generator("walking").candidates(robot, 1, np.random.SeedSequence(7))[0]
-    s = np.linspace(0.0, 3.0, 4)
-    feet = {name: hermite_curve(s, np.vstack([np.zeros(6), np.ones((3, 6))])) for name in walk.feet}
-    walk = replace(walk, feet=feet, pelvis=hermite_curve(s, np.vstack([np.zeros(4), np.ones((3, 4))])))
-    end, found = np.array([3.0]), []
-    for milder in milder_candidates(walk):
-        for name in feet:
-            foot = milder.feet[name].evaluate(end)[0]
-            assert np.delete(foot, 4) == pytest.approx(np.ones(5))
-        pelvis = milder.pelvis.evaluate(end)[0]
-        assert np.delete(pelvis, 1) == pytest.approx(np.ones(3))
-        found.append((foot[4], pelvis[1]))
-    assert np.allclose(found, [(0.5, 1.0), (0.5, 0.5), (0.5, 1.4)])
 
 
 class Never:

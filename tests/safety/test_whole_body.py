@@ -11,14 +11,14 @@ import pytest
 import yaml
 from scipy.spatial.transform import Rotation
 
-from excite.motion.generators.curves import SplineCurve, hermite_curve
+from excite.motion.generators.curves import SplineCurve
 from excite.motion.generators.generator import Candidate, pelvis_joint
 from excite.motion.generators.registry import make_generator
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.safety.repairs.collisions import CollisionProbe
 from excite.safety.repairs.draft import Draft, Rejection
-from excite.safety.repairs.whole_body import Balancer, WholeBody, follow_zmp, path_grid
+from excite.safety.repairs.whole_body import Balancer, WholeBody, path_grid
 from tests.robot.test_scaffold import biped, written
 
 
@@ -109,9 +109,6 @@ def test_the_grid_of_a_path_is_as_fine_as_its_curves(swing: Candidate) -> None:
     panda = load_robot("panda")
     series = make_generator("fourier").candidates(panda, 1, np.random.SeedSequence(0))[0]
     assert len(path_grid(series)) == max(60, int(np.ceil(series.length * 40.0))) + 1
-    walker = load_robot("hrp2like")
-    walk = make_generator("walking").candidates(walker, 1, np.random.SeedSequence(7))[0]
-    assert len(path_grid(walk)) == int(np.ceil(walk.length / walk.speed * 80.0)) + 1
 
 
 def test_an_arm_s_path_is_its_posture() -> None:
@@ -120,51 +117,6 @@ def test_an_arm_s_path_is_its_posture() -> None:
     outcome = WholeBody(panda, CollisionProbe(panda)).repair(Draft(candidate))
     assert isinstance(outcome, Draft) and outcome.path is not None
     assert np.allclose(outcome.path.knots.q, candidate.posture.evaluate(outcome.path.s))
-
-
-# --- Walks
-
-
-def test_the_centre_of_mass_makes_up_for_the_zero_moment_point_that_is_missing() -> None:
-    """A body that stands still while its ZMP shall move: ``d − d̈/ω² = e`` by a dense solve, faded in and out."""
-    robot = load_robot("hrp2like")
-    walk = make_generator("walking").candidates(robot, 1, np.random.SeedSequence(7))[0]
-    assert walk.com is not None and walk.zmp is not None and walk.speed is not None
-    s = path_grid(walk)
-    still = np.tile(robot.rest, (len(s), 1))
-    found = follow_zmp(robot, walk, s, still)
-    height = pin.centerOfMass(robot.model, robot.model.createData(), robot.rest)[2]
-    step = (s[1] - s[0]) / walk.speed
-    inner = len(s) - 2
-    second = (np.eye(inner, k=1) - 2.0 * np.eye(inner) + np.eye(inner, k=-1)) / step**2
-    missing = walk.zmp.evaluate(s)
-    solved = np.zeros_like(missing)
-    solved[1:-1] = np.linalg.solve(np.eye(inner) - second * height / 9.81, missing[1:-1])
-    begin, end = walk.phases[0].end, walk.phases[-1].start
-    u = np.clip(np.minimum(s / begin, (s[-1] - s) / (s[-1] - end)), 0.0, 1.0)
-    fade = 10.0 * u**3 - 15.0 * u**4 + 6.0 * u**5
-    assert 0.2 < np.mean(fade == 1.0) < 1.0
-    assert found.com is not None
-    gained = found.com.evaluate(s) - walk.com.evaluate(s)
-    assert np.abs(gained).max() > 0.01
-    assert np.allclose(gained, fade[:, None] * solved, atol=1e-5)
-    for order in (1, 2):
-        assert np.allclose(found.com.evaluate(s[[0, -1]], order), 0.0, atol=1e-12)
-    # Between knots it is as smooth as through them.
-    h = 0.5 * (s[1] - s[0])
-    middle = s[100:-100] + h
-    mean = 0.5 * (found.com.evaluate(middle - h) + found.com.evaluate(middle + h))
-    assert np.abs(found.com.evaluate(middle) - mean).max() < 1e-3
-
-
-def test_what_is_no_walk_is_left_as_it_is(g1: Robot, swing: Candidate) -> None:
-    s = path_grid(swing)
-    assert follow_zmp(g1, swing, s, np.tile(g1.rest, (len(s), 1))) is swing
-    for missing in ("com", "zmp", "speed"):
-        curve = hermite_curve(np.array([0.0, 1.0]), np.zeros((2, 2)))
-        whole = {"com": curve, "zmp": curve, "speed": 1.0, missing: None}
-        partly = replace(swing, **whole)
-        assert follow_zmp(g1, partly, s, np.tile(g1.rest, (len(s), 1))) is partly
 
 
 @pytest.mark.parametrize("spread", [0.0, 0.1, 0.2])

@@ -35,7 +35,7 @@ class SolveStatus(Enum):
     NOT_OPTIMAL = "the solver stopped short of the optimum; raise alpha or use another method"
     VIOLATED = "the solver's answer breaks constraints that it was given; do not use it, try another method"
     CUT_LIMIT = (
-        "inertias were not positive on every vector within the allowed cuts; raise sphere_epsilon or use lmi"
+        "inertias were not positive on every vector within the allowed cuts; lower sphere_epsilon or use lmi"
     )
     NOT_FINITE = "the solver's answer is not finite; raise alpha or use another method"
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.errors import RobotError
-from excite.motion.generators.curves import Curve
+from excite.motion.generators.curves import Curve, SplineCurve
 from excite.robot.robot import Foot, Robot
 from excite.robot.shapes.shape import has_area
 
@@ -156,8 +156,6 @@ class Candidate:
         draws: where ``posture``'s control points came from; None where they must not be redrawn.
         pelvis: offset of the base from its rest pose: height [m], then roll, pitch, yaw [rad]; None: no offset.
         com: horizontal offset of the centre of mass from that at rest, x and y [m]; None: no offset.
-        zmp: of a walk, which keeps its balance at ``speed`` only: where the zero-moment point shall be, as a
-            horizontal offset from where the centre of mass rests [m]; ``com`` is then a first guess. None elsewhere.
         feet: by foot name, displacement of the sole from where it rests: translation in the world [m], then
             rotation vector [rad]; feet left out stay where they are.
         phases: which feet carry the robot, in order, covering the path; empty for a robot without feet.
@@ -170,10 +168,9 @@ class Candidate:
     posture: Curve
     speed: float | None = None
     draws: Draws | None = None
-    pelvis: Curve | None = None
-    com: Curve | None = None
-    zmp: Curve | None = None
-    feet: Mapping[str, Curve] = field(default_factory=dict)
+    pelvis: SplineCurve | None = None
+    com: SplineCurve | None = None
+    feet: Mapping[str, SplineCurve] = field(default_factory=dict)
     phases: tuple[SupportPhase, ...] = ()
 
     @property

@@ -17,11 +17,10 @@ GENERATORS: Registry[Generator] = Registry(
         "fourier": "excite.motion.generators.joint_motions:Fourier",
         "leg_swing": "excite.motion.generators.leg_swing:LegSwing",
         "squat": "excite.motion.generators.stances:Squat",
-        "walking": "excite.motion.generators.walking:Walking",
+        "reach": "excite.motion.generators.joint_motions:Reach",
         "aimed": "excite.motion.generators.aimed:Aimed",
         "sway": "excite.motion.generators.stances:Sway",
         "foot_swing": "excite.motion.generators.stances:FootSwing",
-        "reach": "excite.motion.generators.joint_motions:Reach",
     },
 )
 

@@ -80,7 +80,7 @@ def stated_in_comments(path: Path) -> dict[str, Any]:
 
 def of_robot(said: Mapping[str, Any]) -> dict[str, Any]:
     """What a file says of its robot and its curve, under the names of ``excite.motion/1``."""
-    return {name: said[name] for name in ("robot", "robot_hash", "curve", "blend_s") if name in said}
+    return {name: said[name] for name in ("robot", "robot_hash", "curve") if name in said}
 
 
 def named_joints(said: Mapping[str, Any], joints: Sequence[str]) -> tuple[str, ...]:

@@ -68,10 +68,6 @@ class TimeScaling(Repair):
         if draft.limits is None or draft.law is None:
             return draft.rejected("no_time_law", "path")
         rate = self.robot.description.sensors.rate_hz
-        if draft.candidate.zmp is not None:
-            # A walk falls at any other speed: whether it keeps the limits is for the verdict to say.
-            samples = int(np.ceil(draft.law.duration * rate))
-            return replace(draft, law=draft.law.faster(draft.law.duration * rate / samples))
         scaling = largest_factor(draft.limits, draft.law, min(_FINER * rate, _HIGHEST_RATE_HZ))
         if scaling.factor < _SLOWEST:
             return draft.rejected(scaling.reason, scaling.where, scaling.time, *self._excess(scaling))

@@ -12,11 +12,11 @@ import numpy as np
 import pinocchio as pin
 import scipy
 from defusedxml.ElementTree import fromstring
-from scipy.linalg import qr, solve_banded
+from scipy.linalg import qr
 
 from excite.arrays import Array
 from excite.errors import MotionError
-from excite.motion.generators.curves import Curve, PolynomialCurve, SplineCurve, hermite_curve
+from excite.motion.generators.curves import SplineCurve
 from excite.motion.generators.generator import (
     Candidate,
     SupportPhase,
@@ -26,15 +26,12 @@ from excite.motion.generators.generator import (
 )
 from excite.robot.robot import Foot, Robot
 from excite.robot.shapes.shape import has_area
-from excite.safety.ground_forces import wrench_at_world_origin, zero_moment_point
 from excite.safety.repairs.draft import Draft, Rejection, Repair, refused_by
 from excite.safety.repairs.path import MotionPath, coordinates_of
 from excite.safety.repairs.waypoints import SAMPLES_PER_SPAN
 
 # Samples of a Fourier series: per second of its own time.
 _SAMPLES_PER_SECOND = 40.0
-# The same of a walk, and how often its centre of mass is corrected.
-_WALK_SAMPLES_PER_SECOND, _CORRECTIONS = 80.0, 3
 # A free sole's corners may come this close to the ground [m].
 _GROUND = 1e-3
 # Distance from the position limits that the path keeps at its knots [rad or m].
@@ -72,30 +69,21 @@ class WholeBody(Repair):
         s = path_grid(candidate)
         q = np.tile(self.robot.rest, (len(s), 1))
         q[:, self.robot.n_base_q :] = candidate.posture.evaluate(s)
-        for k in range(1 if candidate.zmp is None else 1 + _CORRECTIONS):
-            if k:
-                candidate = follow_zmp(self.robot, candidate, s, q)
-            solved = len(s) if self._balancer is None else self._balancer.solve(candidate, s, q)
-            if solved < len(s):
-                return draft.rejected("unreachable", "legs")
-            if self.robot.closing is not None:
-                try:
-                    q[:] = self.robot.closing.closed(q)
-                except MotionError as error:
-                    return draft.rejected("mechanism", error.field or "loops")
-            low, high = self.robot.limits.position_lower, self.robot.limits.position_upper
-            joints = q[:, self.robot.n_base_q :]
-            beyond = np.maximum(low + _LIMIT - joints, joints - high + _LIMIT)
-            if (beyond > 0.0).any():
-                row, joint = np.unravel_index(int(beyond.argmax()), beyond.shape)
-                value = float(joints[row, joint])
-                limit = low[joint] if value < 0.5 * (low[joint] + high[joint]) else high[joint]
-                return draft.rejected(
-                    "joint_position",
-                    self.robot.joint_names[joint],
-                    value=value,
-                    limit=float(limit),
-                )
+        if self._balancer is not None and self._balancer.solve(candidate, s, q) < len(s):
+            return draft.rejected("unreachable", "legs")
+        if self.robot.closing is not None:
+            try:
+                q[:] = self.robot.closing.closed(q)
+            except MotionError as error:
+                return draft.rejected("mechanism", error.field or "loops")
+        low, high = self.robot.limits.position_lower, self.robot.limits.position_upper
+        joints = q[:, self.robot.n_base_q :]
+        beyond = np.maximum(low + _LIMIT - joints, joints - high + _LIMIT)
+        if (beyond > 0.0).any():
+            row, joint = np.unravel_index(int(beyond.argmax()), beyond.shape)
+            value, name = float(joints[row, joint]), self.robot.joint_names[joint]
+            limit = low[joint] if value < 0.5 * (low[joint] + high[joint]) else high[joint]
+            return draft.rejected("joint_position", name, value=value, limit=float(limit))
         foot = self._grounded(candidate, s, q)
         if foot is not None:
             return draft.rejected("foot_ground", foot)
@@ -122,9 +110,7 @@ class WholeBody(Repair):
 
 def path_grid(candidate: Candidate) -> Array:
     """Path parameters at which the path is computed, ends and control-point knots among them."""
-    if candidate.zmp is not None and candidate.speed is not None:
-        n = int(np.ceil(candidate.length / candidate.speed * _WALK_SAMPLES_PER_SECOND))
-    elif isinstance(candidate.posture, SplineCurve):
+    if isinstance(candidate.posture, SplineCurve):
         n = round(candidate.length) * SAMPLES_PER_SPAN
     else:
         n = max(60, int(np.ceil(candidate.length * _SAMPLES_PER_SECOND)))
@@ -137,99 +123,20 @@ def path_grid(candidate: Candidate) -> Array:
 # lean over the other foot brings the thighs together.
 _SHRINKS = (0.85, 0.7, 0.55)
 _ONE_LEG_SHRINKS = ((0.85, 1.0), (0.7, 1.0), (0.55, 1.0), (0.7, 0.6), (0.55, 0.4))
-# Shares of the pitch of a walk's free soles, and of the pelvis's roll, which hips stop or ankles need.
-_WALK_SHRINKS = ((0.5, 1.0), (0.5, 0.5), (0.5, 1.4))
 
 
 def milder_candidates(candidate: Candidate) -> Iterator[Candidate]:
     """The candidate with milder leg motions, in turn; none if it has no leg motion."""
     pelvis, com = candidate.pelvis, candidate.com
-    if candidate.zmp is not None:
-        # Footprints, pelvis and centre of mass belong together, but for these.
-        for pitch, lean in _WALK_SHRINKS:
-            feet = {
-                name: _scale_curve(curve, [1.0, 1.0, 1.0, 1.0, pitch, 1.0])
-                for name, curve in candidate.feet.items()
-            }
-            yield replace(candidate, feet=feet, pelvis=pelvis and _scale_curve(pelvis, [1.0, lean, 1.0, 1.0]))
-    elif candidate.feet:
+    if candidate.feet:
         for swing, lean in _ONE_LEG_SHRINKS:
             feet = {name: curve.shrunk(swing) for name, curve in candidate.feet.items()}
             # As low as before: the legs have to reach as far.
-            yield replace(
-                candidate, feet=feet, pelvis=pelvis and _scale_curve(pelvis, [1.0, lean, lean, lean])
-            )
+            leaning = pelvis and pelvis.shrunk(np.array([1.0, lean, lean, lean]))
+            yield replace(candidate, feet=feet, pelvis=leaning)
     elif pelvis is not None:
         for factor in _SHRINKS:
             yield replace(candidate, pelvis=pelvis.shrunk(factor), com=com and com.shrunk(factor))
-
-
-def _scale_curve(curve: Curve, factors: list[float]) -> Curve:
-    return curve.shrunk(np.array(factors)) if isinstance(curve, PolynomialCurve | SplineCurve) else curve
-
-
-# Walks: move the centre of mass so that the whole robot's zero-moment point is where it shall be.
-
-
-def follow_zmp(robot: Robot, candidate: Candidate, s: Array, q: Array) -> Candidate:
-    """The candidate with a centre of mass that brings the zero-moment point nearer to where it shall be.
-
-    The zero-moment point that a body motion ``q`` has and the one asked for differ by ``e``; a pendulum whose centre of
-    mass moves by ``d`` with ``d − d̈/ω² = e`` makes up for it. In differences this is a tridiagonal system (Kagami et
-    al. 2002); what the rest of the body then does is small, and is left to the next pass.
-
-    Args:
-        robot: the robot.
-        candidate: a walk, with the centre of mass that ``q`` has.
-        s: path parameters, ``(n,)``, evenly spaced.
-        q: configurations at these, ``(n, nq)``.
-    """
-    if candidate.com is None or candidate.zmp is None or candidate.speed is None:
-        return candidate
-    com, squared = _pendulum_model(robot)
-    rate = candidate.speed
-    error = com + candidate.zmp.evaluate(s) - _zmp_of(robot, s, q, rate)
-    step = (s[1] - s[0]) / rate
-    coupling = 1.0 / (squared * step**2)
-    bands = np.zeros((3, len(s) - 2))
-    bands[0, 1:] = bands[2, :-1] = -coupling
-    bands[1] = 1.0 + 2.0 * coupling
-    moved = np.zeros_like(error)
-    moved[1:-1] = solve_banded((1, 1), bands, error[1:-1])
-    # Standing on both feet the robot starts and ends as it would without.
-    moved *= _walking_window(candidate, s)[:, None]
-    values = candidate.com.evaluate(s) + moved
-    first = np.gradient(values, s, axis=0, edge_order=2)
-    second = np.gradient(first, s, axis=0, edge_order=2)
-    for derivative in (first, second):
-        derivative[[0, -1]] = 0.0
-    return replace(candidate, com=hermite_curve(s, values, first, second))
-
-
-def _pendulum_model(robot: Robot) -> tuple[Array, float]:
-    """Horizontal centre of mass at rest, ``(2,)`` [m], and the square of the pendulum's frequency [1/s²]."""
-    centre = np.array(pin.centerOfMass(robot.model, robot.model.createData(), robot.rest))
-    return centre[:2], float(np.linalg.norm(robot.model.gravity.linear)) / float(centre[2])
-
-
-def _zmp_of(robot: Robot, s: Array, q: Array, rate: float) -> Array:
-    sample = MotionPath(robot, s, coordinates_of(robot, q)).knots
-    data = robot.model.createData()
-    forces = np.array(
-        [
-            pin.rnea(robot.model, data, *row)[:6]
-            for row in zip(sample.q, sample.twist * rate, sample.curvature * rate**2, strict=True)
-        ]
-    )
-    rotation = scipy.spatial.transform.Rotation.from_quat(sample.q[:, 3:7]).as_matrix()
-    return zero_moment_point(wrench_at_world_origin(forces, rotation, sample.q[:, :3]))
-
-
-def _walking_window(candidate: Candidate, s: Array) -> Array:
-    """1 while the robot walks, smoothly 0 at the start of the first stance and at the end of the last, ``(n,)``."""
-    first, last = candidate.phases[0].end, candidate.phases[-1].start
-    u = np.clip(np.minimum(s / first, (s[-1] - s) / (s[-1] - last)), 0.0, 1.0)
-    return np.asarray(u**3 * (10.0 - 15.0 * u + 6.0 * u**2))
 
 
 # placo's solver, and the targets that it follows.
