@@ -26,7 +26,6 @@ SPACES: dict[str, dict[str, str]] = {
         "EstimatorSettings": "excite.identification.estimators.settings",
         "estimator_settings": "excite.identification.estimators.method_settings",
         "ProblemSettings": "excite.rows.settings",
-        "SeriesSettings": "excite.campaign.optimised_series",
         "CampaignSettings": "excite.campaign.journal",
         "load_bounds": "excite.identification.physical.bounds_file",
         "write_bounds_template": "excite.identification.physical.bounds_file",

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import TypeAlias
 
 import numpy as np
 
-from excite.campaign.expected import TARGET_RSD
 from excite.campaign.optimised_series import Asked
 from excite.campaign.pool import Keeper, OnDisk, Pool, write_value
 from excite.campaign.searches import SEARCHES
@@ -25,9 +24,6 @@ from excite.excitation.selection import (
 from excite.motion.generators.generator import child_seed
 from excite.motion.generators.mixture import plan_proposals
 from excite.motion.generators.registry import GENERATORS
-from excite.motion.motion import Motion
-from excite.parallel.jobs import Jobs
-from excite.progress import Progress
 from excite.regressor.base_parameters import BaseParameters
 from excite.results import HIDDEN, Stated
 from excite.robot.legs import too_soft_to_stand
@@ -247,28 +243,6 @@ def candidates_of(generator: str | None, asked: Asked, seed: np.random.SeedSeque
 _N_VALIDATION = 4
 
 
-@dataclass(frozen=True)
-class Rule:
-    """How motions are chosen.
-
-    Attributes:
-        name: in ``SELECTIONS``.
-        budget_s: total duration that a greedy choice stays within [s]; as long as the best three take, if None.
-        limits: by segment, the condition number that is good enough, for the choice by ``segments``.
-        asked: parameters to reach, for the choice by ``targets``: see
-            :func:`~excite.excitation.targets.asked_parameters`.
-        target_rsd: relative standard deviation to reach with them [percent].
-        before: motions that were run already, which the choice adds to where it weighs rows by their noise.
-    """
-
-    name: str
-    budget_s: float | None = None
-    limits: Mapping[str, float] = field(default_factory=dict)
-    asked: tuple[str, ...] = ()
-    target_rsd: float = TARGET_RSD
-    before: tuple[Motion, ...] = ()
-
-
 @dataclass(frozen=True, eq=False)
 class Choice:
     """Motions that were chosen and rehearsed: indices are those of the pool.
@@ -296,17 +270,14 @@ Rehearsed: TypeAlias = dict[tuple[str, float], Rejection | None]
 
 
 def choose_motions(
-    robot: Robot,
+    asked: Asked,
     pool: Pool,
     base: BaseParameters,
-    rule: Rule,
-    jobs: Jobs,
-    progress: Progress,
     rehearsed: Rehearsed | None = None,
     *,
     interrupted: bool = False,
 ) -> Choice:
-    """Choose motions by a rule, rehearse them, and choose again without those that fell; raises NoSolutionError.
+    """Choose motions by the rule asked for, rehearse them, and choose again without those that fell.
 
     Where all of them fall under the load that a robot should carry, they are rehearsed with the least. What is known
     from rehearsals before stands in ``rehearsed``, and what these tell is added. Where the user broke off already, or
@@ -316,7 +287,7 @@ def choose_motions(
     load = UNKNOWN_LOAD
     while True:
         try:
-            choice = _select_standing(robot, pool, base, rule, known, load)
+            choice = _select_standing(asked, pool, base, known, load)
             if interrupted:
                 return replace(choice, load=None, interrupted=True)
             names = choice.pool.names
@@ -326,7 +297,9 @@ def choose_motions(
             if not new:
                 return choice
             motions = choice.pool.motions.only(new)
-            outcomes = rehearse_motions(robot, motions, load=load, jobs=jobs, progress=progress)
+            outcomes = rehearse_motions(
+                asked.robot, motions, load=load, jobs=asked.jobs, progress=asked.progress
+            )
             known.update(zip(((names[i], load) for i in new), outcomes, strict=True))
         except _AllFallError:
             if load == LEAST_LOAD:
@@ -340,10 +313,9 @@ class _AllFallError(NoSolutionError):
     """No motion stands its rehearsal."""
 
 
-def _select_standing(
-    robot: Robot, pool: Pool, base: BaseParameters, rule: Rule, known: Rehearsed, load: float
-) -> Choice:
-    """What a rule selects of the motions not known to fall; raises NoSolutionError where that is nothing."""
+def _select_standing(asked: Asked, pool: Pool, base: BaseParameters, known: Rehearsed, load: float) -> Choice:
+    """What the rule selects of the motions not known to fall; raises NoSolutionError where that is nothing."""
+    robot = asked.robot
     fallen = {name: refused for name in pool.names if (refused := known.get((name, load))) is not None}
     left = pool.without(set(fallen))
     if fallen and not left.entries:
@@ -354,11 +326,11 @@ def _select_standing(
             remedy=too_soft_to_stand(robot) or "ask for more candidates, or for calmer motions",
         )
     chosen = (
-        select_motions(rule.name, selection_candidates(robot, left, base, rule)) if left.entries else None
+        select_motions(asked.selection, selection_candidates(asked, left, base)) if left.entries else None
     )
     if chosen is None or not chosen.indices:
         shortest = float(left.durations.min(initial=np.inf))
-        too_short = rule.budget_s is not None and rule.budget_s < shortest < np.inf
+        too_short = asked.budget_s is not None and asked.budget_s < shortest < np.inf
         raise NoSolutionError(
             f"none of the {len(left.entries)} safe motions excites any segment of {robot.name} to full rank",
             best=left.motions,
@@ -372,8 +344,9 @@ def _select_standing(
     return Choice(left, chosen, tuple(sorted(others)), tuple(fallen.values()), carried)
 
 
-def selection_candidates(robot: Robot, pool: Pool, base: BaseParameters, rule: Rule) -> Candidates:
-    """What a rule of selection chooses from, within its bounds."""
+def selection_candidates(asked: Asked, pool: Pool, base: BaseParameters) -> Candidates:
+    """What a rule of selection chooses from, within what is asked for."""
+    robot = asked.robot
 
     def weighted() -> tuple[Sequence[MotionFactor], Sequence[MotionFactor]]:
         noise, motions = row_noise(robot), pool.motions
@@ -382,7 +355,7 @@ def selection_candidates(robot: Robot, pool: Pool, base: BaseParameters, rule: R
             # A choice without those that fell finds the others' there.
             if not path.exists():
                 write_value(motion_factor(robot, motions[index], row_std=noise), path)
-        before = [motion_factor(robot, motion, row_std=noise) for motion in rule.before]
+        before = [motion_factor(robot, motion, row_std=noise) for motion in asked.before]
         return OnDisk[MotionFactor](files, pool.folder), before
 
     return Candidates(
@@ -392,9 +365,9 @@ def selection_candidates(robot: Robot, pool: Pool, base: BaseParameters, rule: R
         durations=pool.durations,
         base=base,
         weighted=weighted,
-        budget_s=rule.budget_s,
-        limits=rule.limits,
-        asked=rule.asked,
-        target_rsd=rule.target_rsd,
+        budget_s=asked.budget_s,
+        limits=asked.limits,
+        asked=tuple(asked.parameters),
+        target_rsd=asked.target_rsd,
         rows_hz=ProblemSettings().filters(floating=robot.measures_contacts).rate_hz,
     )

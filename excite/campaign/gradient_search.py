@@ -8,7 +8,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.campaign.optimised_series import Asked, CandidateSearch
-from excite.errors import InputError, NoSolutionError
+from excite.errors import NoSolutionError
 from excite.excitation.design_rows import DesignRows, design_rows
 from excite.excitation.gradient_design import (
     GRADIENT,
@@ -46,12 +46,8 @@ class GradientDesign(CandidateSearch):
         Raises:
             NoSolutionError: no random motion is safe.
             UnknownNameError: a target is no joint of the robot.
-            InputError: a robot without rows for it, or without stated noise; criterion or period asked for.
+            InputError: a robot without rows for it, or without stated noise.
         """
-        if asked.series is not None:
-            raise InputError(
-                "criterion and period are those of optimised_fourier", field="series", remedy="leave them out"
-            )
         robot = asked.robot
         rows = design_rows(robot)
         mix = {"aimed" if asked.targets else "random_joint": 1.0}

@@ -20,14 +20,13 @@ from excite.campaign.candidates import (
     Judged,
     Refusals,
     Rehearsed,
-    Rule,
     add_seconds,
     check_generator,
     choose_motions,
     none_is_safe,
 )
 from excite.campaign.expected import TARGET_RSD, Outlook, check_target, is_predictable, outlook
-from excite.campaign.optimised_series import Asked, SeriesSettings
+from excite.campaign.optimised_series import Asked
 from excite.campaign.plan_document import conditioning_comparison, robot_file
 from excite.campaign.pool import Keeper, OnDisk, Pool, ranked_segments
 from excite.campaign.searches import SEARCHES
@@ -78,7 +77,6 @@ def plan(
     n_candidates: int | None = None,
     targets: Sequence[str] = (),
     generator: str | None = None,
-    series: SeriesSettings | None = None,
     selection: str = BEST_THREE,
     budget_s: float | None = None,
     target_rsd: float = TARGET_RSD,
@@ -105,7 +103,6 @@ def plan(
         targets: joints to aim at; all, if empty.
         generator: the only one to use: a name of the registry, or of a search such as ``optimised_fourier``,
             of which each candidate is a start; None for the robot's mixture.
-        series: criterion and period of ``optimised_fourier``, with which alone they go.
         selection: ``best_three`` motions of every segment; or, within ``budget_s``, those of greatest ``log_det``
             (log-determinant), of least ``rsd`` (sum of predicted relative standard deviations), or few that give
             all ``segments`` together low condition numbers.
@@ -138,7 +135,7 @@ def plan(
     """
     robot = as_robot(robot)
     check_target(target_rsd)
-    _check_settings(generator, series, selection, budget_s)
+    _check_settings(generator, selection, budget_s)
     if minutes is not None:
         check_number(60.0 * minutes, "minutes", *BUDGETS_S, "s")
         selection, budget_s = TARGETS, 60.0 * minutes
@@ -155,13 +152,22 @@ def plan(
     # What a robot weighs that nobody weighed is a guess: its first motions hold for all that it may be.
     robust = robust or robot.description.has_assumed_masses
     asked = Asked(
-        robot, count, targets, series, jobs, progress, robust, budget_s, tuple(parameters), target_rsd, before
+        robot,
+        count,
+        targets,
+        jobs,
+        progress,
+        robust,
+        selection,
+        budget_s,
+        parameters=tuple(parameters),
+        target_rsd=target_rsd,
+        before=tuple(before),
     )
     folder = TemporaryFolder()
     judged = Judged(generator, asked, root, Keeper(folder.path, prefix), TURNS if n_candidates is None else 1)
     stages = judged.seconds
-    rule = Rule(selection, budget_s, asked=tuple(parameters), target_rsd=target_rsd, before=tuple(before))
-    report, base, choice = _judge_and_choose(judged, rule, folder)
+    report, base, choice = _judge_and_choose(judged, folder)
     refusals = judged.refusals(report, choice.fallen)
     with add_seconds(stages, "choose"):
         pool, indices = choice.pool, choice.selection.indices
@@ -183,10 +189,10 @@ def plan(
         load=choice.load,
         interrupted=choice.interrupted,
         target_rsd=target_rsd,
-        before=tuple(before),
+        before=asked.before,
         robust=robust_margins,
         minutes=minutes,
-        parameters=tuple(parameters),
+        parameters=asked.parameters,
         undesigned=sum(one.generator != generator for one in pool.entries) if generator in SEARCHES else 0,
     )
 
@@ -218,7 +224,7 @@ class _Chosen(NamedTuple):
     choice: Choice
 
 
-def _judge_and_choose(judged: Judged, rule: Rule, folder: TemporaryFolder) -> _Chosen:
+def _judge_and_choose(judged: Judged, folder: TemporaryFolder) -> _Chosen:
     """Candidates judged, and motions chosen of the safe ones: of more while there are too few, as far as that goes."""
     asked, rehearsed = judged.asked, Rehearsed()
     base = structural_base_parameters(asked.robot)
@@ -232,16 +238,7 @@ def _judge_and_choose(judged: Judged, rule: Rule, folder: TemporaryFolder) -> _C
             pool = Pool(report.kept, folder, ranked_segments(asked.robot))
         with add_seconds(judged.seconds, "choose"):
             try:
-                choice = choose_motions(
-                    asked.robot,
-                    pool,
-                    base,
-                    rule,
-                    asked.jobs,
-                    asked.progress,
-                    rehearsed,
-                    interrupted=report.interrupted,
-                )
+                choice = choose_motions(asked, pool, base, rehearsed, interrupted=report.interrupted)
             except NoSolutionError:
                 if judged.exhausted:
                     raise
@@ -250,18 +247,10 @@ def _judge_and_choose(judged: Judged, rule: Rule, folder: TemporaryFolder) -> _C
             return _Chosen(report, base, choice)
 
 
-def _check_settings(
-    generator: str | None, series: SeriesSettings | None, selection: str, budget_s: float | None
-) -> None:
+def _check_settings(generator: str | None, selection: str, budget_s: float | None) -> None:
     """Raise InputError or UnknownNameError where settings are unknown or do not go together."""
     check_selection(selection)
     check_generator(generator)
-    if series is not None and generator not in SEARCHES:
-        raise InputError(
-            "criterion and period are those of optimised series",
-            field="series",
-            remedy=f"ask for the generator {' or '.join(map(repr, SEARCHES))}, or leave them out",
-        )
     if budget_s is None:
         return
     check_number(budget_s, "budget", *BUDGETS_S, "s")

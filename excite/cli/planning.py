@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import typer
 
@@ -27,9 +27,6 @@ from excite.cli.output import (
 from excite.errors import NoSolutionError
 from excite.identification.estimators.registry import DEFAULT_METHOD
 from excite.provenance import made_by
-
-if TYPE_CHECKING:
-    from excite.campaign.optimised_series import SeriesSettings
 
 
 @register_command("robots")
@@ -157,8 +154,6 @@ def plan_motions(
     target_rsd: float = 15.0,
     minutes: float | None = None,
     parameters: str = "",
-    criterion: str | None = None,
-    period: float | None = None,
     robust: bool = False,
     *,
     call: Call,
@@ -177,7 +172,6 @@ def plan_motions(
             n_candidates=candidates,
             targets=tuple(target or ()),
             generator=generator,
-            series=_series_settings(criterion, period),
             selection=select,
             budget_s=budget,
             target_rsd=target_rsd,
@@ -202,13 +196,6 @@ def plan_motions(
     if minutes is not None and plan.needed_min and not plan.reaches:
         # Written all the same, and it says what it would take.
         raise typer.Exit(NoSolutionError.exit_code)
-
-
-def _series_settings(criterion: str | None, period: float | None) -> SeriesSettings | None:
-    if criterion is None and period is None:
-        return None
-    default = excite.SeriesSettings()
-    return excite.SeriesSettings(criterion or default.criterion, period)
 
 
 @register_command("rank")

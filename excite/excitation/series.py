@@ -1,4 +1,4 @@
-"""Series that are searched for: families of motions, criteria, and what a search is asked for."""
+"""Series that are searched for: families of motions, the criterion, and what a search is asked for."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.errors import InputError, NoSolutionError, UnknownNameError
+from excite.errors import InputError, NoSolutionError
 from excite.excitation.design_rows import ArmRows
 from excite.motion.generators.curves import Curve, FourierCurve
 from excite.motion.generators.joint_motions import start_conditions
@@ -76,68 +76,35 @@ def _fourier_curve(
     return FourierCurve(np.asarray(offset, dtype=float), a @ sine.T, b @ cosine.T, omega)
 
 
-# Criteria of the information A = YᵀY/n on the base columns: what is made small, a logarithm, and its slope dA.
-# Maxima are p-norms (Boyd and Vandenberghe 2004, section 3.1.5): the larger p, the closer and the less smooth.
+# What is made small: the condition number of the base regressor (Gautier and Khalil 1992), by its information YᵀY/n.
+# Its largest and smallest eigenvalues are p-norms (Boyd and Vandenberghe 2004, section 3.1.5): the larger p, the closer
+# and the less smooth.
 
-# Eigenvalues below this share of the largest are rounding; at the floor a criterion is flat.
+# Eigenvalues below this share of the largest are rounding; at the floor the criterion is flat.
 _FLOOR = 1e-15
 
 
 @dataclass(frozen=True)
-class CriterionValue:
-    """A criterion at one information matrix: its value, and its derivative in the matrix ``(n, n)``, symmetric."""
+class LogCondition:
+    """Logarithm of a condition number, and its derivative in the information ``(n, n)``, symmetric."""
 
     value: float
     slope: Array
 
 
-def _condition(values: Array, vectors: Array, p: float, size: Array) -> CriterionValue:
-    """``½ log(‖λ‖_p ‖λ⁻¹‖_p)``, the condition number of the base regressor (Gautier and Khalil 1992)."""
+def log_condition(information: Array, p: float) -> LogCondition:
+    """``½ log(‖λ‖_p ‖λ⁻¹‖_p)`` of an information matrix ``(n_base, n_base)``.
+
+    Args:
+        information: the matrix.
+        p: exponent of the norms that stand for maxima; infinite for the maxima themselves.
+    """
+    values, vectors = np.linalg.eigh(information)
+    values = np.maximum(values, _FLOOR * values[-1])
     high, low = (values / values[-1]) ** p, (values[0] / values) ** p
     value = 0.5 * (np.log(values[-1] / values[0]) + (np.log(high.sum()) + np.log(low.sum())) / p)
     slope = 0.5 * (high / high.sum() - low / low.sum()) / values
-    return CriterionValue(float(value), (vectors * slope) @ vectors.T)
-
-
-def _log_det(values: Array, vectors: Array, p: float, size: Array) -> CriterionValue:
-    """``−log det A / n``, the volume of the confidence ellipsoid by parameter (D-optimality)."""
-    return CriterionValue(float(-np.log(values).mean()), -(vectors / (len(values) * values)) @ vectors.T)
-
-
-def _largest_rsd(values: Array, vectors: Array, p: float, size: Array) -> CriterionValue:
-    """``½ log ‖diag(A⁻¹)/size²‖_p``, the largest relative standard deviation (Xu et al. 2020, eq. 7)."""
-    inverse = (vectors / values) @ vectors.T
-    ratio = np.diag(inverse) / size**2
-    power = (ratio / ratio.max()) ** p
-    value = 0.5 * (np.log(ratio.max()) + np.log(power.sum()) / p)
-    slope = 0.5 * power / (power.sum() * ratio * size**2)
-    return CriterionValue(float(value), -(inverse * slope) @ inverse)
-
-
-CRITERIA: dict[str, Callable[[Array, Array, float, Array], CriterionValue]] = {
-    "condition": _condition,
-    "log_det": _log_det,
-    "largest_rsd": _largest_rsd,
-}
-
-
-def check_criterion(name: str) -> None:
-    """Raise UnknownNameError where no criterion has this name."""
-    if name not in CRITERIA:
-        raise UnknownNameError("criterion", name, sorted(CRITERIA))
-
-
-def criterion_value(name: str, information: Array, p: float, size: Array) -> CriterionValue:
-    """A criterion of ``CRITERIA`` at an information matrix.
-
-    Args:
-        name: its name.
-        information: ``(n_base, n_base)``.
-        p: exponent of the norms that stand for maxima; infinite for the maxima themselves.
-        size: ``(n_base,)`` magnitude of each base parameter [SI], which largest_rsd is relative to.
-    """
-    values, vectors = np.linalg.eigh(information)
-    return CRITERIA[name](np.maximum(values, _FLOOR * values[-1]), vectors, p, size)
+    return LogCondition(float(value), (vectors * slope) @ vectors.T)
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,7 +114,6 @@ class ExcitationTask:
     Attributes:
         robot: an arm with a motor in every joint.
         family: of motions to search in.
-        criterion: name in :data:`~excite.excitation.series.CRITERIA`.
         limits: the robot's own if None; jerk and tables do not count.
         start: ``(n_joints,)`` where the motion starts and ends [rad or m]; it is chosen if None.
         drives: terms of each joint's drive that count as parameters.
@@ -159,7 +125,6 @@ class ExcitationTask:
 
     robot: Robot
     family: MotionFamily
-    criterion: str = "condition"
     limits: Limits | None = None
     start: Array | None = None
     drives: tuple[str, ...] = ("viscous", "coulomb")
@@ -168,8 +133,7 @@ class ExcitationTask:
     avoid_collisions: bool = True
 
     def __post_init__(self) -> None:
-        """Check the names and shapes; raises UnknownNameError or InputError."""
-        check_criterion(self.criterion)
+        """Raise InputError for a start of another shape."""
         if self.start is not None and np.shape(self.start) != (self.robot.n_joints,):
             raise InputError(
                 f"start of shape {np.shape(self.start)}", field="start", remedy="give one number a joint"
@@ -178,7 +142,7 @@ class ExcitationTask:
     @cached_property
     def rows(self) -> ArmRows:
         """Rows of the base parameters; raises InputError for a robot without gradients."""
-        return ArmRows(self.robot, self.drives, self.criterion != "condition", self.independent)
+        return ArmRows(self.robot, self.drives, False, self.independent)
 
     def layout(self) -> Layout:
         """Variables of the task; raises NoSolutionError where the limits leave no room."""

@@ -20,9 +20,7 @@ from numpy.typing import NDArray
 from excite.arrays import Array, Moved
 from excite.errors import InputError, NoSolutionError
 from excite.excitation.near_bodies import NearBodies
-from excite.excitation.precision import nominal_values
-from excite.excitation.series import ExcitationTask, Layout, criterion_value
-from excite.excitation.targets import NEGLIGIBLE
+from excite.excitation.series import ExcitationTask, Layout, log_condition
 from excite.motion.generators.curves import Curve
 from excite.motion.generators.generator import child_seed
 from excite.motion.motion import Motion, MotionMetadata
@@ -135,14 +133,11 @@ class SeriesProgram:
     """
 
     def __init__(self, task: ExcitationTask, layout: Layout, per_cycle: float, extra: float | None) -> None:
-        self._criterion, self._layout, self.rows = task.criterion, layout, task.rows
+        self._layout, self.rows = layout, task.rows
         robot, family = task.robot, task.family
         time = family.grid(per_cycle)
         self._bases = tuple(family.basis(time, order) for order in range(3))
-        base = self.rows.base
-        self.size = np.ones(len(self.rows.independent))
-        if task.criterion == "largest_rsd":
-            self.size = np.maximum(np.abs(nominal_values(robot, base)), NEGLIGIBLE)
+        self._n_base = len(self.rows.independent)
         self._width = _SIGN_WIDTH * robot.limits.velocity
         self._room = np.maximum(layout.limits.torque - self.rows.drives[1], 1e-6)
         self._bodies, self._required = None, np.zeros(0)
@@ -170,11 +165,11 @@ class SeriesProgram:
         return Moved(offset + q, v, a)
 
     def value(self, x: Array, p: float = np.inf) -> float:
-        """The criterion alone, a logarithm; with Coulomb friction's sign as it is where maxima are."""
+        """Logarithm of the condition number; with Coulomb friction's sign as it is where maxima are."""
         q, v, a = self.states(x)
         sign = np.sign(v) if np.isinf(p) else np.tanh(v / self._width)
-        flat = self.rows.weighted(self.rows.regressor(q, v, a), v, a, sign).reshape(-1, len(self.size))
-        return criterion_value(self._criterion, flat.T @ flat / len(q), p, self.size).value
+        flat = self.rows.weighted(self.rows.regressor(q, v, a), v, a, sign).reshape(-1, self._n_base)
+        return log_condition(flat.T @ flat / len(q), p).value
 
     def evaluate(self, x: Array, p: float, multipliers: Array) -> tuple[float, Array]:
         """The augmented Lagrangian (Nocedal and Wright 2006, 17.4), and its gradient ``(size,)``."""
@@ -182,9 +177,9 @@ class SeriesProgram:
         sign = np.tanh(v / self._width)
         sign_slope = (1.0 - sign**2) / self._width
         full = rows.regressor(q, v, a)
-        flat = rows.weighted(full, v, a, sign).reshape(-1, len(self.size))
-        found = criterion_value(self._criterion, flat.T @ flat / len(q), p, self.size)
-        slope = (2.0 / len(q)) * (flat @ found.slope).reshape(*v.shape, len(self.size))
+        flat = rows.weighted(full, v, a, sign).reshape(-1, self._n_base)
+        found = log_condition(flat.T @ flat / len(q), p)
+        slope = (2.0 / len(q)) * (flat @ found.slope).reshape(*v.shape, self._n_base)
         pulled = rows.pulled(slope, sign_slope, full.shape[2])
         torque, pull = self._torques(full, v, a)
         near = self._clearances(q)
@@ -437,7 +432,7 @@ class SeriesSearch:
 
     Raises:
         NoSolutionError: limits leave no room.
-        InputError: the criterion needs noise that the robot does not state, or the robot has no gradients.
+        InputError: the robot has no gradients.
     """
 
     def __init__(self, task: ExcitationTask, effort: float = 1.0) -> None:
@@ -459,12 +454,8 @@ class SeriesSearch:
         return SeriesProgram(self.task, self.layout, _JUDGE, None)
 
     def figure(self, x: Array) -> float:
-        """The criterion as a person reads it, finely sampled: a condition number, or percent of one repetition."""
-        value = self._judge.value(x)
-        rate = self.task.robot.description.sensors.rate_hz
-        percent = 100.0 / np.sqrt(rate * self.task.family.length)
-        read = {"condition": np.exp(value), "largest_rsd": percent * np.exp(value)}
-        return float(read.get(self.task.criterion, value))
+        """The condition number, finely sampled."""
+        return float(np.exp(self._judge.value(x)))
 
     @one_blas_thread
     def step(self, point: Point | None, number: int, rounds: int, seed: int) -> Point:
@@ -514,7 +505,7 @@ class OptimisedMotion:
         start: number of the start.
         curve: of all joints.
         motion: the same as samples at the robot's rate.
-        value: the criterion, finely sampled; for conditions the condition number.
+        value: the condition number, finely sampled.
     """
 
     start: int
@@ -564,7 +555,7 @@ def optimise_excitation(
 
     Raises:
         NoSolutionError: limits leave no room, or no start ended in a safe motion; the error counts the reasons.
-        InputError: settings, noise or columns do not fit, or the robot has no gradients.
+        InputError: settings or columns do not fit, or the robot has no gradients.
     """
     settings = settings or SearchSettings()
     check_jobs(jobs)

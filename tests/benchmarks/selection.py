@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 import excite
-from excite.campaign.candidates import Rule, selection_candidates
+from excite.campaign.candidates import selection_candidates
 from excite.campaign.expected import predict_statistics
+from excite.campaign.optimised_series import Asked
 from excite.excitation.conditioning import compute_conditioning
 from excite.excitation.selection import SELECTIONS, Candidates, select_motions
 from tests.benchmarks.table import Row
@@ -21,7 +22,7 @@ def rows() -> list[Row]:
     for name, count in _ROBOTS:
         robot = excite.load_robot(name)
         plan = excite.plan(robot, n_candidates=count, seed=1, jobs=2)
-        pool = selection_candidates(robot, plan.pool, plan.conditioning.base, Rule("best_three"))
+        pool = selection_candidates(Asked(robot, count), plan.pool, plan.conditioning.base)
         found = {}
         for rule in SELECTIONS:
             chosen = list(select_motions(rule, pool).indices)

@@ -12,12 +12,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from excite.campaign.candidates import Rule, choose_motions, selection_candidates
+from excite.campaign.candidates import choose_motions, selection_candidates
+from excite.campaign.optimised_series import Asked
 from excite.campaign.pool import Keeper, Pool, ranked_segments
 from excite.excitation.conditioning import compute_conditioning
 from excite.excitation.selection import select_motions
 from excite.motion.generators.mixture import plan_candidates
-from excite.progress import silent
 from excite.regressor.base_parameters import BaseParameters, structural_base_parameters
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
@@ -43,9 +43,10 @@ def rows() -> list[Row]:
     segments = sorted(segment.name for segment in robot.segments)
     bars = np.minimum(CONDITION_NUMBERS, _WORST)
     pool = _pool(robot)
-    rule = Rule("segments", _SECONDS, dict(zip(segments, bars.tolist(), strict=True)))
-    choice = choose_motions(robot, pool, base, rule, 2, silent)
-    best = select_motions("best_three", selection_candidates(robot, choice.pool, base, rule)).indices
+    limits = dict(zip(segments, bars.tolist(), strict=True))
+    asked = Asked(robot, _CANDIDATES, jobs=2, selection="segments", budget_s=_SECONDS, limits=limits)
+    choice = choose_motions(asked, pool, base)
+    best = select_motions("best_three", selection_candidates(asked, choice.pool, base)).indices
     chosen = choice.selection.indices
     found, three = (_conditions(robot, choice.pool, base, segments, pick) for pick in (chosen, best))
     steps = ladder(robot, base, choice.pool.motions.only(chosen))

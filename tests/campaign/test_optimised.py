@@ -1,4 +1,4 @@
-"""Plans of optimised series: what is aimed at, what is made small, how long a period is."""
+"""Plans of optimised series: what is aimed at, and what is refused."""
 
 from __future__ import annotations
 
@@ -8,18 +8,16 @@ import numpy as np
 import pytest
 
 from excite.campaign import optimised_series as optimised
-from excite.campaign.optimised_series import Asked, OptimisedSeries, SeriesSettings
+from excite.campaign.optimised_series import Asked, OptimisedSeries
 from excite.campaign.plan import plan
-from excite.errors import InputError, UnknownNameError
+from excite.errors import InputError
 from excite.excitation.series import ExcitationTask
 from excite.excitation.series_search import SearchResult, SearchSettings, optimise_excitation
 from excite.motion.generators.generator import central_range
 from excite.robot.robot import Robot
 
 
-def test_series_aim_at_joints_in_turn_and_take_the_period_asked_for(
-    ur10: Robot, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_series_aim_at_joints_in_turn(ur10: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a search that stops early at its first optimum: how good it is does not matter here."""
 
     def quick(task: ExcitationTask, search: SearchSettings, **told: object) -> SearchResult:
@@ -27,14 +25,12 @@ def test_series_aim_at_joints_in_turn_and_take_the_period_asked_for(
 
     monkeypatch.setattr(optimised, "optimise_excitation", quick)
     aimed = ("wrist_2_joint", "elbow_joint")
-    settings = SeriesSettings("log_det", 7.0)
-    made = OptimisedSeries().candidates(Asked(ur10, 2, aimed, settings), 3)
+    made = OptimisedSeries().candidates(Asked(ur10, 2, aimed), 3)
     assert [candidate.targets for candidate in made] == [(joint,) for joint in aimed]
     assert len({candidate.name for candidate in made}) == 2
     lower, upper = central_range(ur10)
     for candidate in made:
-        assert candidate.posture.length == pytest.approx(7.0)
-        path = candidate.posture.evaluate(np.linspace(0.0, 7.0, 500))
+        path = candidate.posture.evaluate(np.linspace(0.0, candidate.posture.length, 500))
         used = (path.max(axis=0) - path.min(axis=0)) / (upper - lower)
         others = [joint not in candidate.targets for joint in ur10.joint_names]
         assert used[others].max() <= 0.4 + 1e-6
@@ -46,13 +42,7 @@ def test_a_robot_that_stands_has_no_series(g1: Robot) -> None:
 
 
 def test_settings_that_do_not_go_together_are_refused(ur10: Robot) -> None:
-    with pytest.raises(InputError, match=r"criterion and period.*optimised_fourier"):
-        plan(ur10, n_candidates=1, series=SeriesSettings())
     with pytest.raises(InputError, match="best three"):
         plan(ur10, n_candidates=1, budget_s=10.0)
     with pytest.raises(InputError, match="budget: is -1"):
         plan(ur10, n_candidates=1, selection="log_det", budget_s=-1.0)
-    with pytest.raises(InputError, match="period: is 0"):
-        SeriesSettings(period_s=0.0)
-    with pytest.raises(UnknownNameError, match="unknown criterion 'least'; choose one of condition"):
-        SeriesSettings("least")

@@ -20,10 +20,6 @@ def _plan(*words: str) -> Callable[[Path], list[str]]:
     return lambda folder: ["plan", "ur10", *words, "--out", str(folder / "made")]
 
 
-def _series(*words: str) -> Callable[[Path], list[str]]:
-    return _plan("--generator", "optimised_fourier", "--candidates", "1", *words)
-
-
 def _campaign(*words: str) -> Callable[[Path], list[str]]:
     return lambda folder: ["campaign", "ur10", *words, "--out", str(folder / "made")]
 
@@ -89,14 +85,12 @@ _FAMILIES = (
         (
             *_each("--candidates", _WHOLE, _plan, "candidates"),
             *_each("--seed", ("nan", "-1", "1.5", str(10**30), "x"), _plan, "seed"),
-            *_each("--period", (*_NOT_POSITIVE, "1e9", "1e-3"), _series, "period"),
             ("--budget nan", _plan("--select", "rsd", "--budget", "nan"), "budget: is nan"),
             ("--budget 0", _plan("--select", "rsd", "--budget", "0"), "budget: is 0"),
             ("--budget 1e300", _plan("--select", "rsd", "--budget", "1e300"), r"budget: is 1e\+300"),
             ("--budget of best_three", _plan("--budget", "60"), "budget"),
             ("--select magic", _plan("--select", "magic"), "magic"),
             ("--generator magic", _plan("--generator", "magic"), "magic"),
-            ("--criterion magic", _series("--criterion", "magic"), "magic"),
             ("--joint magic", _plan("--joint", "magic"), "magic"),
         ),
     ),

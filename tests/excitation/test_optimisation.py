@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from excite.arrays import Array
-from excite.errors import InputError, NoSolutionError, UnknownNameError
+from excite.errors import InputError, NoSolutionError
 from excite.excitation.conditioning import motion_factor
 from excite.excitation.near_bodies import NearBodies, closest_points
-from excite.excitation.series import CRITERIA, ExcitationTask, MotionFamily, fourier_family
+from excite.excitation.series import ExcitationTask, MotionFamily, fourier_family
 from excite.excitation.series_search import (
     SearchResult,
     SearchSettings,
@@ -78,20 +78,15 @@ def test_gradients_refuse_what_they_cannot_differentiate(iiwa: Robot) -> None:
         regressor_gradient(iiwa.model, q, v, v, np.zeros((1, 7, 3)))
 
 
-@pytest.mark.parametrize("name", sorted(CRITERIA))
 @pytest.mark.parametrize("family", [FAMILY, waypoint_family(2.0, 4)], ids=["fourier", "waypoints"])
 @pytest.mark.parametrize("held", [0.0, 30.0], ids=["free", "held"])
-def test_gradient_of_the_program_against_differences(
-    name: str, family: MotionFamily, held: float, iiwa: Robot
-) -> None:
+def test_gradient_of_the_program_against_differences(family: MotionFamily, held: float, iiwa: Robot) -> None:
     """Criterion alone, and with multipliers that make every torque, pair of bodies and sum of amplitudes count."""
     rng = np.random.default_rng(3)
     sums = AmplitudeSums if held and family is FAMILY else None
     limits = iiwa.limits if held else replace(iiwa.limits, torque=1e6 * iiwa.limits.torque)
     start = None if sums is None else np.zeros(7)
-    task = ExcitationTask(
-        iiwa, family, name, limits=limits, start=start, further=sums, avoid_collisions=bool(held)
-    )
+    task = ExcitationTask(iiwa, family, limits=limits, start=start, further=sums, avoid_collisions=bool(held))
     layout = task.layout()
     program = SeriesProgram(task, layout, 16.0, 0.0)
     x, way = 0.5 * rng.normal(size=(2, layout.size))
@@ -248,8 +243,6 @@ def test_limits_without_room_are_one_clear_error(iiwa: Robot) -> None:
 
 
 def test_bad_settings_are_named(iiwa: Robot) -> None:
-    with pytest.raises(UnknownNameError, match="beauty"):
-        ExcitationTask(iiwa, FAMILY, criterion="beauty")
     with pytest.raises(InputError, match="starts"):
         SearchSettings(starts=0)
     with pytest.raises(InputError, match="harmonics"):

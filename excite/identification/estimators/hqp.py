@@ -143,7 +143,7 @@ class InertiaFloor:
 
 def quadratic_row(v: Array) -> Array:
     """Row ``w`` ``(6,)`` with ``w · (Ixx, Ixy, Iyy, Ixz, Iyz, Izz) = vᵀ I v`` (eq. 14)."""
-    return v[ROWS] * v[COLUMNS] * np.where(ROWS == COLUMNS, 1.0, 2.0)
+    return np.asarray(v[ROWS] * v[COLUMNS] * np.where(ROWS == COLUMNS, 1.0, 2.0))
 
 
 @dataclass(frozen=True)
