@@ -107,7 +107,11 @@ def test_every_licence_is_listed():
     }
     assert all(row[2] for row in rows)
     copyleft = {row[0]: row[3] for row in rows}
-    assert (copyleft["docutils"], copyleft["casadi"], copyleft["hypothesis"]) == ("strong", "weak", "weak")
+    assert (copyleft["docutils"], copyleft["eiquadprog"], copyleft["hypothesis"]) == (
+        "strong",
+        "weak",
+        "weak",
+    )
     assert copyleft["numpy"] == copyleft["mujoco"] == copyleft["packaging"] == ""
     used_for = {row[0]: row[4] for row in rows}
     assert [name for name in copyleft if copyleft[name] == "strong" and used_for[name] == "run"] == []

@@ -64,9 +64,7 @@ class PredictedStatistics(BaseEstimate):
 
 
 @one_blas_thread
-def predict_statistics(
-    robot: Robot, motions: Sequence[Motion], settings: ProblemSettings | None = None
-) -> PredictedStatistics:
+def predict_statistics(robot: Robot, motions: Sequence[Motion]) -> PredictedStatistics:
     """What identification would say of its own precision, had the robot run these motions.
 
     The rows are those of :func:`~excite.identification.problem.build_problem` for a log without noise: same
@@ -78,13 +76,12 @@ def predict_statistics(
     Args:
         robot: the robot; noise and rate of its sensors are those of ``robot.yaml``.
         motions: all that will be run for identification.
-        settings: of identification; defaults if None.
 
     Raises:
         InputError: an arm whose description does not state the noise of its torques.
         LogError: the motions leave no rows.
     """
-    settings = settings or ProblemSettings()
+    settings = ProblemSettings()
     problem = build_problem(robot, _planned_log(robot, motions, settings), settings)
     grids = trial_grids(problem)
     named = {motion.name: motion for motion in motions}

@@ -322,25 +322,20 @@ class UnexcitedParameter:
     share: float
 
 
-def unexcited_parameters(
-    conditioning: Conditioning, tol: float = 1e-6, share: float = 0.25
-) -> tuple[UnexcitedParameter, ...]:
-    """Base parameters that the motions do not determine.
+# Directions with a singular value below this share of the largest count as undetermined: motions that keep the feet on
+# the ground do so only to the tolerance of a solver. Parameters with more than a share of their square in them do, too.
+_UNDETERMINED, _SHARE = 1e-6, 0.25
 
-    Args:
-        conditioning: of the motions.
-        tol: directions with a singular value below this share of the largest count as undetermined. Motions
-            that keep the feet on the ground do so only to the tolerance of a solver, so that exact zeros are
-            rare.
-        share: a parameter is reported when more than this share of its unit vector's square lies in them.
-    """
+
+def unexcited_parameters(conditioning: Conditioning) -> tuple[UnexcitedParameter, ...]:
+    """Base parameters that the motions of a conditioning do not determine."""
     base = conditioning.base
     values = base_singular_values(conditioning.factor, base)
     vectors = np.linalg.svd(conditioning.factor.matrix[:, base.independent], full_matrices=True)[2]
-    shares = (vectors[values < tol * values[0]] ** 2).sum(axis=0)
+    shares = (vectors[values < _UNDETERMINED * values[0]] ** 2).sum(axis=0)
     return tuple(
         UnexcitedParameter(int(i), base.labels[i], base.expressions[i], float(shares[i]))
-        for i in np.flatnonzero(shares > share)
+        for i in np.flatnonzero(shares > _SHARE)
     )
 
 

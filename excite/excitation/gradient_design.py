@@ -30,40 +30,20 @@ from excite.threads import one_blas_thread
 GRADIENT = "gradient"
 
 _DEGREE = 4
-# Samples a second that information is of.
+# Samples a second that limits, criterion and information are of.
 SEARCH_HZ = 24.0
-
-
-@dataclass(frozen=True)
-class DesignSettings:
-    """How motions are searched for; ``python -m benchmarks.minutes --settings`` changes one after the other.
-
-    Attributes:
-        knot_s: distance of the splines' knots [s].
-        rate_hz: samples that limits and criterion are looked at [Hz].
-        velocity: share of the velocities that is used at the samples: between them motions go beyond.
-        acceleration: the same of the accelerations.
-        near_m: bodies nearer than this beyond their margin are watched [m].
-        extra_m: distance beyond the margin, for what happens between the samples [m].
-        rounds: of the search, before each of which nearest points are found anew.
-        more_rounds: at most, while no step is safe: what little is known pulls harder than the first weights.
-        iterations: in each round.
-        growth: of the weight of squared violations from round to round, from 1.
-    """
-
-    knot_s: float = 0.25
-    rate_hz: float = SEARCH_HZ
-    velocity: float = 0.98
-    acceleration: float = 0.94
-    near_m: float = 0.06
-    extra_m: float = 0.01
-    rounds: int = 3
-    more_rounds: int = 2
-    iterations: int = 50
-    growth: float = 5.0
-
-
-_USUAL = DesignSettings()
+# Distance of the splines' knots [s].
+_KNOT_S = 0.25
+# Shares of velocities and accelerations that are used at the samples: between them motions go beyond.
+_VELOCITY, _ACCELERATION = 0.98, 0.94
+# Bodies nearer than this beyond their margin are watched, and the distance beyond it that they keep, for what happens
+# between the samples [m].
+_NEAR_M, _EXTRA_M = 0.06, 0.01
+# Rounds of the search, before each of which nearest points are found anew; at most as many more while no step is safe:
+# what little is known pulls harder than the first weights. Iterations in each.
+_ROUNDS, _MORE_ROUNDS, _ITERATIONS = 3, 2, 50
+# Growth of the weight of squared violations from round to round, from 1.
+_GROWTH = 5.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,30 +69,22 @@ class DesignProgram:
         source: the safe motion that the spline is added to.
         prior: information so far, ``(n_base, n_base)``, of samples at the search's rate.
         criterion: what to make large.
-        settings: of the search.
     """
 
-    def __init__(
-        self,
-        rows: DesignRows,
-        source: Motion,
-        prior: Array,
-        criterion: Criterion,
-        settings: DesignSettings = _USUAL,
-    ) -> None:
+    def __init__(self, rows: DesignRows, source: Motion, prior: Array, criterion: Criterion) -> None:
         # A copy that was sent to another process lies otherwise in memory, and sums of it would round otherwise.
         self._rows, self._prior, self._criterion = rows, np.ascontiguousarray(prior), criterion
-        self.source, self._settings = source, settings
+        self.source = source
         robot, moved = rows.robot, rows.moved
         own = robot.limits
-        self._velocity = settings.velocity * own.velocity[moved]
-        self._acceleration = settings.acceleration * own.acceleration[moved]
+        self._velocity = _VELOCITY * own.velocity[moved]
+        self._acceleration = _ACCELERATION * own.acceleration[moved]
         self._at_q, self._at_v = robot.n_base_q + moved, robot.n_base_v + moved
-        n = max(4, round(source.duration / settings.knot_s))
+        n = max(4, round(source.duration / _KNOT_S))
         self._knots = np.r_[
             np.zeros(_DEGREE), np.linspace(0.0, source.duration, n + 1), np.full(_DEGREE, source.duration)
         ]
-        time = np.linspace(0.0, source.duration, max(8, round(source.duration * settings.rate_hz)) + 1)
+        time = np.linspace(0.0, source.duration, max(8, round(source.duration * SEARCH_HZ)) + 1)
         self._bases, self._nominal = (
             self._basis(time),
             interpolate_motion(source, robot, source.time[0] + time),
@@ -121,7 +93,6 @@ class DesignProgram:
         fine = np.linspace(0.0, source.duration, 8 * len(time))
         between = interpolate_motion(source, robot, source.time[0] + fine).a[:, self._at_v]
         rates = np.diff(between, axis=0) / fine[1]
-        self._share = SEARCH_HZ / settings.rate_hz
         self._jerk, self._jerk_basis = rates, self._basis(fine[:-1] + 0.5 * fine[1])[3]
         self._most_jerk = own.jerk[moved]
         self.size = self._bases[0].shape[1] * len(moved)
@@ -142,7 +113,7 @@ class DesignProgram:
 
     def _table(self, x: Array) -> Array:
         """Coefficients of the splines, ``(k, n_moved)``."""
-        return self._settings.knot_s * x.reshape(-1, len(self._at_q))
+        return _KNOT_S * x.reshape(-1, len(self._at_q))
 
     def states(self, x: Array) -> tuple[Array, ...]:
         """q ``(n, nq)``, v and a ``(n, nv)`` of coefficients ``(size,)``."""
@@ -159,7 +130,7 @@ class DesignProgram:
 
     def information(self, x: Array) -> Array:
         """Information of the motion alone."""
-        return self._share * self._rows.information(*self.states(x))
+        return self._rows.information(*self.states(x))
 
     def motion(self, x: Array) -> Motion:
         """The source with the splines added."""
@@ -179,9 +150,9 @@ class DesignProgram:
         full = self._rows.regressor(q, v, a)
         rows = self._rows.weighted(full, v, a, sign)
         flat = rows.reshape(-1, rows.shape[2])
-        information = self._prior + self._share * (flat.T @ flat)
+        information = self._prior + flat.T @ flat
         value = -self._criterion.value(information)
-        slope = -2.0 * self._share * (flat @ self._criterion.gradient(information)).reshape(rows.shape)
+        slope = -2.0 * (flat @ self._criterion.gradient(information)).reshape(rows.shape)
         weights, by_v, by_a = self._rows.pulled(slope, sign_slope, full.shape[2])
         penalty, parts = 0.0, []
         jerk = self._jerk + self._jerk_basis @ self._table(x)
@@ -205,13 +176,13 @@ class DesignProgram:
         )
         found = sum(basis.T @ pull for basis, pull in zip(self._bases, pulls, strict=False))
         found = found + self._jerk_basis.T @ parts[4]
-        return value + weight * penalty, self._settings.knot_s * np.asarray(found).ravel()
+        return value + weight * penalty, _KNOT_S * np.asarray(found).ravel()
 
     def watch(self, x: Array) -> None:
         """Find the nearest points of bodies that are near each other, and what else is found once a round."""
         states = self.states(x)
         self._burden.watch(*states)
-        poses, pairs = self._bodies.find(states[0], self._bodies.kept + self._settings.near_m)
+        poses, pairs = self._bodies.find(states[0], self._bodies.kept + _NEAR_M)
         joints, at = self._bodies.carriers(pairs), pairs.sample[:, None]
         world = np.stack([pairs.first, pairs.second], axis=1)
         local = np.einsum("mkji,mkj->mki", poses.rotation[at, joints], world - poses.translation[at, joints])
@@ -226,7 +197,7 @@ class DesignProgram:
         turned = np.einsum("mkij,mkj->mki", poses.rotation[at, near.joints], near.points)
         first, second = (turned + poses.translation[at, near.joints]).transpose(1, 0, 2)
         apart = ((second - first) * near.pairs.normal).sum(axis=1)
-        lack = np.maximum(self._bodies.kept[near.pairs.pair] + self._settings.extra_m - apart, 0.0) / 0.01
+        lack = np.maximum(self._bodies.kept[near.pairs.pair] + _EXTRA_M - apart, 0.0) / 0.01
         slope = self._bodies.slopes(poses, replace(near.pairs, first=first, second=second))
         np.add.at(by_q, near.pairs.sample, (-2.0 * weight * lack / 0.01)[:, None] * slope)
         return float((lack**2).sum())
@@ -255,7 +226,6 @@ def design_motion(
     criterion: Criterion,
     *,
     robust: bool = False,
-    settings: DesignSettings = _USUAL,
 ) -> Design:
     """The motion near a safe one that adds most to the information so far.
 
@@ -270,20 +240,19 @@ def design_motion(
         criterion: what to make large.
         robust: whether the check asks for safety of all robots of the set that the description states. A standing
             robot's design leaves them no less than its source in any case.
-        settings: of the search.
     """
-    program = DesignProgram(rows, source, prior, criterion, settings)
+    program = DesignProgram(rows, source, prior, criterion)
     least = _least_margins(rows.robot, source) if rows.robot.floating and not robust else {}
     x = np.zeros(program.size)
-    for k in range(settings.rounds + settings.more_rounds):
+    for k in range(_ROUNDS + _MORE_ROUNDS):
         program.watch(x)
         found = minimize(
-            program.evaluate, x, args=(settings.growth**k,), jac=True, method="L-BFGS-B",
-            bounds=np.stack([x - 2.0, x + 2.0], axis=1), options={"maxiter": settings.iterations, "maxcor": 15},
+            program.evaluate, x, args=(_GROWTH**k,), jac=True, method="L-BFGS-B",
+            bounds=np.stack([x - 2.0, x + 2.0], axis=1), options={"maxiter": _ITERATIONS, "maxcor": 15},
         )  # fmt: skip
         x = np.asarray(found.x)
         # Each time twice as much is taken off the step.
-        for step in (1.0, *(1.0 - 0.01 * 2**i for i in range(7))) if k + 1 >= settings.rounds else ():
+        for step in (1.0, *(1.0 - 0.01 * 2**i for i in range(7))) if k + 1 >= _ROUNDS else ():
             motion = program.motion(step * x)
             if _is_safe(rows.robot, motion, robust=robust, least=least):
                 return Design(motion, program.information(step * x), step)
@@ -297,7 +266,6 @@ def design_motions(
     criterion: Criterion,
     *,
     robust: bool = False,
-    settings: DesignSettings = _USUAL,
 ) -> list[Design]:
     """Designs of motions that are run together, each for what those before it lack.
 
@@ -307,12 +275,11 @@ def design_motions(
         start: ``(n_base, n_base)`` information to begin with, positive definite.
         criterion: what to make large.
         robust: as of :func:`design_motion`.
-        settings: of the search.
     """
     made: list[Design] = []
     information = start
     for source in sources:
-        made.append(design_motion(rows, source, information, criterion, robust=robust, settings=settings))
+        made.append(design_motion(rows, source, information, criterion, robust=robust))
         information = information + made[-1].information
     return made
 

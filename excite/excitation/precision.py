@@ -75,7 +75,7 @@ _SILENT = 1e-8
 _SHARE = 0.25
 
 
-def excitable_parameters(robot: Robot, base: BaseParameters, seed: int = 0) -> NDArray[np.bool_]:
+def excitable_parameters(robot: Robot, base: BaseParameters) -> NDArray[np.bool_]:
     """Whether some motion within joint limits, with a foot flat on the ground, shows each base parameter.
 
     Base parameters are those of free motion. Here the regressor is evaluated at random states that a robot on
@@ -89,7 +89,6 @@ def excitable_parameters(robot: Robot, base: BaseParameters, seed: int = 0) -> N
     Args:
         robot: the robot; one without feet is judged within its joint limits alone.
         base: its structural base parameters.
-        seed: of the random states.
 
     Returns:
         ``(n_base,)``.
@@ -97,7 +96,7 @@ def excitable_parameters(robot: Robot, base: BaseParameters, seed: int = 0) -> N
     Raises:
         InputError: base parameters of other columns than those that the robot's sensors see.
     """
-    columns, random = _columns_of(robot, base), np.random.default_rng(seed)
+    columns, random = _columns_of(robot, base), np.random.default_rng(0)
     n, count = 3 * len(columns.names) // robot.n_equations + 1, 1 + len(robot.feet)
 
     def factor(foot: Foot | None, count: int, closed: NDArray[np.bool_] | None = None) -> Array:

@@ -7,13 +7,14 @@ acceleration, stands in the program as it is; torques and distances of bodies ar
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Callable, Sequence
+from collections import Counter, deque
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, partial
 from importlib.metadata import version
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
+import daqp
 import numpy as np
 from numpy.typing import NDArray
 
@@ -53,6 +54,10 @@ _EXTRA, _EXTRA_FINE, _CLEARANCE_UNIT, _NEAR = 0.012, 0.006, 0.05, 0.1
 _TORQUE_SHARE = 0.7
 # Weight of the augmented Lagrangian's penalty, on violations in shares of limits; how far linear rows may be outside.
 _WEIGHT, _ROOM = 60.0, 1e-3
+# Of a solve: merits that a step may rest on, trials of a step, slope and excess at which it ends.
+_MERITS, _LINE, _STATIONARY, _MET = 4, 8, 1e-4, 1e-6
+# Codes of DAQP of a row that is active at its upper and its lower end.
+_ACTIVE, _AT_LOWER = 1, 3
 # The smooth minimum of distances over time is at most log(n)/SHARPNESS below the minimum [1/m]; the norm that stands
 # for the largest torque exceeds it by n^(1/EXPONENT) at most; Coulomb's sign is smooth over this share of the speed.
 _SHARPNESS, _EXPONENT, _SIGN_WIDTH = 1000.0, 100.0, 0.02
@@ -72,6 +77,11 @@ class LinearRows:
         """How far the worst row is outside, zero if none is."""
         value = self.matrix @ x
         return float(np.maximum(self.lower - value, value - self.upper).max(initial=0.0))
+
+    def total_excess(self, x: Array) -> float:
+        """How far all rows are outside together."""
+        value = self.matrix @ x
+        return float(np.maximum(np.maximum(self.lower - value, value - self.upper), 0.0).sum())
 
 
 def linear_rows(layout: Layout, time: Array) -> LinearRows:
@@ -278,109 +288,61 @@ def solve_program(
 ) -> Solution:
     """Minimise a function under linear rows.
 
-    Sequential quadratic programming (Nocedal and Wright 2006, chapter 18) of casadi with a BFGS Hessian, each
-    quadratic program by DAQP's dual active set (Arnström, Bemporad, Axehill 2022). With dense rows in few
-    variables it takes a fifteenth of an interior-point method's time. L-BFGS-B on penalties, which designs motions of
-    many coefficients (:mod:`~excite.excitation.gradient_design`), ends at half again to twice the condition number
-    in the same time.
+    Sequential quadratic programming (Nocedal and Wright 2006, chapter 18) with a damped BFGS Hessian, each quadratic
+    program by DAQP's dual active set (Arnström, Bemporad, Axehill 2022); a step is taken where it beats the worst of
+    the last four merits (Grippo, Lampariello, Lucidi 1986). L-BFGS-B on penalties, which designs motions of many
+    coefficients (:mod:`~excite.excitation.gradient_design`), ends at half again to twice the condition number in the
+    same time.
 
     Args:
         objective: value and exact gradient.
         rows: linear rows.
         start: ``(size,)``.
         iterations: at most.
-
-    Raises:
-        KeyboardInterrupt: the user interrupted.
     """
-    import casadi
-
-    watched = _Watched(objective, rows)
-    x = casadi.MX.sym("x", len(start))
-    matrix = casadi.sparsify(casadi.DM(np.where(np.abs(rows.matrix) < 1e-12, 0.0, rows.matrix)))
-    options: dict[str, Any] = {
-        "hessian_approximation": "limited-memory",
-        "lbfgs_memory": max(iterations, 1),
-        "max_iter": iterations,
-        "max_iter_ls": 8,
-        "tol_du": 1e-4,
-        "tol_pr": 1e-6,
-        "qpsol": "daqp",
-        "qpsol_options": {"error_on_fail": False},
-        "error_on_fail": False,
-        **{f"print_{what}": False for what in ("header", "iteration", "status", "time")},
-    }
-    value = _casadi_function(watched.look, len(start))
-    problem = {"x": x, "f": value(x), "g": casadi.mtimes(matrix, x)}
-    solver = casadi.nlpsol("excitation", "sqpmethod", problem, options)
-    try:
-        end = np.asarray(solver(x0=start, lbg=rows.lower, ubg=rows.upper)["x"]).ravel()
-    except RuntimeError:
-        # casadi turns whatever a callback raises into its own error.
-        if watched.raised is not None:
-            raise watched.raised from None
-        raise
-    if np.isfinite(end).all():
-        watched.look(end)
-    best = watched.best[1]
-    return Solution(end if best is None else best, best is not None)
-
-
-class _Watched:
-    """An objective, its last values kept, and the best point at which it was evaluated and the rows hold."""
-
-    def __init__(self, objective: ValueAndGradient, rows: LinearRows) -> None:
-        self._objective, self._rows = objective, rows
-        self._last: tuple[bytes, tuple[float, Array]] = (b"", (np.inf, np.zeros(0)))
-        self.best: tuple[float, Array | None] = (np.inf, None)
-        self.raised: BaseException | None = None
-
-    def look(self, point: Any) -> tuple[float, Array]:
-        """Value and gradient at a point; what is raised is kept."""
-        x = np.array(point, dtype=float).ravel()
-        if x.tobytes() != self._last[0]:
-            try:
-                self._last = x.tobytes(), self._objective(x)
-            except BaseException as error:
-                self.raised = error
-                raise
-            if self._last[1][0] < self.best[0] and self._rows.excess(x) <= _ROOM:
-                self.best = self._last[1][0], x
-        return self._last[1]
+    matrix, x = np.ascontiguousarray(rows.matrix), start
+    value, slope = objective(x)
+    best = (value, x) if rows.excess(x) <= _ROOM else (np.inf, None)
+    hessian, kinds, weight = np.eye(len(x)), np.zeros(len(matrix), dtype=np.int32), 0.0
+    merits = deque[float](maxlen=_MERITS)
+    for _ in range(iterations):
+        at = matrix @ x
+        step, _, ending, told = daqp.solve(hessian, slope, matrix, rows.upper - at, rows.lower - at, kinds)
+        if ending < 1:
+            break
+        step, dual = np.array(step), np.array(told["lam"])
+        # The next program begins with the rows that are active now.
+        kinds = np.where(dual == 0.0, 0, np.where(dual > 0.0, _ACTIVE, _AT_LOWER)).astype(np.int32)
+        if np.abs(slope + matrix.T @ dual).max() < _STATIONARY and rows.excess(x) < _MET:
+            break
+        weight = max(weight, 1.01 * float(np.abs(dual).max(initial=0.0)))
+        outside = rows.total_excess(x)
+        merits.append(value + weight * outside)
+        fall, share = float(slope @ step) - weight * outside, 1.0
+        for _ in range(_LINE):
+            tried = x + share * step
+            there, slope_there = objective(tried)
+            if there < best[0] and rows.excess(tried) <= _ROOM:
+                best = there, tried
+            if there + weight * rows.total_excess(tried) <= max(merits) + 1e-4 * share * fall:
+                break
+            share *= 0.8
+        hessian = _updated_hessian(hessian, tried - x, slope_there - slope)
+        x, value, slope = tried, there, slope_there
+    return Solution(x if best[1] is None else best[1], best[1] is not None)
 
 
-def _casadi_function(look: Callable[[Any], tuple[float, Array]], size: int) -> Any:
-    """A function of ``size`` variables with its gradient for casadi; the class is made here, where that is loaded."""
-    import casadi
-
-    class Callback(casadi.Callback):
-        """The value; or, without a slope of its own, the gradient, whose second argument is the value."""
-
-        def __init__(self, slope: Any) -> None:
-            casadi.Callback.__init__(self)
-            self.slope = slope
-            self.construct("gradient" if slope is None else "value", {})
-
-        def get_n_in(self) -> int:
-            return 2 if self.slope is None else 1
-
-        def get_sparsity_in(self, i: int) -> casadi.Sparsity:
-            return casadi.Sparsity.dense(1 if i else size, 1)
-
-        def get_sparsity_out(self, i: int) -> casadi.Sparsity:
-            return casadi.Sparsity.dense(1, size if self.slope is None else 1)
-
-        def has_jacobian(self) -> bool:
-            return self.slope is not None
-
-        def get_jacobian(self, *names: Any) -> Any:
-            return self.slope
-
-        def eval(self, arg: Sequence[casadi.DM]) -> Sequence[casadi.DM]:
-            value, gradient = look(arg[0])
-            return [casadi.DM(gradient[None] if self.slope is None else value)]
-
-    return Callback(Callback(None))
+def _updated_hessian(hessian: Array, step: Array, change: Array) -> Array:
+    """BFGS with Powell's damping (Nocedal and Wright 2006, procedure 18.2)."""
+    ahead = hessian @ step
+    curved, along = float(step @ ahead), float(step @ change)
+    if curved <= 0.0:
+        return hessian
+    if along < 0.2 * curved:
+        theta = 0.8 * curved / (curved - along)
+        change = theta * change + (1.0 - theta) * ahead
+        along = 0.2 * curved
+    return np.asarray(hessian + np.outer(change, change) / along - np.outer(ahead, ahead) / curved)
 
 
 @dataclass(frozen=True)
@@ -619,7 +581,7 @@ def sample_curve(robot: Robot, curve: Curve, name: str, seed: int | None = None)
     """A curve in time as a motion of an arm at the robot's rate."""
     n = max(2, int(np.ceil(curve.length * robot.description.sensors.rate_hz)))
     time = np.linspace(0.0, curve.length, n + 1)
-    versions = {package: version(package) for package in ("excite", "casadi", "numpy")}
+    versions = {package: version(package) for package in ("excite", "daqp", "numpy")}
     q, v, a = (curve.evaluate(time, order) for order in range(3))
     metadata = MotionMetadata(NAME, seed, robot.joint_names, robot_hash=robot.hash, versions=versions)
     return Motion(name, robot.name, robot.joint_names, time, q, v, a, metadata=metadata)

@@ -78,12 +78,12 @@ class BaseStatistics(BaseEstimate):
     white_std: Array
     degrees_of_freedom: Array
 
-    def half_width(self, level: float = 0.95) -> Array:
-        """Half the width of the interval that holds the truth with probability ``level``, ``(n_base,)``.
+    def half_width(self) -> Array:
+        """Half the width of the 95 % intervals, ``(n_base,)``.
 
         Student's quantile, as the noise's power is estimated from the same residuals.
         """
-        return np.asarray(stdtrit(self.degrees_of_freedom, 0.5 * (1.0 + level)) * self.std)
+        return np.asarray(stdtrit(self.degrees_of_freedom, 0.975) * self.std)
 
 
 @one_blas_thread

@@ -68,7 +68,7 @@ def _jaco2() -> list[Row]:
     """Golluccio et al. 2020: condition number about 50, smallest singular value 34, 43 base columns, 100 Hz."""
     robot = load_robot("jaco2")
     task = ExcitationTask(robot, fourier_family(_JACO2_S, _JACO2_HARMONICS), drives=())
-    result, seconds = _timed(task, SearchSettings(starts=2, kicks=0, effort=0.6))
+    result, seconds = _timed(task, SearchSettings(starts=2, kicks=0))
     base = structural_base_parameters(robot, drives=())
     motion = result.best.motion.resampled(robot, _JACO2_HZ)
     regressor = regressor_rows(robot, measured_columns(robot, ()), motion.q, motion.v, motion.a)

@@ -43,7 +43,7 @@ def rows() -> list[Row]:
     one = found[1]
     speed = {count: one.seconds / item.seconds for count, item in found.items()}
     wanted = _EFFICIENCY * min(2, cores)
-    busy = sum(one.report.stage_seconds.values()) / _COUNT
+    busy = one.report.seconds / _COUNT
     sent = len(pickle.dumps(next(iter(_proposals(1)))))
     back = float(np.mean([len(pickle.dumps(Answer(kept))) for kept in one.report.kept]))
     kept = one.disk / max(1, len(one.report.kept))

@@ -82,7 +82,7 @@ class Repair(ABC):
     """Makes a draft safer, or gives it up; it never judges the result.
 
     Attributes:
-        name: registry name, also the name of the stage in timings.
+        name: registry name.
         robot: the robot whose drafts it repairs.
         probe: its collisions; one of its own, if None is given.
         shares: how much of each limit to use; the default leaves the verdict a margin.
