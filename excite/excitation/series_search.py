@@ -238,8 +238,7 @@ class SeriesProgram:
     def _torques(self, full: Array, v: Array, a: Array) -> tuple[Array, Array]:
         """Smooth maxima over time of the drives' torques, of what limits and Coulomb friction leave ``(n_joints,)``,
         and their slopes in the torques ``(n, n_joints)``; zero for joints that are not strained."""
-        viscous, _, armature = self.rows.drives
-        share = (full @ self.rows.tree.phi + viscous * v + armature * a) / self._room
+        share = self.rows.torques(full, v, a, np.zeros(1)) / self._room
         size = np.abs(share)
         top = size.max(axis=0)
         strained = top > _TORQUE_SHARE
