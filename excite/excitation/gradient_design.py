@@ -42,8 +42,6 @@ _NEAR_M, _EXTRA_M = 0.06, 0.01
 # Rounds of the search, before each of which nearest points are found anew; at most as many more while no step is safe:
 # what little is known pulls harder than the first weights. Iterations in each.
 _ROUNDS, _MORE_ROUNDS, _ITERATIONS = 3, 2, 50
-# Growth of the weight of squared violations from round to round, from 1.
-_GROWTH = 5.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,8 +228,8 @@ def design_motion(
     """The motion near a safe one that adds most to the information so far.
 
     Coefficients are those of B-splines of degree four that leave both ends at rest. Squared violations of the limits
-    and of distances at coal's witness points are penalties of growing weight; L-BFGS-B minimises. The step is then
-    shortened until the independent check finds the motion safe; with none left it is the source itself.
+    and of distances at coal's witness points are penalties, each round five times as heavy; L-BFGS-B minimises. The
+    step is then shortened until the independent check finds the motion safe; with none left it is the source itself.
 
     Args:
         rows: of the robot.
@@ -247,7 +245,7 @@ def design_motion(
     for k in range(_ROUNDS + _MORE_ROUNDS):
         program.watch(x)
         found = minimize(
-            program.evaluate, x, args=(_GROWTH**k,), jac=True, method="L-BFGS-B",
+            program.evaluate, x, args=(5.0**k,), jac=True, method="L-BFGS-B",
             bounds=np.stack([x - 2.0, x + 2.0], axis=1), options={"maxiter": _ITERATIONS, "maxcor": 15},
         )  # fmt: skip
         x = np.asarray(found.x)

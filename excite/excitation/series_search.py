@@ -54,10 +54,6 @@ _EXTRA, _EXTRA_FINE, _CLEARANCE_UNIT, _NEAR = 0.012, 0.006, 0.05, 0.1
 _TORQUE_SHARE = 0.7
 # Weight of the augmented Lagrangian's penalty, on violations in shares of limits; how far linear rows may be outside.
 _WEIGHT, _ROOM = 60.0, 1e-3
-# Of a solve: merits that a step may rest on, trials of a step, slope and excess at which it ends.
-_MERITS, _LINE, _STATIONARY, _MET = 4, 8, 1e-4, 1e-6
-# Codes of DAQP of a row that is active at its upper and its lower end.
-_ACTIVE, _AT_LOWER = 1, 3
 # The smooth minimum of distances over time is at most log(n)/SHARPNESS below the minimum [1/m]; the norm that stands
 # for the largest torque exceeds it by n^(1/EXPONENT) at most; Coulomb's sign is smooth over this share of the speed.
 _SHARPNESS, _EXPONENT, _SIGN_WIDTH = 1000.0, 100.0, 0.02
@@ -303,22 +299,22 @@ def solve_program(
     value, slope = objective(x)
     best = (value, x) if rows.excess(x) <= _ROOM else (np.inf, None)
     hessian, kinds, weight = np.eye(len(x)), np.zeros(len(matrix), dtype=np.int32), 0.0
-    merits = deque[float](maxlen=_MERITS)
+    merits = deque[float](maxlen=4)
     for _ in range(iterations):
         at = matrix @ x
         step, _, ending, told = daqp.solve(hessian, slope, matrix, rows.upper - at, rows.lower - at, kinds)
         if ending < 1:
             break
         step, dual = np.array(step), np.array(told["lam"])
-        # The next program begins with the rows that are active now.
-        kinds = np.where(dual == 0.0, 0, np.where(dual > 0.0, _ACTIVE, _AT_LOWER)).astype(np.int32)
-        if np.abs(slope + matrix.T @ dual).max() < _STATIONARY and rows.excess(x) < _MET:
+        # The next program begins with the rows that are active now: DAQP's 1 is at the upper end, 3 at the lower.
+        kinds = np.where(dual == 0.0, 0, np.where(dual > 0.0, 1, 3)).astype(np.int32)
+        if np.abs(slope + matrix.T @ dual).max() < 1e-4 and rows.excess(x) < 1e-6:
             break
         weight = max(weight, 1.01 * float(np.abs(dual).max(initial=0.0)))
         outside = rows.total_excess(x)
         merits.append(value + weight * outside)
         fall, share = float(slope @ step) - weight * outside, 1.0
-        for _ in range(_LINE):
+        for _ in range(8):
             tried = x + share * step
             there, slope_there = objective(tried)
             if there < best[0] and rows.excess(tried) <= _ROOM:
