@@ -20,7 +20,6 @@ from excite.cli.main import _run_command, app
 from excite.cli.options import EXAMPLES
 from excite.cli.output import command_line, emit_result
 from excite.excitation.selection import SELECTIONS
-from excite.excitation.series import CRITERIA
 from excite.export.registry import EXPORTERS, MODEL_FORMATS
 from excite.human.body import ANTHROPOMETRY
 from excite.identification.estimators.registry import ESTIMATORS
@@ -124,7 +123,6 @@ def test_a_file_or_name_that_is_not_there_ends_in_one_line_and_a_document(
     [
         ("plan", [*GENERATORS, *SEARCHES]),
         ("plan", SELECTIONS),
-        ("plan", CRITERIA),
         ("export", EXPORTERS),
         ("identify", ESTIMATORS),
         ("campaign", ESTIMATORS),
