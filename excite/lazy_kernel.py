@@ -51,7 +51,7 @@ class LazyKernel:
             kernel = njit(cache=True, nogil=True, error_model="numpy")(bound)
         except RuntimeError:  # numba's word for "no folder to cache in"
             return njit(nogil=True, error_model="numpy")(bound)
-        _clear_stale_cache(kernel._cache)
+        _clear_stale_cache(getattr(kernel, "_cache"))
         return kernel
 
     def __call__(self, *arguments: Any) -> Any:

@@ -13,14 +13,14 @@ from excite.excitation.precision import determined_columns, excitable_parameters
 from excite.formats.number import check_number
 from excite.identification.judgement import ParameterOutlook, said_rsd
 from excite.identification.noise import EquationNoise, equation_noise, trial_grids, upper_triangle
-from excite.identification.parameter_statistics import EssentialParameters, essential_parameters
+from excite.identification.parameter_statistics import essential_parameters
 from excite.identification.problem import IdentificationProblem, build_problem
 from excite.identification.regression import RANK_TOLERANCE, condense_problem, least_squares
-from excite.identification.statistics import parameter_labels, relative_percent
+from excite.identification.statistics import BaseEstimate, parameter_labels, relative_percent
 from excite.logs.header_blocks import TrialHeader
 from excite.logs.log import Log, Trial
 from excite.motion.motion import Motion, closed_contacts, interpolate_motion
-from excite.regressor.base_parameters import BaseParameters, base_parameters, structural_base_parameters
+from excite.regressor.base_parameters import base_parameters, structural_base_parameters
 from excite.regressor.columns import DRIVE_TERMS
 from excite.robot.robot import Robot
 from excite.rows.settings import ProblemSettings
@@ -37,41 +37,21 @@ _SAMPLES_A_CUTOFF = 4.0
 
 
 @dataclass(frozen=True, eq=False)
-class PredictedStatistics:
+class PredictedStatistics(BaseEstimate):
     """Least squares on the base parameters before the experiment; the model's values stand for the truth.
 
     Attributes:
-        base: which combinations the rows determine.
-        estimate: ``(n_base,)`` values of the model [SI].
-        factor: ``(n_base, n_base)`` triangular factor of the weighted base columns.
-        meat: ``(n_base, n_base)`` covariance of the weighted noise seen through them.
-        rotated: ``(n_base,)`` what the factor makes of ``estimate``.
         labels: names of all columns, ``(n_params,)``.
         whole: ``(k, n_params)`` triangular factor of all weighted columns.
     """
 
-    base: BaseParameters
-    estimate: Array
-    factor: Array
-    meat: Array
-    rotated: Array
     labels: tuple[str, ...]
     whole: Array
-
-    @property
-    def std(self) -> Array:
-        """Standard deviations, ``(n_base,)``."""
-        inverse = solve_triangular(self.factor, np.eye(len(self.factor)))
-        return np.asarray(np.sqrt(np.einsum("ij,jk,ik->i", inverse, self.meat, inverse, optimize=True)))
 
     @property
     def rsd_percent(self) -> Array:
         """Relative standard deviations of all base parameters, ``(n_base,)``."""
         return relative_percent(self.std, self.estimate)
-
-    def essential(self) -> EssentialParameters:
-        """What identification would keep as essential."""
-        return essential_parameters(self)
 
     def essential_rsd(self) -> dict[str, float]:
         """Predicted RSD of each essential parameter, by the name of its own column [percent].
@@ -80,13 +60,11 @@ class PredictedStatistics:
         small ones elimination will take out, and with them others' deviations, is up to the draw of the noise.
         """
         rsd = self.rsd_percent
-        return {self.base.labels[i]: float(rsd[i]) for i in self.essential().kept}
+        return {self.base.labels[i]: float(rsd[i]) for i in essential_parameters(self).kept}
 
 
 @one_blas_thread
-def predict_statistics(
-    robot: Robot, motions: Sequence[Motion], settings: ProblemSettings | None = None
-) -> PredictedStatistics:
+def predict_statistics(robot: Robot, motions: Sequence[Motion]) -> PredictedStatistics:
     """What identification would say of its own precision, had the robot run these motions.
 
     The rows are those of :func:`~excite.identification.problem.build_problem` for a log without noise: same
@@ -98,13 +76,12 @@ def predict_statistics(
     Args:
         robot: the robot; noise and rate of its sensors are those of ``robot.yaml``.
         motions: all that will be run for identification.
-        settings: of identification; defaults if None.
 
     Raises:
         InputError: an arm whose description does not state the noise of its torques.
         LogError: the motions leave no rows.
     """
-    settings = settings or ProblemSettings()
+    settings = ProblemSettings()
     problem = build_problem(robot, _planned_log(robot, motions, settings), settings)
     grids = trial_grids(problem)
     named = {motion.name: motion for motion in motions}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +12,7 @@ from scipy.linalg import eigh, solve_triangular, svd
 from excite.arrays import Array
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import prior_std
-from excite.identification.statistics import BaseStatistics, relative_percent
+from excite.identification.statistics import BaseEstimate, BaseStatistics, relative_percent
 from excite.regressor.base_parameters import structural_base_parameters
 from excite.regressor.columns import DRIVE_TERMS
 from excite.results import ADDED, Name, Stated, Unbounded, UnboundedPositive
@@ -122,26 +121,6 @@ A value in SI units would keep other parameters of a robot of ten times the mass
 RSD_ABOVE = 40.0
 
 
-class Solved(Protocol):
-    """Least squares on base parameters, found or predicted: see ``BaseStatistics`` for the symbols."""
-
-    @property
-    def estimate(self) -> Array:
-        """Base parameters, ``(n_base,)`` [SI]."""
-
-    @property
-    def factor(self) -> Array:
-        """``R`` of the weighted rows on them, ``(n_base, n_base)``."""
-
-    @property
-    def meat(self) -> Array:
-        """Middle of the sandwich covariance, ``(n_base, n_base)``."""
-
-    @property
-    def rotated(self) -> Array:
-        """``Qᵀ`` of the weighted measurement, ``(n_base,)``."""
-
-
 @dataclass(frozen=True, eq=False)
 class EssentialParameters:
     """What is left of the base parameters after elimination.
@@ -165,7 +144,7 @@ class EssentialParameters:
     squares: float
 
 
-def essential_parameters(statistics: Solved) -> EssentialParameters:
+def essential_parameters(statistics: BaseEstimate) -> EssentialParameters:
     """Base parameters without those that add little to the channels and are poorly known.
 
     Little is ``‖column‖·|value|`` below :data:`SHARE_BELOW` of what all add to the weighted channels together (Xu et

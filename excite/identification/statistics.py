@@ -32,8 +32,8 @@ from excite.threads import one_blas_thread
 
 
 @dataclass(frozen=True, eq=False)
-class BaseStatistics:
-    """Least-squares base parameters and their covariance.
+class BaseEstimate:
+    """Base parameters and their covariance, found or predicted.
 
     With ``X = QR`` the weighted base columns and ``Σ`` the covariance of the weighted noise,
     ``cov = R⁻¹ (QᵀΣQ) R⁻ᵀ``: the sandwich that is right whatever the rows' weights and correlations are. For
@@ -41,13 +41,10 @@ class BaseStatistics:
 
     Attributes:
         base: which combinations the rows determine.
-        estimate: ``(n_base,)`` least-squares values [SI].
+        estimate: ``(n_base,)`` their values [SI].
         factor: ``R``, ``(n_base, n_base)``.
-        meat: ``QᵀΣQ``, ``(n_base, n_base)``, free of what the fit has taken from the residuals.
+        meat: ``QᵀΣQ``, ``(n_base, n_base)``.
         rotated: ``Qᵀy``, ``(n_base,)``.
-        noise: noise model, free of it likewise.
-        white_std: ``(n_base,)`` what eq. (7) says, as if all rows were independent.
-        degrees_of_freedom: ``(n_base,)`` on which each standard deviation rests.
     """
 
     base: BaseParameters
@@ -55,9 +52,6 @@ class BaseStatistics:
     factor: Array
     meat: Array
     rotated: Array
-    noise: NoiseModel
-    white_std: Array
-    degrees_of_freedom: Array
 
     @cached_property
     def covariance(self) -> Array:
@@ -69,16 +63,27 @@ class BaseStatistics:
         """Standard deviations of ``estimate``, ``(n_base,)``."""
         return np.sqrt(np.diag(self.covariance))
 
-    def half_width(self, level: float = 0.95) -> Array:
-        """Half the width of the interval that holds the truth with probability ``level``, ``(n_base,)``.
+
+@dataclass(frozen=True, eq=False)
+class BaseStatistics(BaseEstimate):
+    """Least-squares base parameters; their noise is free of what the fit has taken from the residuals.
+
+    Attributes:
+        noise: noise model.
+        white_std: ``(n_base,)`` what eq. (7) says, as if all rows were independent.
+        degrees_of_freedom: ``(n_base,)`` on which each standard deviation rests.
+    """
+
+    noise: NoiseModel
+    white_std: Array
+    degrees_of_freedom: Array
+
+    def half_width(self) -> Array:
+        """Half the width of the 95 % intervals, ``(n_base,)``.
 
         Student's quantile, as the noise's power is estimated from the same residuals.
         """
-        return np.asarray(stdtrit(self.degrees_of_freedom, 0.5 * (1.0 + level)) * self.std)
-
-    def rsd_percent(self, values: Array) -> Array:
-        """Relative standard deviation ``100 σ/|value|``, ``(n_base,)`` [percent], infinite at zero."""
-        return relative_percent(self.std, values)
+        return np.asarray(stdtrit(self.degrees_of_freedom, 0.975) * self.std)
 
 
 @one_blas_thread

@@ -90,12 +90,11 @@ def _lag_deviation(residual: Array, slope: Array) -> float:
     return float(np.sqrt(max(variance, covariances[0] * 1e-3)) / information)
 
 
-_STEPS = 20
+# Largest delay that is looked for [s], and steps up to it.
+_MOST_S, _STEPS = 0.06, 20
 
 
-def estimate_torque_delay(
-    robot: Robot, log: Log, settings: ProblemSettings | None = None, *, max_delay_s: float = 0.06
-) -> Lag:
+def estimate_torque_delay(robot: Robot, log: Log, settings: ProblemSettings | None = None) -> Lag:
     """Delay of torques (currents, wrenches) behind positions over all identification trials.
 
     The measured side is shifted against the rows of the model, and for each shift compared with what the
@@ -107,7 +106,6 @@ def estimate_torque_delay(
         log: the log.
         settings: of the problem; their own ``torque_delay_s`` is the middle of what is tried and contained in
             the result.
-        max_delay_s: largest delay from there that is looked for [s].
 
     Returns:
         The delay to set as ``torque_delay_s``.
@@ -120,7 +118,7 @@ def estimate_torque_delay(
     rows = problem.Y * problem.weights[:, None]
     independent = base_parameters(rows, problem.parameter_names).independent
     basis = np.asarray(qr(rows[:, independent], mode="economic")[0])
-    step = max_delay_s / _STEPS
+    step = _MOST_S / _STEPS
     measured = _Measurements(robot, log, settings, problem.weights)
     cache: dict[int, Array] = {0: problem.y * problem.weights}
     # A mean torque is a constant, which no shift changes: only what varies is compared.

@@ -116,32 +116,31 @@ def base_parameters(rows: Array, names: Sequence[str], tol: float = 1e-8) -> Bas
 
 
 def structural_base_parameters(
-    robot: Robot, drives: Sequence[str] = ("viscous", "coulomb"), seed: int = 0
+    robot: Robot, drives: Sequence[str] = ("viscous", "coulomb")
 ) -> BaseParameters:
     """Base parameters of a robot under free motion: what its sensors could determine at best.
 
     Args:
         robot: the robot; the columns are those of :func:`~excite.regressor.columns.measured_columns`.
         drives: terms of each joint's drive, for an arm.
-        seed: of the random q, v, a at which the regressor is evaluated.
 
     Returns:
         The base parameters; they depend on the robot's geometry alone, not on limits, nor on contacts that sensors
         measure; else what all feet down, and one in the air, show together. Where fewer count with joints exactly at
         right angles, which a model has rounded, those are meant.
     """
-    exact = _structural_parameters(robot, drives, seed)
+    exact = _structural_parameters(robot, drives)
     if robot.mechanism is not None:
         # Its loops close with the numbers that they have.
         return exact
-    meant = _structural_parameters(_at_right_angles(robot), drives, seed)
+    meant = _structural_parameters(_at_right_angles(robot), drives)
     return meant if meant.rank < exact.rank else exact
 
 
-def _structural_parameters(robot: Robot, drives: Sequence[str], seed: int) -> BaseParameters:
+def _structural_parameters(robot: Robot, drives: Sequence[str]) -> BaseParameters:
     """The base parameters of a model with the numbers that it has."""
     columns = measured_columns(robot, drives)
-    random = np.random.default_rng(seed)
+    random = np.random.default_rng(0)
     rows_a_sample = robot.n_equations
     n = 3 * len(columns.names) // rows_a_sample + 1
     if robot.floating and not robot.measures_contacts:
@@ -174,14 +173,14 @@ def _at_right_angles(robot: Robot) -> Robot:
     return replace(robot, model=model)
 
 
-def describe_combination(weights: Array, names: Sequence[str], digits: int = 3) -> str:
+def describe_combination(weights: Array, names: Sequence[str]) -> str:
     """A linear combination in words; terms of weight zero are left out."""
     parts: list[str] = []
     for weight, name in zip(weights, names, strict=True):
         if weight == 0.0:
             continue
         size = abs(weight)
-        term = name if size == 1.0 else f"{size:.{digits}g}·{name}"
+        term = name if size == 1.0 else f"{size:.3g}·{name}"
         sign = "-" if weight < 0.0 else "+"
         parts.append(f"{sign} {term}" if parts else (f"-{term}" if weight < 0.0 else term))
     return " ".join(parts) if parts else "0"

@@ -163,7 +163,7 @@ def _eliminate_contacts(maps: Array, weight: Array) -> Array:
 # (:mod:`excite.robot.mechanisms.mechanism`).
 
 
-def motor_torques(robot: Robot, q: Array, v: Array, a: Array, phi: Array | None = None) -> Array:
+def motor_torques(robot: Robot, q: Array, v: Array, a: Array) -> Array:
     """Forces of base and motors that a motion takes, contacts and drives' own friction aside.
 
     Args:
@@ -171,7 +171,6 @@ def motor_torques(robot: Robot, q: Array, v: Array, a: Array, phi: Array | None 
         q: ``(n, nq)`` configurations, closed.
         v: ``(n, nv)`` velocities.
         a: ``(n, nv)`` accelerations.
-        phi: ``(10·n_segments,)`` inertial parameters; the model's own if None.
 
     Returns:
         ``(n, nv)`` [N·m or N], the base's wrench first; zero for joints without a motor.
@@ -179,7 +178,7 @@ def motor_torques(robot: Robot, q: Array, v: Array, a: Array, phi: Array | None 
     Raises:
         InputError: wrong shape; MotionError: a mechanism is at a singular position.
     """
-    return robot.on_motors(q, inverse_dynamics(robot.model, q, v, a, phi))
+    return robot.on_motors(q, inverse_dynamics(robot.model, q, v, a))
 
 
 def motor_regressor(robot: Robot, q: Array, v: Array, a: Array) -> Array:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Sized
 from dataclasses import replace
-from functools import lru_cache, partial
+from functools import lru_cache
 from typing import Any
 
 from excite.motion.content import with_verdict
@@ -45,40 +45,30 @@ class SafetyFilter:
     def filter(self, asked: Filtered) -> FilterOutcome:
         """Repair a candidate, which a proposal is drawn to be, and judge the motion that results; a motion is judged
         as it is."""
-        seconds: dict[str, float] = {}
-
-        def timed(stage: str, work: Callable[[], Any]) -> Any:
-            start = time.process_time()
-            found = work()
-            seconds[stage] = time.process_time() - start
-            return found
-
-        made: Candidate | Motion = (
-            timed("draw", partial(draw_candidate, self._robot, asked))
-            if isinstance(asked, Proposal)
-            else asked
-        )
+        start = time.process_time()
+        made = draw_candidate(self._robot, asked) if isinstance(asked, Proposal) else asked
         if isinstance(made, Candidate):
-            candidate, draft = made, Draft(made)
-            for repair in self._repairs:
-                repaired = timed(repair.name, partial(repair.repair, draft))
-                if isinstance(repaired, Rejection):
-                    return FilterOutcome(candidate.name, candidate.generator, None, None, repaired, seconds)
-                draft = repaired
-            if draft.motion is None:
-                rejection = draft.rejected("no_motion", "repairs")
-                return FilterOutcome(candidate.name, candidate.generator, None, None, rejection, seconds)
-            made = draft.motion
-        motion = made
-        verdict = timed("check", lambda: check_motion(self._robot, motion, robust=self._robust))
+            repaired = self._repair(made)
+            if isinstance(repaired, Rejection):
+                return FilterOutcome(made.name, time.process_time() - start, rejection=repaired)
+            made = repaired
+        verdict = check_motion(self._robot, made, robust=self._robust)
         return FilterOutcome(
-            candidate=motion.name,
-            generator=motion.metadata.generator,
-            motion=with_verdict(motion, verdict.to_json(), self._robot.hash) if verdict.safe else None,
+            candidate=made.name,
+            seconds=time.process_time() - start,
+            motion=with_verdict(made, verdict.to_json(), self._robot.hash) if verdict.safe else None,
             verdict=verdict,
-            rejection=_rejection_of(motion.name, verdict),
-            seconds=seconds,
+            rejection=_rejection_of(made.name, verdict),
         )
+
+    def _repair(self, candidate: Candidate) -> Motion | Rejection:
+        draft = Draft(candidate)
+        for repair in self._repairs:
+            repaired = repair.repair(draft)
+            if isinstance(repaired, Rejection):
+                return repaired
+            draft = repaired
+        return draft.rejected("no_motion", "repairs") if draft.motion is None else draft.motion
 
 
 # What the filter takes: a proposal is drawn first; a motion, whose maker has kept the limits, is judged as it is.

@@ -36,7 +36,6 @@ def execute_motion(
     virtual: VirtualRobot,
     motion: Motion,
     *,
-    settle_s: float = SETTLE_S,
     stop: Stop | None = None,
     session_s: float = 0.0,
     memory: dict[Any, Any] | None = None,
@@ -45,7 +44,7 @@ def execute_motion(
 ) -> Recording:
     """Run one motion from rest.
 
-    The robot is put on the ground in the motion's first posture and held there for ``settle_s``, then
+    The robot is put on the ground in the motion's first posture and held there for a second, then
     follows the motion's joint positions and velocities with ``kp (q_cmd - q) + kd (v_cmd - v)``, clipped at
     the torque limits, without feedforward. The integrator is semi-implicit: the torques, accelerations and
     contact forces recorded are those that the step at that instant really applied, so that they and the
@@ -54,7 +53,6 @@ def execute_motion(
     Args:
         virtual: the robot.
         motion: the motion, of the same joints.
-        settle_s: how long the first posture is held before the recording starts [s].
         stop: asked at every sample with its number and the plant after the step from there; True ends the run.
         session_s: when the run starts within its session [s].
         memory: what injected physics keeps from run to run of a session, filled here.
@@ -74,7 +72,7 @@ def execute_motion(
         raise MotionError(
             f"moves other joints than {robot.name}", source=motion.name, remedy="plan it for this robot"
         )
-    clock = clock_of(virtual, motion, settle_s)
+    clock = clock_of(virtual, motion)
     machine = Machine(virtual) if machine is None else machine
     start = position_to_mujoco(motion.q[0], floating=robot.floating)
     positions, velocities = _joint_commands(robot, motion, clock)
@@ -85,7 +83,7 @@ def execute_motion(
     known = None if virtual.laws else machine.settled(begun)
     data = mujoco.MjData(machine.model) if known is None else known
     memory = {} if memory is None else memory
-    plant = Plant(machine.model, data, robot, virtual.drives, session_s, memory, settle_s=settle_s)
+    plant = Plant(machine.model, data, robot, virtual.drives, session_s, memory, settle_s=SETTLE_S)
     track = _Track(machine, plant, clock, forces=forces)
     plant.run(virtual.laws)
     with without_log_file():
@@ -249,12 +247,12 @@ class Clock:
     samples: int
 
 
-def clock_of(virtual: VirtualRobot, motion: Motion, settle_s: float) -> Clock:
-    """The clock of a run of a motion, which settles for ``settle_s`` [s] first."""
+def clock_of(virtual: VirtualRobot, motion: Motion) -> Clock:
+    """The clock of a run of a motion."""
     period = 1.0 / virtual.robot.description.sensors.rate_hz
     per_sample = _steps_a_sample(virtual, period)
     samples = int(np.floor(motion.duration / period + 1e-9)) + 1
-    settle = round(settle_s / period) * per_sample
+    settle = round(SETTLE_S / period) * per_sample
     return Clock(period / per_sample, per_sample, settle, samples)
 
 

@@ -31,7 +31,6 @@ class Replay:
         max_tilt_rad: largest angle between the base and where the motion wants it.
         slip_m: by foot, for each phase in which the motion has it on the ground: largest horizontal
             distance of the sole's centre from where it stood at the start of the phase.
-        lift_m: by foot, for each phase, largest height of the sole's lowest corner above the ground.
         self_collided: whether parts of the robot other than its soles touched each other or the ground.
         max_tracking_error_rad: largest difference between commanded and actual joint position.
         torque_saturation: share of samples at which some joint's torque was at its limit.
@@ -42,7 +41,6 @@ class Replay:
     fell_at_s: float | None
     max_tilt_rad: float
     slip_m: Mapping[str, tuple[float, ...]]
-    lift_m: Mapping[str, tuple[float, ...]]
     self_collided: bool
     max_tracking_error_rad: float
     torque_saturation: float
@@ -56,15 +54,6 @@ class Replay:
     def on_its_feet(self) -> bool:
         """Whether it neither fell nor touched itself."""
         return not self.fell and not self.self_collided
-
-    def summary(self) -> str:
-        """One line."""
-        end = f"fell at {self.fell_at_s:.2f} s" if self.fell_at_s is not None else "stayed up"
-        touch = ", touched itself" if self.self_collided else ""
-        return (
-            f"{self.motion}: {end}{touch}, tilt {self.max_tilt_rad:.3f} rad, "
-            f"slip {1e3 * self.max_slip_m:.1f} mm, tracking {self.max_tracking_error_rad:.4f} rad"
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,14 +105,12 @@ def _judge_replay(robot: Robot, planned: Motion, run: Recording) -> Replay:
     lost = (tilt > FALL_TILT_RAD) | (sink > FALL_HEIGHT_M)
     lost[-1] |= tilt[-1] > FALL_END_TILT_RAD
     fallen = np.flatnonzero(lost)
-    slip, lift = _foot_motions(robot, run, planned)
     return Replay(
         motion=planned.name,
         fell=bool(len(fallen)),
         fell_at_s=float(run.time[fallen[0]]) if len(fallen) else None,
         max_tilt_rad=float(tilt.max()),
-        slip_m=slip,
-        lift_m=lift,
+        slip_m=_foot_slips(robot, run, planned),
         self_collided=bool(run.touches.any()),
         max_tracking_error_rad=float(np.abs(run.q[:, robot.n_base_q :] - run.q_cmd).max()),
         torque_saturation=float(run.clipped.any(axis=1).mean()),
@@ -145,24 +132,20 @@ def _base_departure(q: Array, planned: Array) -> tuple[Array, Array]:
     return np.arccos(np.clip(cosine, -1.0, 1.0)), planned[:, 2] - q[:, 2]
 
 
-def _foot_motions(
-    robot: Robot, run: Recording, planned: Motion
-) -> tuple[dict[str, tuple[float, ...]], dict[str, tuple[float, ...]]]:
-    """Slip and lift of each foot in each of its phases on the ground."""
+def _foot_slips(robot: Robot, run: Recording, planned: Motion) -> dict[str, tuple[float, ...]]:
+    """Slip of each foot in each of its phases on the ground [m]."""
     slip: dict[str, tuple[float, ...]] = {}
-    lift: dict[str, tuple[float, ...]] = {}
     if not robot.feet:
-        return slip, lift
+        return slip
     placements, phases = forward_kinematics(robot.model, run.q), standing_phases(robot, planned)
     for foot in robot.feet:
-        stood = [(start, min(end, len(run.q))) for start, end in phases[foot.name] if start < len(run.q)]
         points = placements.point(foot.joint, foot.placement.translation)[:, :2]
-        heights = placements.point(foot.joint, foot.sole)[:, :, 2].min(axis=1)
         slip[foot.name] = tuple(
-            float(np.linalg.norm(points[start:end] - points[start], axis=1).max()) for start, end in stood
+            float(np.linalg.norm(points[start:end] - points[start], axis=1).max())
+            for start, end in phases[foot.name]
+            if start < len(points)
         )
-        lift[foot.name] = tuple(float(heights[start:end].max()) for start, end in stood)
-    return slip, lift
+    return slip
 
 
 # When a run is over before its motion is: the robot has fallen, or has done what it may not do.

@@ -35,15 +35,6 @@ class SimulatedRuns:
     log: Log
     replays: tuple[Replay, ...]
 
-    @property
-    def fallen(self) -> tuple[str, ...]:
-        """Names of the motions in which the robot fell."""
-        return tuple(replay.motion for replay in self.replays if replay.fell)
-
-    def summary(self) -> str:
-        """One line a motion."""
-        return "\n".join(replay.summary() for replay in self.replays)
-
 
 def run_experiment(
     virtual: VirtualRobot,

@@ -88,9 +88,7 @@ def moved_inertia(robot: Robot, joint: str) -> float:
     return float(mass[index, index])
 
 
-def hrp2_like_changes(
-    robot: Robot, rng: np.random.Generator, *, added_mass: float = 5.0, scatter: float = 0.0
-) -> TrueParameters:
+def hrp2_like_changes(robot: Robot, rng: np.random.Generator, *, scatter: float = 0.0) -> TrueParameters:
     """Changes like those of the HRP-2 of Jovic et al. (2016, T-RO, section VII) since its CAD model.
 
     A computer was put into the trunk, cameras into the head, force sensors and grippers into the hands, 5 kg
@@ -101,7 +99,6 @@ def hrp2_like_changes(
     Args:
         robot: a robot with feet.
         rng: places the parts within a few centimetres.
-        added_mass: mass of all parts [kg].
         scatter: relative scatter of the other parameters, as in :func:`scattered_parameters`.
 
     Returns:
@@ -116,10 +113,9 @@ def hrp2_like_changes(
     weights = [("computer", trunk, 3.4 if heads else 4.0)]
     weights += [("cameras", head, 0.6 / len(heads)) for head in heads]
     weights += [("force sensor and gripper", hand, 1.0 / len(hands)) for hand in hands]
-    scale = added_mass / sum(weight for _, _, weight in weights)
     truth = scattered_parameters(robot, rng, scatter=scatter) if scatter > 0.0 else nominal_truth(robot)
     for what, segment, weight in weights:
-        truth = with_part(truth, _place_part(robot, rng, what, segment, weight * scale))
+        truth = with_part(truth, _place_part(robot, rng, what, segment, weight))
     return truth
 
 
@@ -130,17 +126,21 @@ def has_hands(robot: Robot) -> bool:
     return any(feet.isdisjoint(model.supports[leaf]) for leaf in leaves)
 
 
-def carried_load(robot: Robot, rng: np.random.Generator, *, share: float = 0.12) -> TrueParameters:
+# Of the robot's mass what 2 kg are of a quadruped of 16 kg.
+_LOAD_SHARE = 0.12
+
+
+def carried_load(robot: Robot, rng: np.random.Generator) -> TrueParameters:
     """A robot without hands that carries a load on its heaviest segment, a few centimetres off its middle.
 
     Args:
         robot: the robot, otherwise as its model says.
         rng: places the load.
-        share: of the robot's mass, by default what 2 kg are of a quadruped of 16 kg.
     """
     masses = robot.nominal_parameters[::10]
     return with_part(
-        nominal_truth(robot), _place_part(robot, rng, "load", int(np.argmax(masses)), share * robot.mass)
+        nominal_truth(robot),
+        _place_part(robot, rng, "load", int(np.argmax(masses)), _LOAD_SHARE * robot.mass),
     )
 
 
@@ -461,17 +461,16 @@ def nominal_drives(robot: Robot) -> Drives:
     )
 
 
-def scattered_drives(robot: Robot, rng: np.random.Generator, *, spread: float = 0.3) -> Drives:
+def scattered_drives(robot: Robot, rng: np.random.Generator) -> Drives:
     """Drives whose friction differs from the declared one, as no two gearboxes are alike.
 
-    Viscous and Coulomb friction are multiplied by log-normal factors. Where ``robot.yaml`` declares no
+    Viscous and Coulomb friction are multiplied by log-normal factors (0.3). Where ``robot.yaml`` declares no
     friction of a kind, the truth gets one all the same: 0.5 % (viscous, at 1 rad/s) or 1 % (Coulomb) of the
     torque limit. The output bearing, which no ``robot.yaml`` declares, has a quarter of the gears' friction.
 
     Args:
         robot: the robot.
         rng: source of the factors.
-        spread: standard deviation of the factors' logarithm.
 
     Returns:
         The drives; gains, limits and armature are the declared ones.
@@ -479,7 +478,7 @@ def scattered_drives(robot: Robot, rng: np.random.Generator, *, spread: float = 
     nominal = nominal_drives(robot)
     viscous = nominal.viscous if nominal.viscous.any() else 0.005 * nominal.torque_limit
     coulomb = nominal.coulomb if nominal.coulomb.any() else 0.01 * nominal.torque_limit
-    factors = np.exp(spread * rng.standard_normal((2, robot.n_joints)))
+    factors = np.exp(0.3 * rng.standard_normal((2, robot.n_joints)))
     viscous, coulomb = viscous * factors[0], coulomb * factors[1]
     viscous, coulomb = (np.where(robot.passive, 0.0, values) for values in (viscous, coulomb))
     return replace(

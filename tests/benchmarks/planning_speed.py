@@ -48,7 +48,7 @@ else:
     candidates = plan_candidates(robot, count, np.random.SeedSequence(1))
     report = filter_candidates(robot, candidates, jobs=2, keep=Keeper(folder.path))
     Pool(report.kept, folder, ranked_segments(robot)).ranking
-    accepted, repairs = len(report.kept), sum(report.stage_seconds.values())
+    accepted, repairs = len(report.kept), report.seconds
 from excite.parallel.engine import _IDLE
 _IDLE.end()
 used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]

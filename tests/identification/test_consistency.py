@@ -7,11 +7,12 @@ import pinocchio as pin
 import pytest
 
 from excite.identification.constraints.linear import LinearConstraints, stack_constraints
-from excite.identification.estimators.hqp import icosphere_corners, quadratic_rows
+from excite.identification.estimators.hqp import quadratic_row
 from excite.identification.estimators.projection import distance_to_optimum
 from excite.identification.inertia import inertia_matrices, pseudo_inertia_matrices
 from excite.identification.judgement import check_consistency, correlate_signals
 from tests.identification.dual_active_set import project
+from tests.identification.icosphere import icosphere_corners
 
 
 def _body(mass=2.0, com=(0.1, -0.2, 0.3), principal=(0.02, 0.03, 0.04)) -> np.ndarray:
@@ -58,7 +59,8 @@ class TestSphere:
         ten = pin.Inertia.Random().toDynamicParameters()
         vectors = icosphere_corners(1)
         expected = np.einsum("vi,ij,vj->v", vectors, inertia_matrices(ten)[0], vectors)
-        np.testing.assert_allclose(quadratic_rows(vectors) @ ten[4:], expected, rtol=1e-9, atol=1e-12)
+        rows = np.array([quadratic_row(v) for v in vectors])
+        np.testing.assert_allclose(rows @ ten[4:], expected, rtol=1e-9, atol=1e-12)
 
 
 class TestProjection:

@@ -13,7 +13,6 @@ from excite.errors import InputError, NoSolutionError, UnknownNameError
 from excite.identification.constraints.linear import equivalent_boxes
 from excite.identification.estimators.conic import QpSettings, QuadraticProgram
 from excite.identification.estimators.estimator import Estimate, SolveStatus
-from excite.identification.estimators.hqp import icosphere_corners
 from excite.identification.estimators.least_squares import LeastSquares, LsSettings
 from excite.identification.estimators.method_settings import estimator_settings
 from excite.identification.estimators.registry import ESTIMATORS, find_estimator
@@ -21,6 +20,7 @@ from excite.identification.inertia import inertia_matrices
 from excite.identification.judgement import check_consistency
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import condense_problem, iterate_weights, prior_std
+from tests.identification.icosphere import icosphere_corners
 from tests.identification.synthetic import modified_g1_parameters, segment_index, wrench_problem
 
 FEET = ("left_ankle_roll_link", "right_ankle_roll_link")

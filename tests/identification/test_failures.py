@@ -29,7 +29,7 @@ from excite.identification.estimators.conic import (
     interior_point,
 )
 from excite.identification.estimators.estimator import SolveStatus
-from excite.identification.estimators.hqp import BoundedNearBase, HierarchicalProgram, icosphere_corners
+from excite.identification.estimators.hqp import BoundedNearBase, HierarchicalProgram
 from excite.identification.estimators.least_squares import (
     LeastSquares,
     MaximumAPosteriori,
@@ -43,6 +43,7 @@ from excite.identification.problem import IdentificationProblem
 from excite.logs.files import save_log
 from excite.robot.loading import load_robot
 from tests.identification.estimated import estimated
+from tests.identification.icosphere import icosphere_corners
 from tests.identification.practice_log import arm_log
 from tests.identification.synthetic import arm_problem, modified_g1_parameters, segment_index, wrench_problem
 

@@ -207,7 +207,7 @@ def test_levels_are_those_of_the_paper(arm):
     first, second = paper_levels(rows, settings, scaled)
     assert {label.split(":")[0] for label in first.constraints.labels} == {"non_negative", "com_box"}
     assert {label.split(":")[0] for label in second.constraints.labels} == {"mass_range"}
-    start = first.family.start()
+    start = scaled.coordinates(first.family.lifted(scaled.center))
     assert not len(first.family.violated(start).bound)
     lowered = scaled.coordinates(np.where(np.arange(arm.n_params) % 10 > 3, 0.0, arm.prior))
     assert len(first.family.violated(lowered).bound) > 0

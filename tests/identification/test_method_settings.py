@@ -37,7 +37,7 @@ KNOWN = {
     "map": {"alpha"},
     "qp": {"alpha", "com_boxes", "inertia_floor", "symmetry", "asymmetric"},
     "hqp": {
-        "com_boxes", "sphere_epsilon", "sphere_subdivisions", "mirror", "asymmetric", "mass_range",
+        "com_boxes", "sphere_epsilon", "mirror", "asymmetric", "mass_range",
         "segment_mass_range",
     },
     "cls1": {"com_boxes", "inertia_floor", "bound_width", "parameter_bounds", "bounds"},
@@ -97,7 +97,7 @@ class TestSettingsOfAnotherClass:
         assert isinstance(found, LmiSettings) and found.com_boxes is boxes
         assert (found.alpha, found.inertia_floor) == (2.0, 0.1)
         for odd in (
-            HqpSettings(sphere_subdivisions=3),
+            HqpSettings(sphere_epsilon=0.02),
             HqpSettings(mirror=None),
             HqpSettings(segment_mass_range={"a": 0.2}),
             Cls3Settings(com_ellipsoids=boxes),

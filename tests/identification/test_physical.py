@@ -248,7 +248,7 @@ class TestFaults:
             ("total_mass: [16.0, 26.0]", "total_mass: [26.0, 16.0]", "total_mass"),
             ("diagonal_ratio: 100.0", "diagonal_rato: 100.0", "rules.diagonal_rato"),
             ("{link1: z,", "{link1: w,", "rules.slender.link1"),
-            ("parameters:", "values:", "parameters"),
+            ("parameters:", "values:", "values: extra inputs"),
         ],
     )
     def test_bad_file_is_refused_by_field(self, tmp_path, old, new, field):

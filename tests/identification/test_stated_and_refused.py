@@ -20,8 +20,7 @@ from excite.identification.estimators.estimator import SolveStatus
 from excite.identification.estimators.hqp import (
     HierarchicalProgram,
     HqpSettings,
-    ScaledSphere,
-    SphereRows,
+    InertiaFloor,
     paper_levels,
 )
 from excite.identification.estimators.least_squares import (
@@ -199,14 +198,14 @@ def test_qp_says_that_no_point_is_there_and_what_it_breaks(arm):
 
 
 def test_hqp_starts_where_all_vectors_hold_and_cuts_what_does_not(arm):
-    settings = HqpSettings(sphere_epsilon=0.05, sphere_subdivisions=2, mirror=None)
+    settings = HqpSettings(sphere_epsilon=0.05, mirror=None)
     rows = iterate_weights(condense_problem(arm))
     scaled = scaled_parameters(rows, settings)
     first, _ = paper_levels(rows, settings, scaled)
     family = first.family
-    assert isinstance(family, ScaledSphere) and isinstance(family.sphere, SphereRows)
-    start = family.start()
-    lifted = scaled.parameters(start)
+    assert isinstance(family, InertiaFloor)
+    lifted = family.lifted(scaled.center)
+    start = scaled.coordinates(lifted)
     assert np.linalg.eigvalsh(inertia_matrices(lifted))[:, 0].min() > 0.99 * 0.05
     others = np.arange(arm.n_params) % 10 < 4
     assert np.allclose(lifted[others], arm.prior[others]), "masses and first moments stay"
@@ -218,7 +217,7 @@ def test_hqp_starts_where_all_vectors_hold_and_cuts_what_does_not(arm):
 
 def test_hqp_carries_what_it_was_told_and_recomputes_the_rest(arm):
     mass = float(arm.prior[::10].sum()) * 1.02
-    settings = HqpSettings(sphere_epsilon=1e-4, sphere_subdivisions=2, total_mass=mass, mirror=None)
+    settings = HqpSettings(sphere_epsilon=1e-4, total_mass=mass, mirror=None)
     found = HierarchicalProgram(ActiveSetProjector()).estimate(arm, settings)
     assert (found.total_mass, found.method, found.status) == (mass, "hqp", SolveStatus.SOLVED)
     assert found.parameters[::10].sum() == pytest.approx(mass, abs=1e-5)
@@ -230,7 +229,7 @@ def test_hqp_carries_what_it_was_told_and_recomputes_the_rest(arm):
 @pytest.mark.parametrize("epsilon", [1e-4, 0.05])
 def test_hqp_without_a_solver_hands_over_a_point_that_meets_level_one(arm, epsilon):
     """With 0.05 kg·m² the nominal model itself does not: it is lifted until it does."""
-    settings = HqpSettings(sphere_epsilon=epsilon, sphere_subdivisions=2, mirror=None)
+    settings = HqpSettings(sphere_epsilon=epsilon, mirror=None)
     with pytest.raises(NoSolutionError, match=r"\(not optimal\)") as caught:
         HierarchicalProgram(lambda target, rows: None).estimate(arm, settings)
     best = caught.value.best

@@ -12,7 +12,7 @@ from excite.identification.noise import NoiseModel, estimate_noise, trial_grids,
 from excite.identification.parameter_statistics import essential_parameters
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import condense_problem, iterate_weights
-from excite.identification.statistics import base_statistics
+from excite.identification.statistics import base_statistics, relative_percent
 from tests.identification.coverage import CASES, Case, Experiment
 
 PLAIN, FILTERED = Case(None, 100.0), Case(5.0, 100.0)
@@ -64,7 +64,7 @@ def test_white_noise_gives_the_textbook_formula():
     expected = np.sqrt(variance * np.diag(np.linalg.inv(columns.T @ columns)))
     np.testing.assert_allclose(found.white_std, expected, rtol=1e-6)
     np.testing.assert_allclose(
-        found.rsd_percent(found.estimate), 100 * found.std / np.abs(found.estimate), rtol=1e-12
+        relative_percent(found.std, found.estimate), 100 * found.std / np.abs(found.estimate), rtol=1e-12
     )
     weighted = base_statistics(iterate_weights(condense_problem(problem)))
     np.testing.assert_allclose(weighted.std, weighted.white_std, rtol=0.1)
@@ -134,7 +134,7 @@ def test_essential_parameters_follow_the_rule_of_the_paper_in_shares_of_the_chan
     problem = problem_of(PLAIN, 1)
     statistics = base_statistics(iterate_weights(condense_problem(problem)))
     found = essential_parameters(statistics)
-    rsd = statistics.rsd_percent(statistics.estimate)
+    rsd = relative_percent(statistics.std, statistics.estimate)
     everyone = np.arange(len(rsd))
     candidates = (share_of_signal(statistics, everyone, statistics.estimate) < 0.01) & (rsd > 40.0)
     assert found.removed[0] == int(np.argmax(np.where(candidates, rsd, -1.0)))

@@ -62,7 +62,7 @@ class Humanoid:
         """One value a segment, ``(31,)``, by the papers' number."""
         return {int(number): float(value) for number, value in zip(self.numbers, values, strict=True)}
 
-    def settings(self, subdivisions: int = 5) -> dict[str, Any]:
+    def settings(self) -> dict[str, Any]:
         """The papers' constants: ε = 0.01, α = 0.1, β = 0.35 for modified segments and 0.05 for others."""
         ranges = {
             s.link: 0.35 if n in MODIFIED else 0.05
@@ -73,12 +73,11 @@ class Humanoid:
             "segment_mass_range": ranges,
             "mirror": 0.1,
             "sphere_epsilon": 0.01,
-            "sphere_subdivisions": subdivisions,
         }
 
-    def estimate(self, method: str, subdivisions: int = 5) -> Array:
+    def estimate(self, method: str) -> Array:
         """Inertial parameters ``(310,)`` by an estimator."""
-        return estimated(find_estimator(method), self.direct, **self.settings(subdivisions)).parameters
+        return estimated(find_estimator(method), self.direct, **self.settings()).parameters
 
     @cached_property
     def own(self) -> Identification:

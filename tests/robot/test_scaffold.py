@@ -713,7 +713,7 @@ def test_an_ankle_that_rests_as_low_as_the_soles_does_not_touch_the_ground(tmp_p
     robot = written(text, tmp_path)
     assert any(shape.link == "left_ankle_pitch" for shape in collision_shapes(robot))
     outcome = replay_motion(robot, standing(robot, 1.0))
-    assert outcome.on_its_feet, outcome.summary()
+    assert outcome.on_its_feet, outcome
 
 
 def test_a_base_called_world_stands_in_simulation(tmp_path: Path) -> None:

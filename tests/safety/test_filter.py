@@ -14,7 +14,7 @@ from excite.motion.generators.mixture import plan_candidates
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.safety.check import check_motion
-from excite.safety.filter import REPAIRS, FilterReport, filter_candidate, filter_candidates
+from excite.safety.filter import FilterReport, filter_candidate, filter_candidates
 
 
 @pytest.fixture(scope="module")
@@ -36,9 +36,8 @@ def test_stages_and_progress(g1: Robot) -> None:
     candidates = plan_candidates(g1, 2, np.random.SeedSequence(1))
     report = filter_candidates(g1, candidates, progress=lambda *news: told.append(news))
     assert told == [("filter", 1, 2), ("filter", 2, 2)]
-    assert list(report.stage_seconds) == [*REPAIRS, "check"]
-    assert set(report.accepted) == {candidate.generator for candidate in candidates}
-    assert "2 candidates accepted" in report.summary()
+    assert report.generated == 2 and not report.rejected
+    assert report.seconds > 0.0
 
 
 def test_neither_processes_nor_order_change_anything(g1: Robot, report: FilterReport) -> None:
@@ -57,7 +56,7 @@ def test_rejection_says_why(g1: Robot) -> None:
     pelvis = candidate.pelvis.control.copy()
     pelvis[4:8, 0] = -1.5
     outcome = filter_candidate(g1, replace(candidate, pelvis=SplineCurve(pelvis)))
-    assert not outcome.accepted and outcome.motion is None
+    assert outcome.motion is None
     assert outcome.rejection is not None
     assert outcome.rejection.candidate == candidate.name
     assert outcome.rejection.reason in {"unreachable", "joint_position", "self_collision"}

@@ -33,7 +33,7 @@ def candidate(robot: Robot) -> Candidate:
 @pytest.fixture(scope="module")
 def walk(robot: Robot, candidate: Candidate) -> Motion:
     outcome = SafetyFilter(robot).filter(candidate)
-    assert outcome.accepted, outcome.rejection
+    assert outcome.rejection is None, outcome.rejection
     assert outcome.motion is not None
     return outcome.motion
 
@@ -74,7 +74,7 @@ def test_slower_the_same_walk_is_refused(robot: Robot, walk: Motion) -> None:
 
 def test_walk_stands_in_simulation(robot: Robot, walk: Motion) -> None:
     run = replay_motion(robot, walk, mass_error=0.05, friction_error=-0.05)
-    assert run.on_its_feet, run.summary()
+    assert run.on_its_feet, run
     assert run.max_slip_m < 5e-3
 
 

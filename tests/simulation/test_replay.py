@@ -16,7 +16,6 @@ def test_a_quiet_stand_passes(g1: Robot) -> None:
     assert result.max_slip_m < 1e-4
     assert result.max_tilt_rad < 0.01
     assert set(result.slip_m) == {"left_foot", "right_foot"}
-    assert "stayed up" in result.summary()
 
 
 @pytest.mark.parametrize("mass_error", [0.0, 0.15])
@@ -36,7 +35,6 @@ def test_leaning_over_falls_and_ends_early(g1: Robot) -> None:
     result = replay_motion(g1, waving(g1, hips, duration=3.0))
     assert result.fell and not result.on_its_feet
     assert result.fell_at_s is not None and result.fell_at_s < 2.0
-    assert "fell at" in result.summary()
 
 
 def test_an_arm_through_the_trunk_is_a_touch(g1: Robot) -> None:

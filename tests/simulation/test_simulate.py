@@ -82,9 +82,8 @@ def test_a_fall_ends_its_trial_and_is_told(g1: Robot) -> None:
     hips = {name: 1.2 for name in g1.joint_names if "hip_pitch" in name}
     motions = [waving(g1, hips, duration=3.0, name="leaning"), standing(g1, 0.5)]
     experiment = run_experiment(nominal_robot(g1), motions, seed=0)
-    assert experiment.fallen == ("leaning",)
+    assert [replay.fell for replay in experiment.replays] == [True, False]
     assert experiment.log.trials[0].time[-1] < 2.0
-    assert len(experiment.summary().splitlines()) == 2
 
 
 def test_wrong_requests_are_refused(g1: Robot) -> None:

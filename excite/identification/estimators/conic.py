@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import ClassVar, cast
 
 import clarabel
 import numpy as np
@@ -57,7 +59,6 @@ from excite.identification.estimators.settings import (
 from excite.identification.inertia import ROUNDING, pseudo_inertia_matrices
 from excite.identification.physical.cone_program import solve_clarabel
 from excite.identification.physical.default_bounds import bound_rows, default_bounds
-from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import Regression, prior_std
 from excite.rows.settings import number, word
 
@@ -253,40 +254,35 @@ class Program:
         objective: the objective.
         linear: linear rows.
         cones: cones of bodies.
-        total_mass: mass that the rows tie the sum to [kg], None where it is free.
     """
 
     objective: Ridge
     linear: LinearConstraints
     cones: tuple[Cones, ...]
-    total_mass: float | None = None
 
 
-def _make_program(
-    problem: IdentificationProblem,
-    objective: Ridge,
-    parts: list[LinearConstraints],
-    cones: tuple[Cones, ...],
-    mass: float | None = None,
-) -> Program:
-    """The program of an objective, parts of its linear rows, cones, and the total mass where it is known."""
-    linear = stack_constraints([total_mass(problem, mass), *parts], problem.n_params)
-    return Program(objective, linear, cones, mass)
+Limits = tuple[list[LinearConstraints], tuple[Cones, ...]]
+"""Linear rows and cones that parameters ``θ`` have to meet."""
 
 
 class ConicEstimator(Estimator[SettingsT]):
-    """A method that is a :class:`Program`; what its solver finds is recomputed, and bodies are where it promises them.
+    """A pull to the nominal model under linear rows and cones; what its solver finds is recomputed.
 
     Args:
         solver: finds the optimum; not trusted.
+
+    Attributes:
+        ties_mass: whether the total mass is a further row, where it was weighed or the rows tell it.
     """
+
+    ties_mass: ClassVar[bool] = True
 
     def __init__(self, solver: ConicSolver = interior_point):
         self._solver = solver
 
     @abstractmethod
-    def program(self, rows: Regression, settings: SettingsT) -> Program:
-        """Objective and constraints.
+    def limits(self, rows: Regression, settings: SettingsT) -> Limits:
+        """What parameters have to meet, beside the total mass.
 
         Args:
             rows: condensed and weighted rows.
@@ -296,10 +292,18 @@ class ConicEstimator(Estimator[SettingsT]):
             InputError: bounds or ellipsoids that leave nothing or are none.
         """
 
+    def objective(self, rows: Regression, settings: SettingsT) -> Ridge:
+        """What is to be small."""
+        return build_ridge(rows, cast(PullSettings, settings))
+
     def solve(self, rows: Regression, settings: SettingsT) -> Estimate:
         """See :meth:`Estimator.solve`."""
-        program = self.program(rows, settings)
-        best = replace(conic_estimate(self.name, rows, program, self._solver), total_mass=program.total_mass)
+        problem = rows.problem
+        mass = known_total_mass(rows, settings) if self.ties_mass else None
+        parts, cones = self.limits(rows, settings)
+        linear = stack_constraints([total_mass(problem, mass), *parts], problem.n_params)
+        program = Program(self.objective(rows, settings), linear, cones)
+        best = replace(conic_estimate(self.name, rows, program, self._solver), total_mass=mass)
         return consistent_or_raised(best) if self.consistent else best
 
 
@@ -322,31 +326,23 @@ def conic_estimate(method: str, rows: Regression, program: Program, solver: Coni
         objective.constraints(linear),
         tuple(objective.cones(part) for part in program.cones),
     )
-    answer = solver(problem)
+    answer, goals = solver(problem), list[Array]()
     if answer.infeasible:
-        proven = _is_ray(problem, answer)
-        status = SolveStatus.INFEASIBLE if proven else SolveStatus.NOT_OPTIMAL
-        known = best_known(method, rows, objective, linear, [], partial(conic_violations, problem))
-        raise no_solution(status, replace(known, status=status))
-    if np.isfinite(answer.z).all() and np.isfinite(answer.multipliers).all():
-        try:
-            answer = refine_answer(problem, answer)
-        except LinAlgError:
-            # The answer stands as it is; its distance decides.
-            pass
-    distance = conic_distance(problem, answer)
-    best = checked_estimate(method, rows, objective, answer.z, distance, problem.linear)
-    best = replace(best, violations=conic_violations(problem, answer.z) if np.isfinite(distance) else {})
-    if (
-        best.status is SolveStatus.SOLVED
-        and max((best.violations or {}).values(), default=0.0) > VIOLATION_TOLERANCE
-    ):
-        best = replace(best, status=SolveStatus.VIOLATED)
-    if best.status is not SolveStatus.SOLVED:
-        violations = partial(conic_violations, problem)
-        known = best_known(method, rows, objective, linear, [answer.z], violations)
-        raise no_solution(best.status, replace(known, status=best.status))
-    return best
+        status = SolveStatus.INFEASIBLE if _is_ray(problem, answer) else SolveStatus.NOT_OPTIMAL
+    else:
+        if np.isfinite(answer.z).all() and np.isfinite(answer.multipliers).all():
+            # Where that fails the answer stands as it is; its distance decides.
+            with suppress(LinAlgError):
+                answer = refine_answer(problem, answer)
+        distance = conic_distance(problem, answer)
+        worst = conic_violations(problem, answer.z) if np.isfinite(distance) else {}
+        reached = problem.linear.labels_reached(answer.z, VIOLATION_TOLERANCE)
+        best = checked_estimate(method, rows, objective, answer.z, distance, worst)
+        if best.status is SolveStatus.SOLVED:
+            return replace(best, active=reached)
+        status, goals = best.status, [answer.z]
+    known = best_known(method, rows, objective, linear, goals, partial(conic_violations, problem))
+    raise no_solution(status, replace(known, status=status))
 
 
 def consistent_or_raised(best: Estimate) -> Estimate:
@@ -423,8 +419,12 @@ class Adaptive(ConicEstimator[AdaptiveSettings]):
         "record tells it"
     )
 
-    def program(self, rows: Regression, settings: AdaptiveSettings) -> Program:
-        """See :meth:`ConicEstimator.program`."""
+    def limits(self, rows: Regression, settings: AdaptiveSettings) -> Limits:
+        """See :meth:`ConicEstimator.limits`."""
+        return [], (pseudo_inertia_cones(rows.problem, settings.inertia_floor),)
+
+    def objective(self, rows: Regression, settings: AdaptiveSettings) -> Ridge:
+        """See :meth:`ConicEstimator.objective`."""
         alpha = 1.0 if settings.alpha is None else settings.alpha
         problem = rows.problem
         if problem.drive_spread is not None:
@@ -434,8 +434,7 @@ class Adaptive(ConicEstimator[AdaptiveSettings]):
         pull = PullSettings(
             prior_spread=settings.prior_spread, segment_spread=settings.segment_spread, alpha=alpha
         )
-        cones = (pseudo_inertia_cones(problem, settings.inertia_floor),)
-        return _make_program(problem, build_ridge(rows, pull), [], cones, known_total_mass(rows, settings))
+        return build_ridge(rows, pull)
 
 
 # Physically feasible inertias within bounds of mass and first moment (CLS-2 of Golluccio et al. 2020).
@@ -465,13 +464,13 @@ class PhysicallyFeasible(ConicEstimator[Cls2Settings]):
         "positive definite, masses and first moments within their bounds; the triangle inequality need not hold"
     )
 
-    def program(self, rows: Regression, settings: Cls2Settings) -> Program:
-        """See :meth:`ConicEstimator.program`."""
+    ties_mass = False
+
+    def limits(self, rows: Regression, settings: Cls2Settings) -> Limits:
+        """See :meth:`ConicEstimator.limits`."""
         problem = rows.problem
         parts = [non_negative_masses(problem), bound_rows(rows, settings, MASS_AND_FIRST_MOMENT)]
-        return _make_program(
-            problem, build_ridge(rows, settings), parts, (feasibility_cones(problem, settings.inertia_floor),)
-        )
+        return parts, (feasibility_cones(problem, settings.inertia_floor),)
 
 
 # Physically consistent bodies that fit into ellipsoids (CLS-3 of Golluccio et al. 2020).
@@ -514,8 +513,8 @@ class DensityRealisable(ConicEstimator[Cls3Settings]):
         "(least eigenvalue of its pseudo-inertia at least -1e-9, recomputed) and its centre of mass in its own"
     )
 
-    def program(self, rows: Regression, settings: Cls3Settings) -> Program:
-        """See :meth:`ConicEstimator.program`."""
+    def limits(self, rows: Regression, settings: Cls3Settings) -> Limits:
+        """See :meth:`ConicEstimator.limits`."""
         problem = rows.problem
         nominal = problem.prior[: problem.n_inertial]
         boxes = settings.com_boxes if settings.com_boxes is not None else equivalent_boxes(problem.robot)
@@ -532,9 +531,7 @@ class DensityRealisable(ConicEstimator[Cls3Settings]):
         if settings.bounds is not None:
             parts.append(stated_bounds(problem, settings.bounds, default_bounds(problem.robot, settings)))
         cones = (pseudo_inertia_cones(problem, settings.inertia_floor), com_in_ellipsoids(problem, centers))
-        return _make_program(
-            problem, build_ridge(rows, settings), parts, cones, known_total_mass(rows, settings)
-        )
+        return parts, cones
 
 
 # The constrained quadratic program of eq. (4), Jovic et al., Humanoids 2015.
@@ -566,14 +563,10 @@ class QuadraticProgram(ConicEstimator[QpSettings]):
         "tells it, symmetry where it is asked for; the triangle inequality need not"
     )
 
-    def program(self, rows: Regression, settings: QpSettings) -> Program:
-        """See :meth:`ConicEstimator.program`."""
-        problem = rows.problem
-        parts = [model_constraints(problem, settings)]
-        cones = (inertia_cones(problem, settings.inertia_floor),)
-        return _make_program(
-            problem, build_ridge(rows, settings), parts, cones, known_total_mass(rows, settings)
-        )
+    def limits(self, rows: Regression, settings: QpSettings) -> Limits:
+        """See :meth:`ConicEstimator.limits`."""
+        cones = (inertia_cones(rows.problem, settings.inertia_floor),)
+        return [model_constraints(rows.problem, settings)], cones
 
 
 # Physically consistent parameters: every pseudo-inertia positive definite, as a cone program.
@@ -611,15 +604,14 @@ class PhysicallyConsistent(ConicEstimator[LmiSettings]):
         "was weighed or the record tells it, symmetry where it is asked for"
     )
 
-    def program(self, rows: Regression, settings: LmiSettings) -> Program:
-        """See :meth:`ConicEstimator.program`."""
-        problem = rows.problem
-        metric = None
-        if settings.regulariser != "euclidean":
-            spreads = settings.spreads(problem.robot)
-            metric = pullback_metric(problem, spreads, prior_std(problem, spreads))
-        parts = [model_constraints(problem, settings)]
-        cones = (pseudo_inertia_cones(problem, settings.inertia_floor),)
-        return _make_program(
-            problem, build_ridge(rows, settings, metric), parts, cones, known_total_mass(rows, settings)
-        )
+    def limits(self, rows: Regression, settings: LmiSettings) -> Limits:
+        """See :meth:`ConicEstimator.limits`."""
+        cones = (pseudo_inertia_cones(rows.problem, settings.inertia_floor),)
+        return [model_constraints(rows.problem, settings)], cones
+
+    def objective(self, rows: Regression, settings: LmiSettings) -> Ridge:
+        """See :meth:`ConicEstimator.objective`."""
+        problem, spreads = rows.problem, settings.spreads(rows.problem.robot)
+        pullback = settings.regulariser == "pullback"
+        metric = pullback_metric(problem, spreads, prior_std(problem, spreads)) if pullback else None
+        return build_ridge(rows, settings, metric)

@@ -35,7 +35,7 @@ class SolveStatus(Enum):
     NOT_OPTIMAL = "the solver stopped short of the optimum; raise alpha or use another method"
     VIOLATED = "the solver's answer breaks constraints that it was given; do not use it, try another method"
     CUT_LIMIT = (
-        "inertias were not positive on every vector within the allowed cuts; raise sphere_epsilon or use lmi"
+        "inertias were not positive on every vector within the allowed cuts; lower sphere_epsilon or use lmi"
     )
     NOT_FINITE = "the solver's answer is not finite; raise alpha or use another method"
 
@@ -130,14 +130,9 @@ VIOLATION_TOLERANCE = 1e-5
 
 
 def checked_estimate(
-    method: str,
-    rows: Regression,
-    objective: Ridge,
-    z: Array,
-    distance: float,
-    constraints: LinearConstraints,
+    method: str, rows: Regression, objective: Ridge, z: Array, distance: float, worst: dict[str, float]
 ) -> Estimate:
-    """Residual, violations and status of an answer.
+    """Residual and status of an answer.
 
     Args:
         method: name of the estimator.
@@ -145,10 +140,9 @@ def checked_estimate(
         objective: the objective.
         z: the answer, ``(n_free,)``.
         distance: bound on its distance to the optimum, in standard deviations of the noise.
-        constraints: what it should meet, rows of unit length on ``z``.
+        worst: its largest violation of each kind of constraint.
     """
     parameters = objective.parameters(z)
-    worst = constraints.worst_violations(z)
     status = SolveStatus.SOLVED
     if not np.isfinite(parameters).all() or not np.isfinite(distance):
         status = SolveStatus.NOT_FINITE
@@ -156,11 +150,7 @@ def checked_estimate(
         status = SolveStatus.VIOLATED
     elif distance > DISTANCE_TOLERANCE * max(1.0, float(np.linalg.norm(z - objective.target))):
         status = SolveStatus.NOT_OPTIMAL
-    return replace(
-        estimate_at(method, rows, parameters, status, worst),
-        distance=distance,
-        active=constraints.labels_reached(z, VIOLATION_TOLERANCE),
-    )
+    return replace(estimate_at(method, rows, parameters, status, worst), distance=distance)
 
 
 def finite_or_raised(best: Estimate) -> Estimate:

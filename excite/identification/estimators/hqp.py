@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.identification.constraints.linear import (
@@ -41,6 +39,7 @@ from excite.identification.estimators.settings import (
     known_segments,
     shares_by_link,
 )
+from excite.identification.inertia import COLUMNS, DIAGONAL, ROWS, inertia_matrices
 from excite.identification.physical.default_bounds import bound_rows, parameter_bounds
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import RANK_TOLERANCE, Regression, least_squares
@@ -97,159 +96,54 @@ def mirrored_pairs(
     return LinearConstraints(np.array(rows).reshape(-1, problem.n_params), np.zeros(len(rows)), tuple(labels))
 
 
-# ``vᵀ I v ≥ ε`` on every vector of an icosphere (eq. 13 and 14 of Jovic et al., T-RO 2016), ε absolute.
-#
-# 10 242 vectors and 30 segments make 300 000 rows; they are given in full for checks and as cutting planes,
-# the rows that an answer violates, for solvers.
-
-_CUTS_PER_SEGMENT = 3
-# Vectors of one segment's cuts in one round are at least so different (cosine).
-_SPREAD = 0.98
-_CANDIDATES = 64
-
-
-@cache
-def icosphere_corners(subdivisions: int) -> Array:
-    """Corners of an icosahedron whose faces are split in four ``subdivisions`` times, on the unit sphere.
-
-    Returns:
-        ``(10·4ⁿ + 2, 3)``; read only.
-    """
-    golden = (1.0 + np.sqrt(5.0)) / 2.0
-    corners = [(s, t * golden, 0.0) for s in (-1.0, 1.0) for t in (-1.0, 1.0)]
-    corners = corners + [(0.0, a, b) for a, b, _ in corners] + [(b, 0.0, a) for a, b, _ in corners]
-    points = np.array(corners) / np.sqrt(1.0 + golden**2)
-    distance = np.linalg.norm(points[:, None] - points[None], axis=2)
-    near = np.isclose(distance, np.sort(distance[0])[1])
-    faces = np.array(
-        [
-            (i, j, k)
-            for i in range(12)
-            for j in range(i + 1, 12)
-            for k in range(j + 1, 12)
-            if near[i, j] and near[j, k] and near[i, k]
-        ]
-    )
-    for _ in range(subdivisions):
-        points, faces = _split_faces(points, faces)
-    points.setflags(write=False)
-    return np.asarray(points)
-
-
-def _split_faces(points: Array, faces: NDArray[np.int64]) -> tuple[Array, NDArray[np.int64]]:
-    edges = np.sort(np.vstack([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
-    unique, index = np.unique(edges, axis=0, return_inverse=True)
-    middle = points[unique].sum(axis=1)
-    middle /= np.linalg.norm(middle, axis=1, keepdims=True)
-    ab, bc, ca = (index.reshape(3, -1) + len(points)).astype(np.int64)
-    a, b, c = faces.T
-    corners = [(a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca)]
-    return np.vstack([points, middle]), np.vstack([np.column_stack(face) for face in corners])
-
-
-def quadratic_rows(vectors: Array) -> Array:
-    """Rows ``w`` with ``w · (Ixx, Ixy, Iyy, Ixz, Iyz, Izz) = vᵀ I v`` (eq. 14), ``(n, 6)``."""
-    x, y, z = np.asarray(vectors).T
-    return np.column_stack([x * x, 2 * x * y, y * y, 2 * x * z, 2 * y * z, z * z])
+# Largest violation that is let pass: of a vector's row as a share of ε, of others as a share of a spread.
+_VIOLATION = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class SphereRows:
-    """The rows of eq. (14) for all segments whose parameters are free.
+class InertiaFloor:
+    """``vᵀ I v ≥ ε`` on every vector (eq. 13 of Jovic et al., T-RO 2016), ε absolute, for all free segments.
+
+    The paper takes 10 242 vectors. Here rows are cutting planes, those of the eigenvectors of an answer whose
+    eigenvalues are below ε.
 
     Attributes:
         problem: the problem.
+        scaled: the scales of its parameters.
         epsilon: ε [kg·m²].
-        subdivisions: subdivisions of the icosahedron; 5 gives 10 242 vectors.
     """
 
     problem: IdentificationProblem
+    scaled: Scaled
     epsilon: float
-    subdivisions: int
-
-    @cached_property
-    def vectors(self) -> Array:
-        """The vectors, one of each antipodal pair, which have the same row, ``(n, 3)``."""
-        points = icosphere_corners(self.subdivisions)
-        z, y, x = points[:, 2], points[:, 1], points[:, 0]
-        upper = (z > 0.0) | ((z == 0.0) & ((y > 0.0) | ((y == 0.0) & (x > 0.0))))
-        return np.asarray(points[upper])
-
-    @cached_property
-    def weights(self) -> Array:
-        """Rows on ``Ixx, Ixy, Iyy, Ixz, Iyz, Izz``, ``(n, 6)``."""
-        return quadratic_rows(self.vectors)
-
-    def violations(self, parameters: Array) -> Array:
-        """Largest violation of each segment over all vectors, ``(n_segments,)`` [kg·m²], 0 where it holds."""
-        six = parameters[: self.problem.n_inertial].reshape(-1, 10)[:, 4:]
-        worst = np.maximum(self.epsilon - (six @ self.weights.T).min(axis=1), 0.0)
-        worst[list(self.problem.unmeasured)] = 0.0
-        return np.asarray(worst)
-
-    def cuts(self, parameters: Array, tolerance: float) -> LinearConstraints:
-        """The rows that ``parameters`` violate most, some of each segment; none when all hold.
-
-        Args:
-            parameters: ``(n_params,)``.
-            tolerance: violation that is let pass [kg·m²].
-        """
-        six = parameters[: self.problem.n_inertial].reshape(-1, 10)[:, 4:]
-        values = six @ self.weights.T
-        chosen = []
-        for index in range(len(values)):
-            if index in self.problem.unmeasured or values[index].min() >= self.epsilon - tolerance:
-                continue
-            order = np.flatnonzero(values[index] < self.epsilon - tolerance)
-            order = order[np.argsort(values[index, order], kind="stable")][:_CANDIDATES]
-            chosen += [(index, k) for k in self._pick_apart(order, _SPREAD, _CUTS_PER_SEGMENT)]
-        return self.rows(chosen)
-
-    def _pick_apart(self, order: NDArray[np.int64], cosine: float, most: int) -> list[int]:
-        """The first vectors in an order that are no nearer to each other than a cosine."""
-        kept: list[int] = []
-        for k in order:
-            if len(kept) == most:
-                break
-            if not kept or np.abs(self.vectors[kept] @ self.vectors[k]).max() < cosine:
-                kept.append(int(k))
-        return kept
 
     def lifted(self, parameters: Array) -> Array:
-        """A copy in which every free inertia is raised by a multiple of the identity until the rows hold.
-
-        Args:
-            parameters: ``(n_params,)``, those of segments that the sensors do not see stay.
-
-        Returns:
-            ``(n_params,)``.
-        """
+        """A copy ``(n_params,)`` whose free inertias are raised by multiples of the identity until all rows hold."""
         raised = parameters.copy()
-        ten = raised[: self.problem.n_inertial].reshape(-1, 10)
-        values = (ten[:, 4:] @ self.weights.T).min(axis=1)
-        lift = np.maximum(1.01 * self.epsilon - values, 0.0)
+        least = np.linalg.eigvalsh(inertia_matrices(raised[: self.problem.n_inertial]))[:, 0]
+        lift = np.maximum(1.01 * self.epsilon - least, 0.0)
         lift[list(self.problem.unmeasured)] = 0.0
-        ten[:, [4, 6, 9]] += lift[:, None]
+        raised[: self.problem.n_inertial].reshape(-1, 10)[:, [4 + k for k in DIAGONAL]] += lift[:, None]
         return raised
 
-    def rows(self, chosen: list[tuple[int, int]]) -> LinearConstraints:
-        """Rows of (segment, vector) pairs."""
-        links = self.problem.robot.segments
-        return listed_rows(
-            self.problem.n_params,
-            (
-                (
-                    dict(zip(range(10 * k + 4, 10 * k + 10), self.weights[vector].tolist(), strict=True)),
-                    self.epsilon,
-                    f"sphere:{links[k].link}",
-                )
-                for k, vector in chosen
-            ),
-        )
+    def violated(self, x: Array) -> LinearConstraints:
+        """Rows that ``x`` violates; none when all hold."""
+        problem = self.problem
+        inertia = inertia_matrices(self.scaled.parameters(x)[: problem.n_inertial])
+        values, vectors = np.linalg.eigh(inertia)
+        below = values < (1.0 - _VIOLATION) * self.epsilon - 1e-12
+        below[list(problem.unmeasured)] = False
+        entries = list[Entry]()
+        for k, which in np.argwhere(below).tolist():
+            row = quadratic_row(vectors[k, :, which]).tolist()
+            label = f"sphere:{problem.robot.segments[k].link}"
+            entries.append((dict(zip(range(10 * k + 4, 10 * k + 10), row, strict=True)), self.epsilon, label))
+        return self.scaled.constraints(listed_rows(problem.n_params, entries))
 
 
-# Largest violation that is let pass: of a vector's row as a share of ε, of others as a share of a spread.
-_VIOLATION = 1e-6
+def quadratic_row(v: Array) -> Array:
+    """Row ``w`` ``(6,)`` with ``w · (Ixx, Ixy, Iyy, Ixz, Iyz, Izz) = vᵀ I v`` (eq. 14)."""
+    return np.asarray(v[ROWS] * v[COLUMNS] * np.where(ROWS == COLUMNS, 1.0, 2.0))
 
 
 @dataclass(frozen=True)
@@ -258,13 +152,11 @@ class HqpSettings(BoxSettings, PairSettings):
 
     Attributes:
         sphere_epsilon: the ε of eq. (13), absolute as there.
-        sphere_subdivisions: 5 gives the 10 242 vectors of eq. (13).
         mirror: the α of eq. (15); None leaves the left and right side free.
         mass_range: the β of eq. (16); there 0.35 for modified segments, 0.05 for others.
         segment_mass_range: ``mass_range`` of single segments, by link.
     """
 
-    sphere_subdivisions: int = number(5, "1", 0, 6, "subdivisions of the icosahedron of the inertia rows")
     sphere_epsilon: float = number(0.01, "kg·m²", 0.0, 1e3, "least moment of inertia")
     mirror: float | None = number(0.1, "1", 0.0, 1.0, "relative left/right difference", optional=True)
     mass_range: float = number(0.35, "1", 0.0, 1e6, "range of masses about nominal, as share of them")
@@ -283,10 +175,10 @@ class HierarchicalProgram(Estimator[HqpSettings]):
     """Four levels (eq. 7): physical feasibility ≻ symmetry and mass ranges ≻ ``Yφ = f`` ≻ ``φ = φ_ref``.
 
     The first level is eq. 8–14: masses not negative, total mass, boxes of the centres of mass, ``vᵀ I v ≥ ε``
-    on 10 242 vectors; the second eq. 15 and 16. Two choices differ from the paper: channels are weighted as in
+    on every vector; the second eq. 15 and 16. Two choices differ from the paper: channels are weighted as in
     ``wls``, and distances to ``φ_ref`` and violations of rows are counted in units of the spreads, since a sum
     of squares of kilograms and of kg·m² would leave every inertia to chance. Each level is solved by
-    active-set quadratic programs to which violated vectors are added until all 10 242 hold.
+    active-set quadratic programs to which rows of violated vectors are added until all hold.
 
     The inertia is taken about the joint frame, as in the paper, so the level does not tie it to mass and
     centre of mass: some of the bodies that come out cannot exist.
@@ -324,8 +216,8 @@ class HierarchicalProgram(Estimator[HqpSettings]):
         measured = factor[:, -1] - factor[:, :-1] @ scaled.center
         levels = self._levels(rows, settings, scaled)
         start = np.zeros(len(scaled.free))
-        if levels and isinstance(levels[0].family, ScaledSphere):
-            start = levels[0].family.start()
+        if levels and isinstance(levels[0].family, InertiaFloor):
+            start = scaled.coordinates(levels[0].family.lifted(scaled.center))
         answer = solve_hierarchy(levels, matrix, measured, self._projector or ActiveSetProjector(), start)
         best = self._recompute_estimate(rows, settings, scaled, levels, answer)
         if best.status is not SolveStatus.SOLVED:
@@ -369,8 +261,8 @@ def _best_known(
     """Of points that meet the first level the one that misses the second least, then fits best."""
     problem, family = rows.problem, levels[0].family if levels else None
     models = plain_models(problem, _feasibility_rows(rows, settings))
-    if isinstance(family, ScaledSphere):
-        models = [family.sphere.lifted(model) for model in models]
+    if isinstance(family, InertiaFloor):
+        models = [family.lifted(model) for model in models]
 
     def worst_violation(point: Array) -> float:
         worst = max(
@@ -414,38 +306,13 @@ def _feasibility_rows(rows: Regression, settings: HqpSettings) -> LinearConstrai
 def paper_levels(rows: Regression, settings: HqpSettings, scaled: Scaled) -> tuple[Level, ...]:
     """The two constraint levels of eq. (7): eq. 8–14, and eq. 15 and 16."""
     problem = rows.problem
-    sphere = SphereRows(problem, settings.sphere_epsilon, settings.sphere_subdivisions)
-    first = Level(
-        "feasible", scaled.constraints(_feasibility_rows(rows, settings)), ScaledSphere(sphere, scaled)
-    )
+    floor = InertiaFloor(problem, scaled, settings.sphere_epsilon)
+    first = Level("feasible", scaled.constraints(_feasibility_rows(rows, settings)), floor)
     parts = [masses_in_range(problem, settings.mass_ranges(problem.robot))]
     if settings.mirror is not None:
         parts.append(mirrored_pairs(problem, settings.mirror, settings.free_of_symmetry(problem.robot)))
     second = Level("plausible", scaled.constraints(stack_constraints(parts, problem.n_params)))
     return first, second
-
-
-@dataclass(frozen=True, eq=False)
-class ScaledSphere:
-    """The rows of a sphere on scaled parameters, all of unit length.
-
-    Attributes:
-        sphere: the rows in parameters.
-        scaled: the scales.
-    """
-
-    sphere: SphereRows
-    scaled: Scaled
-
-    def start(self) -> Array:
-        """Nominal parameters with inertias raised until all rows hold, ``(n_free,)``."""
-        raised = self.sphere.lifted(self.scaled.center)
-        return ((raised - self.scaled.center) / self.scaled.scales)[self.scaled.free]
-
-    def violated(self, x: Array) -> LinearConstraints:
-        """Some of the rows that ``x`` violates; none when all hold."""
-        tolerance = _VIOLATION * self.sphere.epsilon + 1e-12
-        return self.scaled.constraints(self.sphere.cuts(self.scaled.parameters(x), tolerance))
 
 
 # Parameters within bounds nearest to the unconstrained base solution (CLS-1 of Golluccio et al. 2020).

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from excite.identification.constraints.linear import stack_constraints
 from excite.identification.estimators.estimator import (
     Estimate,
     Estimator,
@@ -93,8 +92,7 @@ class MaximumAPosteriori(Estimator[MapSettings]):
     def solve(self, rows: Regression, settings: MapSettings) -> Estimate:
         """See :meth:`Estimator.solve`."""
         objective = build_ridge(rows, settings)
-        nothing = stack_constraints([], len(objective.target))
-        return finite_or_raised(checked_estimate(self.name, rows, objective, objective.target, 0.0, nothing))
+        return finite_or_raised(checked_estimate(self.name, rows, objective, objective.target, 0.0, {}))
 
 
 # Least squares with each channel weighted by its own residual.

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import fields
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Literal
 
 import numpy as np
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
 from excite.atomic import write_text
 from excite.errors import InputError
-from excite.formats.documents import read_yaml
+from excite.formats.documents import check_content, read_yaml
 from excite.identification.estimators.settings import BodySettings
 from excite.identification.inertia import NAMES
-from excite.identification.physical.bounds import InertiaRules, Interval, KnownBounds
+from excite.identification.physical.bounds import Interval, KnownBounds
 from excite.identification.physical.default_bounds import default_bounds, derived_boxes
 from excite.robot.quantities import MAX_INERTIA
 from excite.robot.robot import Robot
@@ -23,8 +23,68 @@ from excite.rows.drive_terms import DRIVE_TERMS
 
 SCHEMA = "excite.physical_bounds/1"
 _AXES = ("x", "y", "z")
-_FIELDS = ("schema", "source", "total_mass", "rules", "links", "drives", "parameters")
 _POSITIVE = ("m", "Ixx", "Iyy", "Izz")
+
+
+def _check_pair(pair: Interval) -> Interval:
+    if not pair[0] < pair[1]:
+        low, high = pair
+        raise ValueError(
+            f"has bounds [{low:g}, {high:g}] with nothing between: put the lower one below the upper"
+        )
+    return pair
+
+
+def _refuse_truth(value: object) -> object:
+    if isinstance(value, bool):
+        raise ValueError("is no number")
+    return value
+
+
+# Of texts too: YAML 1.1 reads ``1e-4`` as one.
+_Number = Annotated[
+    float, BeforeValidator(_refuse_truth), Field(ge=-MAX_INERTIA, le=MAX_INERTIA, allow_inf_nan=False)
+]
+_Pair = Annotated[tuple[_Number, _Number], AfterValidator(_check_pair)]
+_Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+_Name = Literal["m", "cx", "cy", "cz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz"]
+
+
+class _Block(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class _Entry(BaseModel):
+    """A pair among other things that are said of it."""
+
+    bounds: _Pair
+
+
+class _Rules(_Block):
+    """Rules between the moments of inertia of a link."""
+
+    diagonal_ratio: _Positive | None = None
+    off_diagonal_share: _Positive | None = None
+    slenderness: _Positive = 1.0
+    slender: dict[str, Literal["x", "y", "z"]] = {}
+    principal_triangle: Annotated[bool, Field(strict=True)] = True
+
+
+class BoundsDocument(_Block):
+    """What is known of a robot's physical parameters, each [lower, upper] in SI."""
+
+    schema_: Literal["excite.physical_bounds/1"] = Field(alias="schema")
+    source: str | None = Field(default=None, description="where the numbers come from")
+    total_mass: _Pair | None = Field(default=None, description="mass of all links together [kg]")
+    rules: _Rules | None = None
+    links: dict[str, dict[_Name, _Pair]] | None = Field(
+        default=None,
+        description="by link: mass, centre of mass, inertias about it along the joint frame's axes",
+    )
+    drives: dict[str, _Pair] | None = Field(default=None, description="by TERM.JOINT")
+    parameters: dict[str, _Pair | _Entry] | None = Field(
+        default=None, description="the same in one level, by LINK.NAME"
+    )
 
 
 def load_bounds(path: str | Path, robot: Robot) -> KnownBounds:
@@ -45,127 +105,53 @@ def load_bounds(path: str | Path, robot: Robot) -> KnownBounds:
             the file, the field and what to do.
     """
     path, begin = Path(path), f"start it with schema: {SCHEMA}"
-    document = read_yaml(path, remedy=begin)
+    names, joints = " or ".join(DRIVE_TERMS), ", ".join(robot.joint_names)
+    remedy = (
+        f"write links: {{NAME: {{m: [lower, upper]}}}} with {', '.join(NAMES)}, rules as positive numbers; "
+        f"write numbers up to {MAX_INERTIA:g}, or leave the line out"
+    )
+    document = check_content(BoundsDocument, read_yaml(path, remedy=begin), path, remedy=remedy)
 
     def refuse_unless(right: bool, field: str, what: str, remedy: str) -> None:
         if not right:
             raise InputError(what, source=path, field=field or None, remedy=remedy)
 
-    refuse_unless(document.get("schema") == SCHEMA, "schema", "is not a bounds file", begin)
-    for key in document:
-        refuse_unless(key in _FIELDS, str(key), "is unknown", f"choose {', '.join(_FIELDS)}")
-    some = any(document.get(key) for key in _FIELDS[2:])
-    refuse_unless(some, "", "bounds nothing", "give links, drives or total_mass")
     links = tuple(segment.link for segment in robot.segments)
+    own = f"links are {', '.join(links)}"
     parameters: dict[str, Interval] = {}
     drives: dict[str, Interval] = {}
-    for field, name, value in _bound_entries(document, refuse_unless):
-        pair = _read_pair(value, field, refuse_unless)
+    for field, name, pair in _bound_entries(document):
         link, _, kind = name.rpartition(".")
-        inside, of_bodies = link in links, kind in NAMES
-        refuse_unless(of_bodies or not inside, field, "is unknown", f"choose {', '.join(NAMES)}")
-        refuse_unless(
-            inside or not of_bodies, field, "is of no link of the robot", f"links are {', '.join(links)}"
-        )
-        empty = inside and kind in _POSITIVE and pair[1] <= 0.0
-        what = f"has bounds {value!r} and nothing positive between"
+        term, _, joint = name.partition(".")
+        of_body = field.startswith("links.") or (link in links and kind in NAMES)
+        refuse_unless(link in links or not of_body, field, "is of no link of the robot", own)
+        known = of_body or (term in DRIVE_TERMS and joint in robot.joint_names)
+        allowed = f"write TERM.JOINT with {names} and one of the joints {joints}"
+        refuse_unless(known, field, "is no parameter of the robot", allowed)
+        empty = of_body and kind in _POSITIVE and pair[1] <= 0.0
+        what = f"has bounds {list(pair)} and nothing positive between"
         refuse_unless(not empty, field, what, "masses and moments of inertia are positive")
-        target = parameters if inside else drives
+        target = parameters if of_body else drives
         refuse_unless(name not in target, field, "is bounded twice", "keep one of them")
         target[name] = pair
-    total = document.get("total_mass")
-    known = KnownBounds(
-        parameters,
-        drives,
-        None if total is None else _read_pair(total, "total_mass", refuse_unless),
-        _read_rules(document.get("rules") or {}, links, refuse_unless),
-        str(document.get("source", path)),
-    )
-    remedy = f"write TERM.JOINT with {' or '.join(DRIVE_TERMS)} and one of the joints {', '.join(robot.joint_names)}"
-    for name in drives:
-        term, _, joint = name.partition(".")
-        right = term in DRIVE_TERMS and joint in robot.joint_names
-        refuse_unless(right, name, "is no parameter of the robot", remedy)
-    return known
-
-
-Check = Callable[[bool, str, str, str], None]
-"""Refuses what is not right: the field, what is wrong, what to do."""
-
-
-def _bound_entries(document: dict[str, Any], check: Check) -> Iterator[tuple[str, str, Any]]:
-    """Place in the file, name of the parameter and its entry."""
-    for link, stated in _read_mapping(document.get("links"), "links", check).items():
-        block = _read_mapping(stated, f"links.{link}", check, "write {m: [lower, upper], …}")
-        # A name that is no parameter must not pass for a drive's.
-        for name, value in block.items():
-            yield f"links.{link}.{name}", f"{link}.{name}" if name in NAMES else f"{link}.", value
-    for name, value in _read_mapping(document.get("drives"), "drives", check).items():
-        yield f"drives.{name}", str(name), value
-    for name, entry in _read_mapping(document.get("parameters"), "parameters", check).items():
-        yield str(name), str(name), entry.get("bounds") if isinstance(entry, dict) else entry
-
-
-def _read_mapping(
-    block: Any, field: str, check: Check, remedy: str = "write NAME: […], a line each"
-) -> dict[str, Any]:
-    """A table of names, empty where there is none."""
-    found = {} if field in _FIELDS and not block else block
-    check(isinstance(found, dict), field, f"is {block!r}", remedy)
-    return dict(found)
-
-
-def _read_pair(value: Any, field: str, check: Check) -> Interval:
-    numbers = [_read_number(entry) for entry in value] if isinstance(value, list | tuple) else []
-    pair = [number for number in numbers if number is not None]
-    two = len(pair) == len(numbers) == 2
-    check(two, field, f"has bounds {value!r}", "write [lower, upper], two numbers in SI")
-    low, high = pair
-    said = f"has bounds [{low:g}, {high:g}]"
-    fits = abs(low) <= MAX_INERTIA and abs(high) <= MAX_INERTIA
-    check(fits, field, said, f"write numbers up to {MAX_INERTIA:g}, or leave the line out")
-    check(low < high, field, f"{said} with nothing between", "put the lower one below the upper")
-    return low, high
-
-
-def _read_number(value: Any) -> float | None:
-    """YAML 1.1 reads ``1e-4`` as text; it is meant as a number."""
-    text = value if isinstance(value, str) else ""
-    if isinstance(value, bool) or not isinstance(value, int | float | str) or not text.isascii():
-        return None
-    try:
-        return float(value)
-    except (ValueError, OverflowError):
-        return None
-
-
-def _read_rules(block: Any, links: tuple[str, ...], check: Check) -> dict[str, Any]:
-    known = sorted(item.name for item in fields(InertiaRules))
-    rules = _read_mapping(block, "rules", check, f"write {', '.join(known)}")
-    for key, value in rules.items():
-        field, number = f"rules.{key}", _read_number(value)
-        check(key in known, field, "is unknown", f"choose {', '.join(known)}")
-        positive = number is not None and 0.0 < number < math.inf
-        right, wanted = {
-            "principal_triangle": (isinstance(value, bool), "write true or false"),
-            "slender": (True, ""),
-            "slenderness": (positive, "write a positive number"),
-        }.get(key, (positive or value is None, "write a positive number"))
-        check(right, field, f"is {value!r}", wanted)
-        rules[key] = number if isinstance(value, str) else value
-    if "slender" in rules:
-        rules["slender"] = _read_slender(rules["slender"] or {}, links, check)
-    return rules
-
-
-def _read_slender(block: Any, links: tuple[str, ...], check: Check) -> dict[str, int]:
-    found = {}
-    for link, axis in (block if isinstance(block, dict) else {"": block}).items():
+    some = bool(parameters or drives or document.total_mass or document.rules)
+    refuse_unless(some, "", "bounds nothing", "give links, drives or total_mass")
+    rules = {} if document.rules is None else document.rules.model_dump(exclude_unset=True)
+    for link in rules.get("slender", ()):
         field = f"rules.slender.{link}"
-        check(axis in _AXES, field, f"is {axis!r}", f"choose {', '.join(_AXES)}")
-        check(link in links, field, "is no link of the robot", f"links are {', '.join(links)}")
-        found[link] = _AXES.index(axis)
-    return found
+        refuse_unless(link in links, field, "is no link of the robot", own)
+    if "slender" in rules:
+        rules["slender"] = {link: _AXES.index(axis) for link, axis in rules["slender"].items()}
+    return KnownBounds(parameters, drives, document.total_mass, rules, document.source or str(path))
+
+
+def _bound_entries(document: BoundsDocument) -> Iterator[tuple[str, str, Interval]]:
+    """Place in the file, name of the parameter and its bounds."""
+    for link, block in (document.links or {}).items():
+        yield from ((f"links.{link}.{name}", f"{link}.{name}", pair) for name, pair in block.items())
+    yield from ((f"drives.{name}", name, pair) for name, pair in (document.drives or {}).items())
+    for name, entry in (document.parameters or {}).items():
+        yield name, name, entry.bounds if isinstance(entry, _Entry) else entry
 
 
 # A file of bounds to start from: those that apply where nothing is stated, with what each line means.
