@@ -48,10 +48,10 @@ class LazyKernel:
         # No fast mathematics: what the compiler may then fuse or reorder depends on where arrays lie in memory,
         # and the same seed would give other bytes in another process.
         try:
-            kernel = njit(cache=True, nogil=True, error_model="numpy")(bound)
+            kernel: Any = njit(cache=True, nogil=True, error_model="numpy")(bound)
         except RuntimeError:  # numba's word for "no folder to cache in"
             return njit(nogil=True, error_model="numpy")(bound)
-        _clear_stale_cache(getattr(kernel, "_cache"))
+        _clear_stale_cache(kernel._cache)
         return kernel
 
     def __call__(self, *arguments: Any) -> Any:
