@@ -7,7 +7,6 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-import pytest
 import typer
 
 import excite
@@ -62,14 +61,15 @@ def _advised() -> list[tuple[str, str, str]]:
     return sorted(found)
 
 
-@pytest.mark.parametrize("advised", _advised(), ids=" ".join)
-def test_a_command_that_is_advised_has_the_option_that_it_is_advised_with(
-    advised: tuple[str, str, str],
-) -> None:
-    place, command, option = advised
-    commands = _commands()
-    assert command in commands, f"{place} advises excite {command}"
-    assert option in commands[command], f"{place} advises excite {command} {option}"
+def test_a_command_that_is_advised_has_the_option_that_it_is_advised_with() -> None:
+    commands, advised = _commands(), _advised()
+    assert len(advised) > 10
+    wrong = [
+        f"{place} advises excite {command} {option}"
+        for place, command, option in advised
+        if option not in commands.get(command, ())
+    ]
+    assert wrong == []
 
 
 def test_an_option_that_a_remedy_names_alone_is_of_some_command() -> None:
