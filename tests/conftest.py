@@ -59,3 +59,15 @@ def gap_dir() -> Path:
 def g1() -> Robot:
     """The bundled Unitree G1."""
     return load_robot("g1")
+
+
+@pytest.fixture(scope="session")
+def ur10() -> Robot:
+    """The bundled UR10."""
+    return load_robot("ur10")
+
+
+@pytest.fixture(scope="session")
+def panda() -> Robot:
+    """The bundled Panda."""
+    return load_robot("panda")
