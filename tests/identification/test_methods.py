@@ -13,7 +13,6 @@ from excite.identification.estimators.hqp import (
     Cls1Settings,
     HierarchicalProgram,
     HqpSettings,
-    SphereRows,
     icosphere_corners,
     masses_in_range,
     mirrored_pairs,
@@ -177,15 +176,6 @@ class TestRows:
         heavy[10] *= 1.3
         assert rows.violations(arm.prior).max() == 0.0
         assert rows.violations(heavy).max() == pytest.approx(0.1 * arm.prior[10])
-
-    def test_sphere_rows_are_half_the_vectors_and_cuts_are_violated_rows(self, arm):
-        sphere = SphereRows(arm, 0.01, 3)
-        assert 2 * len(sphere.vectors) == len(icosphere_corners(3))
-        cuts = sphere.cuts(arm.prior, 1e-9)
-        assert (cuts.matrix @ arm.prior < cuts.bound).all() and len(cuts.bound)
-        raised = sphere.lifted(arm.prior)
-        assert sphere.violations(raised).max() == 0.0
-        assert not len(sphere.cuts(raised, 1e-12).bound)
 
 
 class TestOutsideCone:

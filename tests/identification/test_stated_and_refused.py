@@ -20,9 +20,6 @@ from excite.identification.estimators.estimator import SolveStatus
 from excite.identification.estimators.hqp import (
     HierarchicalProgram,
     HqpSettings,
-    ScaledSphere,
-    SphereRows,
-    paper_levels,
 )
 from excite.identification.estimators.least_squares import (
     LeastSquares,
@@ -36,13 +33,12 @@ from excite.identification.estimators.method_settings import estimator_settings
 from excite.identification.estimators.physical import PhysicalRetrieval, PhysicalSettings
 from excite.identification.estimators.projection import ActiveSetProjector
 from excite.identification.estimators.registry import DEFAULT_METHOD, ESTIMATORS, method_summaries
-from excite.identification.estimators.scaled_problem import scaled_parameters
 from excite.identification.estimators.settings import known_segments
 from excite.identification.inertia import inertia_matrices
 from excite.identification.physical.bounds import KnownBounds
 from excite.identification.physical.default_bounds import default_bounds
 from excite.identification.problem import IdentificationProblem
-from excite.identification.regression import condense_problem, iterate_weights, prior_std
+from excite.identification.regression import prior_std
 from excite.robot.loading import load_robot
 from tests.identification.synthetic import arm_problem
 
@@ -196,24 +192,6 @@ def test_qp_says_that_no_point_is_there_and_what_it_breaks(arm):
     best = caught.value.best
     assert best.status is SolveStatus.INFEASIBLE and caught.value.remedy == best.status.value
     assert best.violations["total_mass"] > 0.0 and best.distance == np.inf
-
-
-def test_hqp_starts_where_all_vectors_hold_and_cuts_what_does_not(arm):
-    settings = HqpSettings(sphere_epsilon=0.05, sphere_subdivisions=2, mirror=None)
-    rows = iterate_weights(condense_problem(arm))
-    scaled = scaled_parameters(rows, settings)
-    first, _ = paper_levels(rows, settings, scaled)
-    family = first.family
-    assert isinstance(family, ScaledSphere) and isinstance(family.sphere, SphereRows)
-    start = family.start()
-    lifted = scaled.parameters(start)
-    assert np.linalg.eigvalsh(inertia_matrices(lifted))[:, 0].min() > 0.99 * 0.05
-    others = np.arange(arm.n_params) % 10 < 4
-    assert np.allclose(lifted[others], arm.prior[others]), "masses and first moments stay"
-    cuts = family.violated(np.zeros(len(start)))
-    assert len(cuts.bound) and np.allclose(np.linalg.norm(cuts.matrix, axis=1), 1.0)
-    assert (cuts.matrix @ np.zeros(len(start)) < cuts.bound).all(), "nominal violates its cuts"
-    assert (cuts.matrix @ start > cuts.bound - 1e-9).all(), "the start meets them"
 
 
 def test_hqp_carries_what_it_was_told_and_recomputes_the_rest(arm):
