@@ -25,7 +25,7 @@ def measured(tmp_path_factory):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("method", ["hqp", "lmi"])
+@pytest.mark.parametrize("method", [pytest.param("hqp", marks=pytest.mark.battery), "lmi"])
 def test_intervals_hold_the_truth_of_a_person_whose_segments_all_differ(method, measured):
     # Torso and pelvis explain 0.94 of what this person's table leaves; the others are no nearer to it for that.
     masses, person, folder = measured
