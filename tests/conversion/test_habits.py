@@ -19,7 +19,7 @@ from excite.errors import LogError
 from tests.conversion import written
 from tests.conversion.written import JOINTS, WHOLE
 
-pytestmark = pytest.mark.usefixtures("unexamined")
+pytestmark = pytest.mark.usefixtures("unexamined", "readers_here")
 
 
 def table(file: Path, columns: dict[str, object], separator: str = ",") -> Path:
