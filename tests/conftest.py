@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import gc
+import importlib
 import os
+import pickle
+from collections.abc import Iterator
 from pathlib import Path
-from typing import NoReturn
+from types import SimpleNamespace
+from typing import BinaryIO, NoReturn
 
 import pytest
 
+from excite.errors import ExciteError
+from excite.formats import child
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 
@@ -20,7 +26,7 @@ def lacking(reason: str) -> NoReturn:
     pytest.skip(reason)
 
 
-# All modules and 7,450 tests are gathered before the first test runs, and nothing of that is garbage: looking for some
+# All modules and 7,150 tests are gathered before the first test runs, and nothing of that is garbage: looking for some
 # takes 9 s of 21.
 gc.disable()
 
@@ -32,6 +38,31 @@ def pytest_collection_finish(session: pytest.Session) -> None:
     # As the program has it.
     gc.set_threshold(50_000, 20, 20)
     gc.enable()
+
+
+@pytest.fixture(scope="module")
+def readers_here() -> Iterator[None]:
+    """Native readers read in this process: for tests of what whole files say, not of those that make readers crash.
+
+    To start a process takes longer than to read most of the files that tests write.
+    """
+
+    def answer(_: list[str], *, input: bytes, stdout: BinaryIO, **__: object) -> SimpleNamespace:
+        function, args, _memory_gb = pickle.loads(input)  # noqa: S301  (from our own code)
+        module, _, name = function.partition(":")
+        try:
+            made = "returned", getattr(importlib.import_module(module), name)(*args)
+        except ExciteError as error:
+            made = "raised", error
+        except Exception:  # noqa: BLE001  (a child would end with it)
+            return SimpleNamespace(returncode=1)
+        pickle.dump(made, stdout)
+        return SimpleNamespace(returncode=0)
+
+    processes = SimpleNamespace(run=answer, TimeoutExpired=TimeoutError, DEVNULL=None)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(child, "subprocess", processes)
+        yield
 
 
 @pytest.fixture(scope="session")
@@ -59,3 +90,15 @@ def gap_dir() -> Path:
 def g1() -> Robot:
     """The bundled Unitree G1."""
     return load_robot("g1")
+
+
+@pytest.fixture(scope="session")
+def ur10() -> Robot:
+    """The bundled UR10."""
+    return load_robot("ur10")
+
+
+@pytest.fixture(scope="session")
+def panda() -> Robot:
+    """The bundled Panda."""
+    return load_robot("panda")

@@ -73,7 +73,7 @@ def test_friction_planted_in_a_real_record_is_scored(bench: Bench, tmp_path: Pat
         # Its torque is that of the joint before.
         ("panda", Effect("encoder_offset", 2, -0.03), "panda_joint3"),
         # Whitened rows tell a delay by when friction changes sign.
-        ("xmate", Effect("time_delay", 0, 0.012), "torque"),
+        pytest.param("xmate", Effect("time_delay", 0, 0.012), "torque", marks=pytest.mark.battery),
     ],
 )
 def test_what_is_planted_in_a_record_is_named(name: str, effect: Effect, place: str, tmp_path: Path) -> None:

@@ -10,16 +10,9 @@ from excite.campaign.journal import CampaignSettings
 from excite.campaign.loop import campaign
 from excite.campaign.plan import Plan, plan
 from excite.documents.campaign import Campaign
-from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 
 SMALL = CampaignSettings(n_candidates=8, target_rsd=5.0, max_iterations=2, seed=3)
-
-
-@pytest.fixture(scope="session")
-def ur10() -> Robot:
-    """The bundled UR10."""
-    return load_robot("ur10")
 
 
 @pytest.fixture(scope="session")

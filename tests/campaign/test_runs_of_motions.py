@@ -9,19 +9,13 @@ import pytest
 
 import excite
 from excite.errors import MotionError
-from excite.motion.collection import library_folder
 from excite.motion.motion import Motion
 from excite.robot.robot import Robot
 
 
 @pytest.fixture(scope="module")
-def ur10() -> Robot:
-    return excite.load_robot("ur10")
-
-
-@pytest.fixture(scope="module")
 def motion(ur10: Robot) -> Motion:
-    return excite.load_motions([library_folder("ur10")], ur10)[0]
+    return excite.load_motions("ur10")[0]
 
 
 def stretched(time: np.ndarray, kind: str) -> np.ndarray:

@@ -110,7 +110,7 @@ LATER = {"degrees", "one torque turned", "two rows in the wrong order", "a dead 
 
 
 @pytest.mark.parametrize(
-    "mistake", [pytest.param(name, marks=[pytest.mark.slow] if name in LATER else []) for name in NAMED]
+    "mistake", [pytest.param(name, marks=[pytest.mark.battery] if name in LATER else []) for name in NAMED]
 )
 def test_a_mistake_is_named_with_its_cause(mistake, tmp_path, sound):
     spoil, header, kind, cause, places = NAMED[mistake]

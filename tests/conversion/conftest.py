@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from excite.conversion import convert
 from tests.conversion import written
 
 
@@ -18,3 +20,11 @@ def arm(tmp_path: Path) -> Path:
 @pytest.fixture
 def data() -> dict[str, np.ndarray]:
     return written.motion()
+
+
+@pytest.fixture(scope="module")
+def unexamined() -> Iterator[None]:
+    """The doctor does not look at what was converted: for tests of what columns are taken for, which come before."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(convert, "_examine_log", lambda *_: (None, []))
+        yield

@@ -14,6 +14,8 @@ from excite.conversion.guesses import UnclearError
 from tests.conversion import written
 from tests.conversion.written import JOINTS
 
+pytestmark = pytest.mark.usefixtures("unexamined")
+
 # Pulses a radian, by joint; T and U are a time and a voltage where no axis is called so.
 PULSES = {"U": 76_800.0, "T": 57_300.0, "B": 35_600.0}
 

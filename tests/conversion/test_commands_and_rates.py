@@ -80,7 +80,13 @@ def written(folder: Path, q: np.ndarray, tau: np.ndarray) -> Path:
 
 
 @pytest.mark.parametrize(
-    ("name", "every", "sign"), [("ur10", 1, 1.0), ("panda", 2, -1.0), ("iiwa14", 5, 1.0), ("jaco2", 3, -1.0)]
+    ("name", "every", "sign"),
+    [
+        ("ur10", 1, 1.0),
+        pytest.param("panda", 2, -1.0, marks=pytest.mark.battery),
+        ("iiwa14", 5, 1.0),
+        pytest.param("jaco2", 3, -1.0, marks=pytest.mark.battery),
+    ],
 )
 def test_a_rate_that_nobody_stated_is_fitted_to_the_torques(name, every, sign, tmp_path):
     robot = excite.load_robot(name)

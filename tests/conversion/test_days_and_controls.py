@@ -11,6 +11,8 @@ from excite.conversion.guesses import UnclearError
 from tests.conversion import written
 from tests.conversion.written import JOINTS, whole
 
+pytestmark = pytest.mark.usefixtures("unexamined")
+
 
 def in_days(file: Path, name: str, first: float, data: dict[str, np.ndarray]) -> Path:
     names = [name, *(f"q_{joint}" for joint in JOINTS), *(f"tau_{joint}" for joint in JOINTS)]

@@ -25,6 +25,8 @@ from excite.errors import LogError
 from tests.conversion import written
 from tests.conversion.written import JOINTS
 
+pytestmark = pytest.mark.usefixtures("unexamined", "readers_here")
+
 WHOLE = {"trials": {"validation": ["none"], "split": "none"}}
 
 

@@ -18,6 +18,8 @@ from tests.conversion import written
 from tests.conversion.written import JOINTS
 from tests.reproduction.recordings import example_robot_data
 
+pytestmark = pytest.mark.usefixtures("readers_here")
+
 
 def table(file: Path, columns: dict[str, np.ndarray]) -> Path:
     rows = np.column_stack(list(columns.values()))

@@ -19,6 +19,8 @@ from excite.errors import LogError
 from tests.conversion import written
 from tests.conversion.written import JOINTS, WHOLE
 
+pytestmark = pytest.mark.usefixtures("unexamined", "readers_here")
+
 
 def table(file: Path, columns: dict[str, object], separator: str = ",") -> Path:
     """A text table; a column's cells are numbers or texts, None for an empty cell."""

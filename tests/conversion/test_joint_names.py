@@ -17,6 +17,8 @@ from tests.conversion import written
 from tests.conversion.test_habits import table
 from tests.conversion.written import WHOLE
 
+pytestmark = pytest.mark.usefixtures("unexamined", "readers_here")
+
 ARMS = [f"openarm_{side}_joint{k}" for side in ("left", "right") for k in range(1, 8)]
 UR = [f"ur5e_{name}_joint" for name in "shoulder_pan shoulder_lift elbow wrist_1 wrist_2 wrist_3".split()]
 HAND = [f"{finger}_joint_{k}" for finger in ("index", "middle", "ring", "thumb") for k in range(4)]

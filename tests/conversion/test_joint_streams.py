@@ -11,6 +11,8 @@ import excite
 from tests.conversion import messages, written
 from tests.conversion.written import JOINTS, WHOLE
 
+pytestmark = pytest.mark.usefixtures("unexamined", "readers_here")
+
 DATA = written.motion(200)
 
 

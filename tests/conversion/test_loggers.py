@@ -7,11 +7,14 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import excite
 from tests.conversion import written
 from tests.conversion.test_habits import check, table
 from tests.conversion.written import WHOLE
+
+pytestmark = pytest.mark.usefixtures("unexamined")
 
 
 def _lines(file: Path, rows: list[dict[str, object]]) -> Path:

@@ -18,6 +18,8 @@ from excite.conversion.guesses import UnclearError
 from tests.conversion import messages, written
 from tests.conversion.written import JOINTS
 
+pytestmark = pytest.mark.usefixtures("readers_here")
+
 # Motors of Unitree's quadrupeds in the order of the models' joints, whose first leg is the left one.
 SDK_ORDER = [3, 4, 5, 0, 1, 2, 9, 10, 11, 6, 7, 8]
 H1_ORDER = {"left_hip_yaw_joint": 7, "right_hip_roll_joint": 0, "torso_joint": 6, "left_elbow_joint": 19}

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 import excite
 from tests.conversion.test_habits import columns_of, table
 from tests.conversion.written import JOINTS, WHOLE
+
+pytestmark = pytest.mark.usefixtures("unexamined")
 
 
 def test_positions_of_missing_rows_are_on_the_curve(data, arm, tmp_path):

@@ -11,6 +11,8 @@ import pytest
 import excite
 from excite.conversion.explicit_mapping import Map
 
+pytestmark = pytest.mark.usefixtures("unexamined")
+
 LEGS = ("FR", "FL", "RR", "RL")
 MOTORS = [f"{leg}_{joint}_joint" for leg in LEGS for joint in ("hip", "thigh", "calf")]
 N, COUNT = 300, 20

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 import excite
 from tests.conversion.test_habits import check
 from tests.conversion.written import JOINTS, WHOLE
+
+pytestmark = pytest.mark.usefixtures("unexamined", "readers_here")
 
 
 def test_a_dump_of_a_controller_with_german_heads_and_decimal_commas(data, arm, tmp_path):

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 import excite
 from excite.conversion.recording import Column, Stream
 from excite.conversion.shapes import by_clock
 from tests.conversion.test_habits import table
 from tests.conversion.written import WHOLE
+
+pytestmark = pytest.mark.usefixtures("unexamined")
 
 
 def test_channels_of_a_slower_task_keep_their_pace(data, arm, tmp_path):

@@ -17,6 +17,8 @@ from excite.errors import InputError, LogError
 from excite.robot.catalogue import example_robot_data
 from tests.conftest import lacking
 
+pytestmark = pytest.mark.usefixtures("readers_here")
+
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 MAPS = Path(__file__).parent / "maps"
 MOST_LINES = 12

@@ -15,6 +15,8 @@ from tests.conversion import written
 from tests.conversion.test_guesses import named, table
 from tests.conversion.written import JOINTS
 
+pytestmark = pytest.mark.usefixtures("unexamined")
+
 LIFT = JOINTS[0]
 
 

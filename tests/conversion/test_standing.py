@@ -14,6 +14,8 @@ from excite.conversion.guesses import UnclearError
 from tests.conversion.test_habits import table
 from tests.quadruped import LEGS, write_quadruped
 
+pytestmark = pytest.mark.usefixtures("unexamined")
+
 _G = 9.80665
 _JOINTS = [f"{leg}_{joint}" for leg in LEGS for joint in ("roll", "pitch", "knee")]
 # How programs call position, quaternion, gyroscope, accelerometer and a foot's flag.

@@ -13,6 +13,8 @@ from excite.conversion.guesses import UnclearError
 from tests.conversion.test_habits import check, columns_of, table
 from tests.conversion.written import JOINTS, WHOLE
 
+pytestmark = pytest.mark.usefixtures("unexamined")
+
 
 def _below(file: Path, header: str, columns: dict[str, object], separator: str = ",") -> Path:
     table(file, columns, separator)

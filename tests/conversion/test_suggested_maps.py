@@ -12,6 +12,8 @@ import excite
 from excite.conversion.guesses import UnclearError
 from tests.conversion.drawn import _motion
 
+pytestmark = pytest.mark.usefixtures("unexamined")
+
 LABELS = (
     ("base", "shoulder", "elbow", "w1", "w2", "w3"),
     ("pan", "lift", "elbow", "wrist1", "wrist2", "wrist3"),

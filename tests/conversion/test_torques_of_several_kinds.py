@@ -8,6 +8,8 @@ import excite
 from excite.conversion.guesses import UnclearError
 from tests.conversion.test_habits import columns_of, table
 
+pytestmark = pytest.mark.usefixtures("unexamined")
+
 
 def test_external_torques_alone_are_said_to_be_left_out(data, arm, tmp_path):
     """What a robot's observer makes of torques is none that was measured; that nothing was recorded is not so."""

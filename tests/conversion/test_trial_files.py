@@ -11,6 +11,8 @@ from excite.errors import LogError
 from tests.conversion.test_habits import check, columns_of, table
 from tests.conversion.written import motion
 
+pytestmark = pytest.mark.usefixtures("unexamined")
+
 SEEDS = {"slow": 0, "fast": 1, "sweep": 2}
 
 

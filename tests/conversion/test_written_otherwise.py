@@ -19,6 +19,8 @@ from excite.errors import LogError
 from tests.conversion import written
 from tests.conversion.written import JOINTS, whole
 
+pytestmark = pytest.mark.usefixtures("readers_here")
+
 N = 300
 
 

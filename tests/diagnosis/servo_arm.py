@@ -11,8 +11,9 @@ import numpy as np
 import pinocchio as pin
 
 from excite.logs.files import load_log, save_log
-from excite.logs.log import Log, LogHeader, Trial
+from excite.logs.log import Log, Trial
 from excite.robot.loading import load_robot
+from tests.made_log import FRICTION, made_log
 
 RATE_HZ, SECONDS, STEPS = 200, 12, 5
 MASS, SEEDS, HERTZ = 2.0, (1, 2, 3), (0.11, 0.19, 0.33, 0.5, 0.8)
@@ -66,17 +67,7 @@ def arm_log(
         for trial in trials:
             trial.tau[:, joint] = np.clip(trial.tau[:, joint], -most, most)
     bodies = "rigid_body_fixed" if made.payload else "rigid_body"
-    header = {
-        "schema": "excite.log/1",
-        "robot": "robot.urdf",
-        "base": "fixed",
-        "rate_hz": RATE_HZ,
-        "joints": list(robot.joint_names),
-        "torque": "motor_side",
-        "modelled": [bodies, "viscous_friction", "coulomb_friction", "armature"],
-        "trials": [{"file": f"{t.name}.parquet", "role": t.role} for t in trials],
-    }
-    log = Log(LogHeader.model_validate(header), tuple(trials), robot_text=robot.urdf)
+    log = made_log(trials, robot.joint_names, RATE_HZ, robot.urdf, modelled=[bodies, *FRICTION, "armature"])
     return load_log(save_log(log, folder))
 
 

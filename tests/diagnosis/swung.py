@@ -10,7 +10,8 @@ import numpy as np
 from excite.diagnosis.answer.answer import Diagnosis
 from excite.diagnosis.diagnose import diagnose
 from excite.logs.files import save_log
-from excite.logs.log import Log, LogHeader, Trial
+from excite.logs.log import Trial
+from tests.made_log import FRICTION, made_log
 
 ROLES = {"a": "identification", "b": "identification", "c": "validation"}
 
@@ -38,14 +39,8 @@ def diagnosed_trials(
     folder: Path, urdf: str, joints: Sequence[str], rate_hz: int, trials: tuple[Trial, ...]
 ) -> Diagnosis:
     """The diagnosis of trials of an arm on a fixed base, its friction fitted and its bodies the model's."""
-    header = {
-        "schema": "excite.log/1",
-        "robot": "arm.urdf",
-        "base": "fixed",
-        "rate_hz": rate_hz,
-        "joints": list(joints),
-        "torque": "motor_side",
-        "modelled": ["rigid_body_fixed", "viscous_friction", "coulomb_friction"],
-        "trials": [{"file": f"{trial.name}.parquet", "role": trial.role} for trial in trials],
-    }
-    return diagnose(save_log(Log(LogHeader.model_validate(header), trials, robot_text=urdf), folder / "log"))
+    return diagnose(
+        save_log(
+            made_log(trials, joints, rate_hz, urdf, modelled=["rigid_body_fixed", *FRICTION]), folder / "log"
+        )
+    )

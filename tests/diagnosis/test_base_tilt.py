@@ -12,7 +12,8 @@ import pytest
 from excite.diagnosis.diagnose import diagnose
 from excite.diagnosis.effects.bodies import BaseTilt, level_axes
 from excite.logs.files import save_log
-from excite.logs.log import Log, LogHeader, Trial
+from excite.logs.log import Log, Trial
+from tests.made_log import FRICTION, made_log
 
 RATE_HZ = 200
 TILT = 0.06
@@ -52,17 +53,7 @@ def tilted(name: str, role: str, seed: int) -> Trial:
 
 def crane_log(trials: tuple[Trial, ...], *, bodies: str = "rigid_body", rate_hz: int = RATE_HZ) -> Log:
     """A log of the crane, whose model has its bodies, as known or to be fitted, and plain friction."""
-    header = {
-        "schema": "excite.log/1",
-        "robot": "crane.urdf",
-        "base": "fixed",
-        "rate_hz": rate_hz,
-        "joints": ["turn", "lift"],
-        "torque": "motor_side",
-        "modelled": [bodies, "viscous_friction", "coulomb_friction"],
-        "trials": [{"file": f"{trial.name}.parquet", "role": trial.role} for trial in trials],
-    }
-    return Log(LogHeader.model_validate(header), trials, robot_text=CRANE)
+    return made_log(trials, ["turn", "lift"], rate_hz, CRANE, modelled=[bodies, *FRICTION])
 
 
 def test_a_tilt_is_found_beside_more_than_it_asks_for_at_the_first_joint(tmp_path: Path) -> None:
@@ -135,18 +126,11 @@ def test_the_offset_of_one_arm_is_no_rival_of_a_tilt_that_both_feel(tmp_path: Pa
         tau = np.array([pin.rnea(model, data, *row) for row in zip(q, v, a, strict=True)])
         tau += 0.3 * v + 0.4 * np.tanh(v / 0.02) + 0.02 * rng.normal(size=q.shape)
         trials.append(Trial(name, role, t, q, tau=tau))
-    header = LogHeader.model_validate(
-        {
-            "schema": "excite.log/1",
-            "robot": "two_arms.urdf",
-            "base": "fixed",
-            "rate_hz": RATE_HZ,
-            "joints": ["left", "right"],
-            "torque": "motor_side",
-            "modelled": ["rigid_body_fixed", "viscous_friction", "coulomb_friction"],
-            "trials": [{"file": f"{trial.name}.parquet", "role": trial.role} for trial in trials],
-        }
+    result = diagnose(
+        save_log(
+            made_log(trials, ["left", "right"], RATE_HZ, urdf, modelled=["rigid_body_fixed", *FRICTION]),
+            tmp_path / "log",
+        )
     )
-    result = diagnose(save_log(Log(header, tuple(trials), robot_text=urdf), tmp_path / "log"))
     assert (result.verdict, result.effect) == ("effect", "base_tilt")
     assert result.effects[0].parameters["angle"].value == pytest.approx(TILT, rel=0.02)

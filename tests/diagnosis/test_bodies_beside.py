@@ -8,7 +8,6 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from excite.diagnosis.attribution import fit_along_direction
 from excite.diagnosis.budget.bodies import fit_likeliest_bodies, make_body_term
 from excite.diagnosis.budget.fit.design import Design
 from excite.diagnosis.budget.fit.joint_fit import fit_model
@@ -21,7 +20,6 @@ from excite.diagnosis.equations.noise_floor import spectral_floor
 from excite.diagnosis.equations.resampling import arm_samples
 from excite.logs.files import load_log, save_log
 from excite.logs.robot import nominal_robot
-from tests.diagnosis.hypotheses import fitted
 from tests.diagnosis.two_joints import URDF, moved, two_joint_log
 
 MODELLED = ("rigid_body_fixed", "viscous_friction", "coulomb_friction")
@@ -85,10 +83,3 @@ def test_a_body_without_the_constant_that_it_stood_beside_is_another(baseline: B
         again.direction / again.direction[0], bent.direction / bent.direction[0], atol=1e-3
     )
     assert other is held
-
-
-def test_parameters_in_fixed_proportions_are_no_surer_than_free_ones(baseline: Baseline) -> None:
-    item = fitted(baseline, EFFECTS["payload"], "lower")
-    made = fit_along_direction(item, BALL.toDynamicParameters())
-    assert (made.fit.extra_std >= item.fit.extra_std).all()
-    assert made.fit.extra[0] == pytest.approx(BALL.mass, rel=0.02)

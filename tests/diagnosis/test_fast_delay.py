@@ -9,7 +9,8 @@ import pytest
 
 from excite.diagnosis.diagnose import diagnose
 from excite.logs.files import save_log
-from excite.logs.log import Log, LogHeader, Trial
+from excite.logs.log import Trial
+from tests.made_log import FRICTION, made_log
 
 RATE_HZ, INNER, SECONDS, DELAY = 500, 8, 8, 0.006
 MASS, CENTRE, INERTIA, ROTOR = 0.05, 0.03, 2.2e-5, 5e-4
@@ -53,17 +54,7 @@ def test_a_delay_is_told_between_reversals(tmp_path: Path) -> None:
     """Of all rows it is a fifth shorter: a filter moves where a velocity that sticks and leaps changes its sign."""
     roles = ("identification", "identification", "identification", "validation")
     trials = tuple(driven(name, role, k) for k, (name, role) in enumerate(zip("abcd", roles, strict=True)))
-    header = {
-        "schema": "excite.log/1",
-        "robot": "finger.urdf",
-        "base": "fixed",
-        "rate_hz": RATE_HZ,
-        "joints": ["knuckle"],
-        "torque": "motor_side",
-        "modelled": ["rigid_body_fixed", "viscous_friction", "coulomb_friction", "armature"],
-        "trials": [{"file": f"{trial.name}.parquet", "role": trial.role} for trial in trials],
-    }
-    log = Log(LogHeader.model_validate(header), trials, robot_text=URDF)
+    log = made_log(trials, ["knuckle"], RATE_HZ, URDF, modelled=["rigid_body_fixed", *FRICTION, "armature"])
     found = diagnose(save_log(log, tmp_path / "finger"))
     assert found.effect == "time_delay"
     delay = found.effects[0].parameters["delay"]

@@ -12,7 +12,7 @@ import pytest
 from excite.diagnosis.floating.answer import draw_residual_power, gap_of, residual_of
 from excite.diagnosis.floating.bodies import SwingingJoint
 from excite.diagnosis.floating.diagnose import attribute_gap, unknown_places
-from excite.diagnosis.floating.effect import FloatingEffect, Reads
+from excite.diagnosis.floating.effect import FloatingEffect
 from excite.diagnosis.floating.hypotheses import Placed, nominal_fit, refine_fit
 from excite.diagnosis.floating.problem import Problem, build_problem, find_unloaded
 from excite.diagnosis.floating.record import FloatingRecord, prepare_record
@@ -91,21 +91,6 @@ def test_prediction_is_inverse_dynamics(record: FloatingRecord) -> None:
 def test_noise_of_a_clean_record_is_as_expected(problem: Problem) -> None:
     power = problem.residual_power(problem.nominal_rows) / len(problem.nominal_rows)
     assert 0.7 < power < 1.3
-
-
-@pytest.mark.parametrize(
-    "name", sorted(w for w, e in FLOATING_EFFECTS.items() if Reads.WRENCHES in e.seen_by)
-)
-def test_effects_vanish_at_zero_and_follow_their_columns(record: FloatingRecord, name: str) -> None:
-    few = first_samples(record)
-    effect, state = FLOATING_EFFECTS[name], State.from_log(few)
-    location = effect.locations(state)[-1]
-    zero = np.zeros(len(effect.parameters_at(state, location)))
-    np.testing.assert_allclose(effect.apply_to(state, location, zero).residual, state.residual, atol=1e-9)
-    theta = 0.02 * effect.parameter_scales(state, location)
-    moved = effect.apply_to(state, location, theta).residual - state.residual
-    linear = -effect.residual_columns(state, location, zero) @ theta
-    assert np.abs(moved - linear).max() < 0.05 * np.abs(moved).max() + 1e-9
 
 
 def test_nothing_is_found_where_nothing_is(record: FloatingRecord) -> None:

@@ -9,8 +9,9 @@ import pytest
 
 from excite.diagnosis.diagnose import diagnose
 from excite.logs.files import save_log
-from excite.logs.log import Log, LogHeader, Trial
+from excite.logs.log import Trial
 from tests.diagnosis.test_one_joint import URDF
+from tests.made_log import made_log
 
 RATE_HZ, SECONDS, PAUSE = 200, 12.0, 20.0
 MASS, VISCOUS, COULOMB, NOISE = 80.0, 200.0, 50.0, 0.5
@@ -34,20 +35,19 @@ def warmed(number: int, share: float, time_constant: float, *, anew: bool, rng: 
 def logged(folder: Path, share: float, time_constant: float, *, anew: bool) -> Path:
     rng = np.random.default_rng(2)
     trials = tuple(warmed(k, share, time_constant, anew=anew, rng=rng) for k in range(len(ROLES)))
-    said = {
-        "schema": "excite.log/1",
-        "robot": "axis.urdf",
-        "base": "fixed",
-        "rate_hz": RATE_HZ,
-        "joints": ["slide"],
-        "torque": "motor_side",
-        "modelled": ["rigid_body", "viscous_friction", "coulomb_friction"],
-        "trials": [
-            {"file": f"{trial.name}.parquet", "role": trial.role, "start_s": trial.start_s}
-            for trial in trials
-        ],
-    }
-    return save_log(Log(LogHeader.model_validate(said), trials, robot_text=URDF), folder / "axis")
+    return save_log(
+        made_log(
+            trials,
+            ["slide"],
+            RATE_HZ,
+            URDF,
+            trials=[
+                {"file": f"{trial.name}.parquet", "role": trial.role, "start_s": trial.start_s}
+                for trial in trials
+            ],
+        ),
+        folder / "axis",
+    )
 
 
 @pytest.mark.parametrize(("anew", "time_constant"), [(True, 4.0), (False, 40.0)])

@@ -12,7 +12,8 @@ import pytest
 from excite.diagnosis.diagnose import diagnose
 from excite.diagnosis.equations.arm_trial import Bands
 from excite.diagnosis.equations.noise_floor import bands_by_noise, noise_density
-from excite.logs.log import Log, LogHeader, Trial
+from excite.logs.log import Log, Trial
+from tests.made_log import made_log
 
 RATE, SECONDS = 200.0, 12.0
 URDF = """<robot name="lift">
@@ -59,19 +60,7 @@ def _log(noise: float, rng: np.random.Generator, *, constant: float = 0.0, lift:
         measured = q + noise * rng.standard_normal(q.shape)
         role = "identification" if k < 3 else "validation"
         trials.append(Trial(name=f"trial_{k}", role=role, time=time, q=measured, tau=tau))
-    header = LogHeader.model_validate(
-        {
-            "schema": "excite.log/1",
-            "robot": "robot.urdf",
-            "base": "fixed",
-            "rate_hz": RATE,
-            "joints": ["lift", "elbow"],
-            "torque": "motor_side",
-            "modelled": ["rigid_body", "viscous_friction", "coulomb_friction"],
-            "trials": [{"file": f"{t.name}.parquet", "role": t.role} for t in trials],
-        }
-    )
-    return Log(header, tuple(trials), robot_text=URDF)
+    return made_log(trials, ["lift", "elbow"], RATE, URDF)
 
 
 def test_bands_are_lower_where_noise_would_bend_what_is_fitted() -> None:

@@ -24,7 +24,7 @@ from excite.diagnosis.equations.noise_floor import spectral_floor
 from excite.diagnosis.equations.resampling import arm_samples
 from excite.diagnosis.next_experiment.advice import FILE, Expectation
 from excite.diagnosis.next_experiment.candidates import draw_motions
-from excite.logs.log import Log, LogHeader, Trial
+from excite.logs.log import Log, Trial
 from excite.motion.files import load_motion
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
@@ -33,6 +33,7 @@ from excite.safety.check import check_motion
 from tests.benchmarks.next_experiment import outcome
 from tests.diagnosis.hypotheses import fitted
 from tests.diagnosis.poor_logs import RECIPES
+from tests.made_log import made_log
 
 RATE = 100.0
 MODELLED = ("rigid_body", "viscous_friction", "coulomb_friction")
@@ -62,19 +63,7 @@ def record(robot: Robot, torque: Array | None = None, stiffness: float = 0.0, re
         tau += 0.4 * v + 0.5 * np.tanh(v / 5e-3) + (0.0 if torque is None else torque)
         tau[:, 0] += stiffness * (q[:, 0] - 0.3)
         trials.append(Trial(name, role, time, q, tau=tau + 0.02 * rng.standard_normal(tau.shape)))
-    header = LogHeader.model_validate(
-        {
-            "schema": "excite.log/1",
-            "robot": "robot.urdf",
-            "base": "fixed",
-            "rate_hz": RATE,
-            "joints": robot.joint_names,
-            "torque": "motor_side",
-            "modelled": MODELLED,
-            "trials": [{"file": f"{t.name}.parquet", "role": t.role} for t in trials],
-        }
-    )
-    return Log(header, tuple(trials))
+    return made_log(trials, robot.joint_names, RATE, modelled=MODELLED)
 
 
 class Eccentric(Effect):

@@ -22,9 +22,10 @@ from excite.diagnosis.equations.noise_floor import (
 from excite.diagnosis.equations.resampling import arm_samples
 from excite.diagnosis.equations.samples import ArmSamples
 from excite.diagnosis.equations.standing_joints import held_power
-from excite.logs.log import Log, LogHeader, Trial
+from excite.logs.log import Log, Trial
 from excite.logs.signals.butterworth import noise_bandwidth
 from excite.robot.loading import load_robot
+from tests.made_log import made_log
 
 RATE, SECONDS = 200.0, 8.0
 NOISE = 5e-5
@@ -49,19 +50,7 @@ def clean() -> Log:
         trials.append(
             Trial(name=f"trial_{k}", role="identification", time=time, q=q, tau=tau, repeats=repeats)
         )
-    header = LogHeader.model_validate(
-        {
-            "schema": "excite.log/1",
-            "robot": "robot.urdf",
-            "base": "fixed",
-            "rate_hz": RATE,
-            "joints": list(robot.joint_names),
-            "torque": "motor_side",
-            "modelled": ["rigid_body_fixed"],
-            "trials": [{"file": f"{trial.name}.csv", "role": trial.role} for trial in trials],
-        }
-    )
-    return Log(header=header, trials=tuple(trials))
+    return made_log(trials, robot.joint_names, RATE, modelled=["rigid_body_fixed"])
 
 
 def _baseline(log: Log) -> Baseline:

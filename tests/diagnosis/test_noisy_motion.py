@@ -8,8 +8,9 @@ import pytest
 
 from excite.arrays import Array
 from excite.diagnosis.diagnose import diagnose
-from excite.logs.log import Log, LogHeader, Trial
+from excite.logs.log import Trial
 from excite.robot.loading import load_robot
+from tests.made_log import FRICTION, made_log
 
 RATE_HZ, SECONDS = 250, 12.0
 
@@ -50,15 +51,13 @@ def test_an_arm_that_moves_as_modelled_has_no_gap_though_its_encoders_are_noisy(
         role = "identification" if k < 4 else "validation"
         noisy = q + 2e-5 * rng.normal(size=q.shape)
         trials.append(Trial(name=f"trial_{k}", role=role, time=time, q=noisy, tau=tau))
-    header = {
-        "schema": "excite.log/1",
-        "robot": "jaco2",
-        "base": "fixed",
-        "rate_hz": RATE_HZ,
-        "joints": list(robot.joint_names),
-        "torque": "motor_side",
-        "modelled": ["rigid_body_fixed", "viscous_friction", "coulomb_friction", "armature", "torque_bias"],
-        "trials": [{"file": f"{t.name}.parquet", "role": t.role} for t in trials],
-    }
-    found = diagnose(Log(LogHeader.model_validate(header), tuple(trials)), robot)
+    found = diagnose(
+        made_log(
+            trials,
+            robot.joint_names,
+            RATE_HZ,
+            modelled=["rigid_body_fixed", *FRICTION, "armature", "torque_bias"],
+        ),
+        robot,
+    )
     assert (found.verdict, [(e.effect, e.location) for e in found.effects]) == ("none", [])

@@ -11,8 +11,9 @@ import pytest
 from excite.diagnosis.answer.answer import Diagnosis
 from excite.diagnosis.diagnose import diagnose
 from excite.logs.files import save_log
-from excite.logs.log import Log, LogHeader, Trial
+from excite.logs.log import Trial
 from tests.diagnosis.effects.arm_record import COULOMB, URDF, VISCOUS
+from tests.made_log import FRICTION, made_log
 
 RATE_HZ, NOISE = 200, 0.05
 MASS, PLACE = 0.4, np.array([0.3, 0.0, 0.04])
@@ -45,17 +46,11 @@ def diagnosed(
         trial(f"run_{k}", role, *sizes, rng)
         for k, (role, *sizes) in enumerate(zip(ROLES, masses, dry, strict=True))
     )
-    header = {
-        "schema": "excite.log/1",
-        "robot": "three.urdf",
-        "base": "fixed",
-        "rate_hz": RATE_HZ,
-        "joints": ["yaw", "shoulder", "elbow"],
-        "torque": "motor_side",
-        "modelled": [body, "viscous_friction", "coulomb_friction"],
-        "trials": [{"file": f"{t.name}.parquet", "role": t.role} for t in trials],
-    }
-    return diagnose(save_log(Log(LogHeader.model_validate(header), trials, robot_text=URDF), folder))
+    return diagnose(
+        save_log(
+            made_log(trials, ["yaw", "shoulder", "elbow"], RATE_HZ, URDF, modelled=[body, *FRICTION]), folder
+        )
+    )
 
 
 @pytest.mark.parametrize("body", ["rigid_body", pytest.param("rigid_body_fixed", marks=pytest.mark.battery)])

@@ -14,10 +14,11 @@ from excite.diagnosis.equations.noise_floor import repeat_floor, spectral_floor
 from excite.diagnosis.equations.resampling import arm_samples
 from excite.errors import LogError
 from excite.logs.files import load_log, save_log
-from excite.logs.log import Log, LogHeader, Trial
+from excite.logs.log import Log, Trial
 from excite.logs.robot import nominal_robot
 from excite.robot.loading import load_robot
 from tests.diagnosis.two_joints import NOISE, moved, two_joint_log
+from tests.made_log import made_log
 
 RATE, REST, MOTION = 200.0, 1.5, 8.0
 NOISE_Q, NOISE_TAU = 5e-5, 0.02
@@ -56,21 +57,18 @@ def record(later: float) -> Log:
         replace(trial("b", REST, 0.7, rng), role="validation"),
         trial("again", REST + later, 0.0, rng),
     )
-    header = {
-        "schema": "excite.log/1",
-        "robot": "robot.urdf",
-        "base": "fixed",
-        "rate_hz": RATE,
-        "joints": list(robot.joint_names),
-        "torque": "motor_side",
-        "modelled": ["rigid_body_fixed"],
-        "trials": [
+    return made_log(
+        trials,
+        robot.joint_names,
+        RATE,
+        robot.urdf,
+        modelled=["rigid_body_fixed"],
+        trials=[
             {"file": "a.parquet", "role": "identification"},
             {"file": "b.parquet", "role": "validation"},
             {"file": "again.parquet", "role": "identification", "repeats": "a.parquet"},
         ],
-    }
-    return Log(LogHeader.model_validate(header), trials, robot_text=robot.urdf)
+    )
 
 
 @pytest.mark.parametrize("later", [0.0, 0.0125, 0.73])

@@ -15,7 +15,6 @@ from excite.diagnosis.floating.problem import build_problem
 from excite.diagnosis.floating.record import TORQUE, prepare_record
 from excite.diagnosis.floating.registry import FLOATING_EFFECTS
 from excite.logs.log import Log
-from excite.motion.collection import library_folder
 from excite.motion.motion import Motion
 from excite.robot.robot import Robot
 from excite.simulation.effects.registry import inject_effects
@@ -121,4 +120,4 @@ def test_a_drive_of_a_robot_that_hangs_is_named() -> None:
 
 
 def library_motions(robot: Robot) -> dict[str, Motion]:
-    return {motion.name: motion for motion in excite.load_motions([library_folder(robot.name)], robot)}
+    return {motion.name: motion for motion in excite.load_motions(robot.name)}

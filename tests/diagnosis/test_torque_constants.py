@@ -11,9 +11,10 @@ import pytest
 from excite.diagnosis.diagnose import diagnose
 from excite.diagnosis.servo.gains import torque_constants
 from excite.diagnosis.servo.servo import read_signals
-from excite.logs.log import Log, LogHeader, Trial
+from excite.logs.log import Log, Trial
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
+from tests.made_log import FRICTION, made_log
 
 RATE_HZ = 100
 CONSTANTS = np.array([9.0, 11.0, 8.0, 2.5, 3.0, 2.0])
@@ -47,17 +48,14 @@ def log_of(load: float, tilt: float = 0.0, modelled: str = "rigid_body_fixed") -
         tau += 0.02 * rng.standard_normal(tau.shape)
         name = f"run_{len(trials)}"
         trials.append(Trial(name=name, role=role, time=time, q=q, current=tau / CONSTANTS))
-    header = {
-        "schema": "excite.log/1",
-        "robot": "robot.urdf",
-        "base": "fixed",
-        "rate_hz": RATE_HZ,
-        "joints": list(robot.model.names)[1:],
-        "torque": "current",
-        "modelled": [modelled, "viscous_friction", "coulomb_friction"],
-        "trials": [{"file": f"{t.name}.parquet", "role": t.role} for t in trials],
-    }
-    return Log(LogHeader.model_validate(header), tuple(trials), robot_text=robot.urdf)
+    return made_log(
+        trials,
+        list(robot.model.names)[1:],
+        RATE_HZ,
+        robot.urdf,
+        torque="current",
+        modelled=[modelled, *FRICTION],
+    )
 
 
 def constants_of(log: Log) -> np.ndarray:

@@ -134,9 +134,10 @@ def test_motor_side_torques_called_link_side_are_named(panda, log):
 @pytest.mark.parametrize("side", ["motor_side", "link_side"])
 def test_a_sound_log_raises_no_suspicion(panda, side, seed):
     log = arm_log(panda, seed, torque=side, trials=2)
-    assert suspicions(panda, log) == ()
+    found = examine(panda, log).findings
+    assert not [item for item in found if item.severity == "spoils"]
     with_speeds = changed(log, lambda t: replace(t, v=np.gradient(t.q, t.time, axis=0)))
-    assert examine(panda, with_speeds).findings == examine(panda, log).findings
+    assert examine(panda, with_speeds).findings == found
 
 
 def test_logs_without_torques_are_left_alone(panda, log):

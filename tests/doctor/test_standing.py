@@ -17,18 +17,12 @@ from excite.doctor.examine import Chart, examine
 from excite.doctor.wrench_samples import wrench_samples
 from excite.logs.log import Log, Trial
 from excite.motion.collection import load_motions
-from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from tests.doctor.standing_illnesses import STANDING_ILLNESSES
 
 MOTIONS = Path(__file__).resolve().parents[2] / "motion_library" / "g1" / "motions"
 # Turned wrenches of an exchanged foot are two mistakes, and both are said.
 COMPANY = {"feet exchanged": {"wrench_order", "wrench_sign"}}
-
-
-@pytest.fixture(scope="module")
-def g1() -> Robot:
-    return load_robot("g1")
 
 
 @pytest.fixture(scope="module")

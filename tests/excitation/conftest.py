@@ -6,10 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 import pinocchio as pin
-import pytest
 
 from excite.motion.motion import Motion
-from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 
 
@@ -34,9 +32,3 @@ def sines(
         v[1:-1, :6] = step[:, :6] / 0.01
         a[:, :6] = np.gradient(v[:, :6], time, axis=0)
     return Motion(name, robot.name, robot.joint_names, time, q, v, a)
-
-
-@pytest.fixture(scope="session")
-def panda() -> Robot:
-    """The bundled Panda."""
-    return load_robot("panda")

@@ -31,11 +31,6 @@ from excite.safety.parameter_set import stated_parameters
 
 
 @pytest.fixture(scope="module")
-def ur10() -> Robot:
-    return load_robot("ur10")
-
-
-@pytest.fixture(scope="module")
 def source(ur10: Robot) -> Motion:
     return load_motions("ur10")[0]
 

@@ -10,13 +10,7 @@ from excite.excitation.gradient_design import design_motions, first_information
 from excite.excitation.selection import LogDeterminant
 from excite.excitation.state_bound import bound_log_det, d_efficiency
 from excite.motion.collection import load_motions
-from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
-
-
-@pytest.fixture(scope="module")
-def ur10() -> Robot:
-    return load_robot("ur10")
 
 
 def test_no_states_and_no_motions_tell_more_than_the_bound(ur10: Robot) -> None:

@@ -21,7 +21,7 @@ from excite.robot.robot import Robot
 from excite.safety.check import check_motion
 from tests.safety.motions import check_file
 
-pytestmark = pytest.mark.usefixtures("judged_once")
+pytestmark = pytest.mark.usefixtures("judged_once", "readers_here")
 
 
 @pytest.fixture(scope="module")

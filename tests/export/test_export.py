@@ -22,7 +22,7 @@ from excite.safety.check import check_motion
 from tests.export.test_clearance import examples, runs
 from tests.safety.motions import smooth, standing_motion
 
-pytestmark = pytest.mark.usefixtures("judged_once")
+pytestmark = pytest.mark.usefixtures("judged_once", "readers_here")
 
 
 @pytest.fixture(scope="module")

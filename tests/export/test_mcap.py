@@ -12,6 +12,8 @@ from excite.export.export import export_motion
 from excite.motion.motion import Motion
 from excite.robot.robot import Robot
 
+pytestmark = pytest.mark.usefixtures("readers_here")
+
 ROBOT = "ur10"
 
 mcap_reader = pytest.importorskip("mcap.reader")

@@ -32,11 +32,6 @@ def robot(request: pytest.FixtureRequest) -> Robot:
     return load_robot(request.param)
 
 
-@pytest.fixture(scope="module")
-def ur10() -> Robot:
-    return load_robot("ur10")
-
-
 def scattered(robot: Robot) -> np.ndarray:
     return scattered_parameters(robot, np.random.default_rng(0), scatter=0.1).phi
 

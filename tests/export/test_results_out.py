@@ -24,6 +24,8 @@ from excite.simulation.true_parameters import scattered_parameters
 from tests.export.identified import identification_of
 from tests.identification.practice_log import arm_log
 
+pytestmark = pytest.mark.usefixtures("readers_here")
+
 # A user's own model: defaults, geometry, comments and names that no converter would write.
 MINE = """<mujoco model="mine">
   <!-- of the workshop, 2024 -->

@@ -18,6 +18,8 @@ from excite.robot.robot import Robot
 from excite.safety.repairs.sampling import plan_transfer
 from tests.safety.motions import check_file
 
+pytestmark = pytest.mark.usefixtures("readers_here")
+
 ROBOT = "panda"
 
 

@@ -18,6 +18,8 @@ from excite.human.recording_files import read_recording
 from excite.human.segments import JOINT_NAMES, Subject
 from tests.human.recordings import write_c3d
 
+pytestmark = pytest.mark.usefixtures("solved_once", "readers_here")
+
 
 def measured(session, trial, **settings):
     subject = session.who.body.subject

@@ -16,6 +16,8 @@ from excite.report.page import report
 from tests.human.conftest import Session
 from tests.human.recordings import write_c3d
 
+pytestmark = pytest.mark.usefixtures("readers_here")
+
 
 @pytest.fixture(scope="module")
 def folder(session: Session, person: MeasuredPerson, tmp_path_factory: pytest.TempPathFactory) -> Path:

@@ -19,6 +19,8 @@ from excite.logs.signals.butterworth import lowpass
 from excite.robot.loading import load_robot
 from tests.human.recordings import write_c3d
 
+pytestmark = pytest.mark.usefixtures("readers_here")
+
 
 def test_dimensions_and_marker_residuals(session, person):
     true = session.who.body.dimensions

@@ -13,6 +13,8 @@ from excite.human.recording_files import read_recording
 from tests.human.c3d_file import DEC, Style, plate_of, write
 from tests.human.recordings import write_c3d
 
+pytestmark = pytest.mark.usefixtures("readers_here")
+
 FROM_Y_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
 
 

@@ -17,6 +17,8 @@ from excite.human.measure import write_person
 from excite.human.segments import NAMES, Subject
 from tests.human.recordings import write_c3d
 
+pytestmark = pytest.mark.usefixtures("readers_here")
+
 WHO = ["--mass", "70", "--height", "1.82", "--sex", "male"]
 
 

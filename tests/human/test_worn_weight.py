@@ -22,6 +22,8 @@ from excite.human.measure import measure_person, write_person
 from excite.human.segments import Subject
 from tests.human.recordings import write_c3d
 
+pytestmark = pytest.mark.usefixtures("readers_here")
+
 
 def candidate(segment: str, evidence: float) -> Candidate:
     return Candidate(segment, 2.0, 0.1, (0.0, 0.0, 0.0), 100.0, evidence)

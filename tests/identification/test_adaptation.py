@@ -13,6 +13,7 @@ from excite.identification.estimators.method_settings import estimator_settings
 from excite.identification.identify import identify
 from excite.identification.problem import build_problem
 from excite.identification.regression import condense_problem, iterate_weights
+from excite.identification.result import Identification
 from excite.identification.statistics import base_statistics
 from excite.logs.log import Log
 from excite.robot.loading import load_robot
@@ -32,6 +33,22 @@ def clean(robot: Robot) -> Log:
     return arm_log(robot, 3)
 
 
+@pytest.fixture(scope="module")
+def plain(robot: Robot, clean: Log) -> Identification:
+    return identify(robot, clean)
+
+
+@pytest.fixture(scope="module")
+def scaled(clean: Log) -> Log:
+    """The third joint's torques are read larger than they are."""
+    return with_torques(clean, lambda tau, v: tau * np.array([1.0, 1.0, 1.6, 1.0, 1.0, 1.0]))
+
+
+@pytest.fixture(scope="module")
+def found(robot: Robot, scaled: Log) -> Identification:
+    return identify(robot, scaled)
+
+
 def with_torques(log: Log, change) -> Log:
     """The log with ``change(tau, v)`` in the place of its torques."""
     trials = [
@@ -49,11 +66,10 @@ def left(result) -> float:
     return sum(fit.rmse for fit in result.validation.values())
 
 
-def test_a_log_of_rigid_bodies_and_friction_gets_nothing_added(robot, clean):
-    found = identify(robot, clean)
-    assert added(found) == ()
-    assert not any(name.split(".")[0] in EXTENSIONS for name in found.identified.drive_names)
-    assert not found.consistency.inconsistent
+def test_a_log_of_rigid_bodies_and_friction_gets_nothing_added(plain):
+    assert added(plain) == ()
+    assert not any(name.split(".")[0] in EXTENSIONS for name in plain.identified.drive_names)
+    assert not plain.consistency.inconsistent
 
 
 def test_friction_that_grows_with_the_load_is_added_and_named(robot, clean):
@@ -72,20 +88,17 @@ def test_friction_that_grows_with_the_load_is_added_and_named(robot, clean):
     assert not found.consistency.inconsistent
 
 
-def test_a_torque_scale_that_no_bodies_explain_is_taken_out_of_them(robot, clean):
-    log = with_torques(clean, lambda tau, v: tau * np.array([1.0, 1.0, 1.6, 1.0, 1.0, 1.0]))
-    found, stated = identify(robot, log), identify(robot, log, settings=stated_terms())
+def test_a_torque_scale_that_no_bodies_explain_is_taken_out_of_them(robot, scaled, found):
+    stated = identify(robot, scaled, settings=stated_terms())
     assert "gain" in added(found) and added(stated) == ()
     assert left(found) < left(stated)
     assert not found.consistency.inconsistent
 
 
-def test_deviations_are_those_of_bodies_and_friction_alone(robot, clean):
-    log = with_torques(clean, lambda tau, v: tau * np.array([1.0, 1.0, 1.6, 1.0, 1.0, 1.0]))
-    found = identify(robot, log)
+def test_deviations_are_those_of_bodies_and_friction_alone(robot, scaled, found):
     names = [name for name in found.identified.drive_names if name.split(".")[0] not in EXTENSIONS]
-    plain = build_problem(robot, log).with_drives(names)
-    expected = base_statistics(iterate_weights(condense_problem(plain)))
+    bare = build_problem(robot, scaled).with_drives(names)
+    expected = base_statistics(iterate_weights(condense_problem(bare)))
     assert "gain" in added(found)
     np.testing.assert_allclose([item.std for item in found.base], expected.std, rtol=1e-6)
 
@@ -137,10 +150,10 @@ def test_stated_terms_stay_whatever_the_log_says(robot, clean):
     assert [name for name in found.identified.drive_names if name.split(".")[0] not in EXTENSIONS] == expected
 
 
-def test_a_stated_weight_of_the_nominal_model_stays(robot, clean):
+def test_a_stated_weight_of_the_nominal_model_stays(robot, clean, plain):
     near = identify(robot, clean, settings=estimator_settings("adaptive", alpha=1e12))
     nominal = robot.nominal_parameters
-    far = identify(robot, clean).identified.inertial
+    far = plain.identified.inertial
     assert np.abs(near.identified.inertial - nominal).max() < 0.05 * np.abs(far - nominal).max()
 
 

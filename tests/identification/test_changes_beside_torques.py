@@ -30,7 +30,10 @@ def run(*arguments):
     return found.stdout
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize(
+    "case",
+    [pytest.param(case, marks=[pytest.mark.battery] if case == "another arm" else []) for case in CASES],
+)
 def test_a_load_is_named_beside_the_factor_that_explains_the_rest(case, tmp_path):
     robot, load, links, factor = CASES[case]
     injected = [f"payload:{load[0]}:{load[1]}"] if load else []

@@ -18,7 +18,12 @@ TERMS = ProblemSettings(drive_terms=("viscous", "coulomb", "offset", "armature")
 
 
 @pytest.mark.parametrize(
-    ("name", "joint", "share"), [("ur10", 1, 0.3), ("panda", 3, 0.05), ("iiwa14", 1, 0.5)]
+    ("name", "joint", "share"),
+    [
+        ("ur10", 1, 0.3),
+        pytest.param("panda", 3, 0.05, marks=pytest.mark.battery),
+        pytest.param("iiwa14", 1, 0.5, marks=pytest.mark.battery),
+    ],
 )
 def test_rows_that_are_cut_off_bend_nothing(name: str, joint: int, share: float, tmp_path: Path) -> None:
     robot = load_robot(name)

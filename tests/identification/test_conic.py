@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from excite.errors import InputError, NoSolutionError
-from excite.identification.constraints.cones import Cones, body_ellipsoids, com_ellipsoids, triangle_of
-from excite.identification.constraints.linear import LinearConstraints, equivalent_boxes
+from excite.identification.constraints.cones import body_ellipsoids, com_ellipsoids
+from excite.identification.constraints.linear import equivalent_boxes
 from excite.identification.estimators.conic import (
     Cls3Settings,
     ConicAnswer,
@@ -16,9 +16,7 @@ from excite.identification.estimators.conic import (
     PhysicallyConsistent,
     PhysicallyFeasible,
     QuadraticProgram,
-    conic_distance,
     interior_point,
-    refine_answer,
 )
 from excite.identification.estimators.estimator import SolveStatus
 from excite.identification.estimators.scaled_problem import pullback_metric
@@ -37,66 +35,6 @@ WEAK = dict(alpha=1e-2, inertia_floor=0.0)
 @pytest.fixture(scope="module")
 def problem() -> IdentificationProblem:
     return arm_problem(load_robot("panda"), seed=5, duration=2.0, noise=0.3)
-
-
-def cones_of(order: int, values: np.ndarray) -> Cones:
-    return Cones(order, np.zeros((*values.shape, 1)), values, ("block",) * len(values))
-
-
-class TestCones:
-    @pytest.mark.parametrize("order", [0, 3, 4])
-    def test_projection_is_the_nearest_point(self, order):
-        """Moreau: value = Π(value) − Π(−value), and the two are orthogonal (the cones are self-dual)."""
-        size = triangle_of(order).size if order else 4
-        values = np.random.default_rng(order).normal(size=(50, size))
-        cones = cones_of(order, values)
-        inside, opposite = cones.projected(values), cones.projected(-values)
-        np.testing.assert_allclose(inside - opposite, values, atol=1e-12)
-        np.testing.assert_allclose((inside * opposite).sum(axis=1), 0.0, atol=1e-12)
-        assert cones.margin(inside).min() > -1e-12
-
-    @pytest.mark.parametrize("order", [0, 3, 6])
-    def test_derivative_is_that_of_the_projection(self, order):
-        size = triangle_of(order).size if order else 4
-        rng = np.random.default_rng(order)
-        values, change = rng.normal(size=(20, size)), rng.normal(size=(20, size))
-        cones = cones_of(order, values)
-        step = 1e-6
-        finite = (cones.projected(values + step * change) - cones.projected(values - step * change)) / (
-            2 * step
-        )
-        np.testing.assert_allclose(
-            np.einsum("bij,bj->bi", cones.derivative(values), change), finite, atol=1e-6
-        )
-
-    def test_vectors_keep_scalar_products(self):
-        rng = np.random.default_rng(0)
-        a, b = rng.normal(size=(2, 5, 5))
-        a, b = a + a.T, b + b.T
-        shape = triangle_of(5)
-        assert shape.vectors(a) @ shape.vectors(b) == pytest.approx(np.trace(a @ b))
-        np.testing.assert_allclose(shape.matrices(shape.vectors(a)), a)
-
-
-def test_refinement_reaches_rounding():
-    """The matrix nearest to a given one among positive semidefinite ones has a closed form."""
-    rng = np.random.default_rng(1)
-    shape = triangle_of(4)
-    given = rng.normal(size=(4, 4))
-    given = given + given.T
-    target = shape.vectors(given)
-    cones = Cones(4, np.eye(10)[None], np.zeros((1, 10)), ("block",))
-    nothing = no_rows(10)
-    problem = ConicProblem(target, nothing, (cones,))
-    rough = interior_point(problem, 1e-3)
-    exact = cones.projected(target[None])[0]
-    better = refine_answer(problem, rough)
-    assert np.abs(better.z - exact).max() < 1e-12 < np.abs(rough.z - exact).max()
-    assert conic_distance(problem, rough) >= np.linalg.norm(rough.z - exact)
-
-
-def no_rows(n: int) -> LinearConstraints:
-    return LinearConstraints(np.zeros((0, n)), np.zeros(0), ())
 
 
 class TestGuarantees:

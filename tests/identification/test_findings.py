@@ -23,16 +23,10 @@ from excite.identification.result import (
     mass_change,
 )
 from excite.identification.statistics import base_statistics
-from excite.robot.loading import load_robot
 from excite.rows.settings import ProblemSettings
 from tests.identification.practice_log import arm_log, changed
 
 SETTINGS = ProblemSettings(cutoff_hz=5.0)
-
-
-@pytest.fixture(scope="module")
-def ur10():
-    return load_robot("ur10")
 
 
 def doubts(robot, log, method: str) -> dict:

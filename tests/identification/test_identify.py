@@ -121,8 +121,8 @@ def test_wrong_scale_is_noticed(problem, validation):
     assert any("scale" in text for text in result.warnings)
 
 
-def test_same_problem_same_document(problem, validation):
-    shuffled = replace(problem, Y=problem.Y.copy(), y=problem.y.copy())
-    first = identify_problem(problem, validation, ESTIMATORS["qp"]())
-    second = identify_problem(shuffled, validation, ESTIMATORS["qp"]())
-    assert json.dumps(first.to_json()) == json.dumps(second.to_json())
+@pytest.mark.parametrize("result", ["qp"], indirect=True)
+def test_same_problem_same_document(result, problem, validation):
+    copied = replace(problem, Y=problem.Y.copy(), y=problem.y.copy())
+    again = identify_problem(copied, validation, ESTIMATORS["qp"]())
+    assert json.dumps(result.to_json()) == json.dumps(again.to_json())

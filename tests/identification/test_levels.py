@@ -11,13 +11,12 @@ from scipy.optimize import minimize
 from excite.identification.constraints.linear import LinearConstraints, equivalent_boxes, stack_constraints
 from excite.identification.estimators.conic import Cls3Settings, DensityRealisable
 from excite.identification.estimators.estimator import SolveStatus
-from excite.identification.estimators.hierarchy import HierarchyAnswer, HierarchyState, Level, solve_hierarchy
+from excite.identification.estimators.hierarchy import Level, solve_hierarchy
 from excite.identification.estimators.hqp import (
     BoundedNearBase,
     Cls1Settings,
     HierarchicalProgram,
     HqpSettings,
-    _recomputed_status,
     paper_levels,
 )
 from excite.identification.estimators.projection import ActiveSetProjector
@@ -139,78 +138,12 @@ def test_rows_of_a_family_count_as_if_they_were_listed():
     assert compared >= 8
 
 
-def test_a_start_does_not_change_the_optimum():
-    rng = np.random.default_rng(0)
-    levels = (Level("1", unit_rows(rng, 5, 0.1)),)
-    matrix, measured = rng.normal(size=(2, N)), rng.normal(size=2)
-    plain = solve_hierarchy(levels, matrix, measured, ActiveSetProjector())
-    start = rng.normal(size=N)
-    before = start.copy()
-    moved = solve_hierarchy(levels, matrix, measured, ActiveSetProjector(), start)
-    assert np.allclose(plain.x, moved.x, atol=1e-6)
-    assert np.array_equal(start, before), "the start is left alone"
-
-
-def test_what_is_pinned_stays_and_what_is_added_gives_way_to_the_point():
-    rng = np.random.default_rng(0)
-    x = rng.normal(size=N)
-    state = HierarchyState(x, np.eye(N), stack_constraints([], N))
-    rows = unit_rows(rng, 3, 0.0)
-    state.pin(rows)
-    assert state.basis.shape == (N, N - 3)
-    assert np.allclose(rows.matrix @ state.basis, 0.0, atol=1e-12)
-    assert np.allclose(state.basis.T @ state.basis, np.eye(N - 3))
-    state.add(LinearConstraints(rows.matrix[:2], rows.matrix[:2] @ x + np.array([1e-9, -1.0]), ("a", "b")))
-    assert np.allclose(state.hard.bound, rows.matrix[:2] @ x + np.array([0.0, -1.0]))
-    state.families = [Listed(unit_rows(rng, 10, 3.0)), Listed(unit_rows(rng, 10, 3.0))]
-    assert len(state.violated(x).bound) == 4
-
-
 # --- The hierarchical program
 
 
 @pytest.fixture(scope="module")
 def arm() -> IdentificationProblem:
     return arm_problem(load_robot("panda"), seed=0, duration=2.0)
-
-
-def answer(x: np.ndarray, *slacks: float) -> HierarchyAnswer:
-    return HierarchyAnswer(x, SolveStatus.SOLVED, slacks, 0.0, 0.0)
-
-
-@pytest.mark.parametrize(
-    ("slacks", "at", "status"),
-    [
-        ((0.0, 0.0), 1.0, SolveStatus.SOLVED),
-        ((0.9e-6, 0.0), 1.0, SolveStatus.SOLVED),
-        ((1.1e-6, 0.0), 1.0, SolveStatus.INFEASIBLE),
-        ((0.0, 0.0), 1.0 - 0.9e-6, SolveStatus.SOLVED),
-        ((0.0, 0.0), 1.0 - 1.1e-6, SolveStatus.VIOLATED),
-        ((0.0, 2.0), 1.0, SolveStatus.SOLVED),
-    ],
-)
-def test_the_first_level_holds_or_there_is_no_result(slacks, at, status):
-    row = LinearConstraints(np.eye(N)[:1], np.array([1.0]), ("row:x",))
-    free = LinearConstraints(np.eye(N)[1:2], np.array([-1.0]), ("row:y",))
-    levels = (Level("1", row), Level("2", free))
-    assert _recomputed_status(levels, answer(at * np.eye(N)[0], *slacks)) is status
-    missed = (replace(levels[0], family=Listed(unit_rows(np.random.default_rng(0), 9, 3.0))), levels[1])
-    if status is SolveStatus.SOLVED:
-        assert _recomputed_status(missed, answer(at * np.eye(N)[0], *slacks)) is SolveStatus.VIOLATED
-    assert _recomputed_status((), answer(np.zeros(N))) is SolveStatus.SOLVED
-
-
-def test_levels_are_those_of_the_paper(arm):
-    settings = HqpSettings(sphere_epsilon=1e-3, mirror=None)
-    rows = iterate_weights(condense_problem(arm))
-    scaled = scaled_parameters(rows, settings)
-    first, second = paper_levels(rows, settings, scaled)
-    assert {label.split(":")[0] for label in first.constraints.labels} == {"non_negative", "com_box"}
-    assert {label.split(":")[0] for label in second.constraints.labels} == {"mass_range"}
-    start = scaled.coordinates(first.family.lifted(scaled.center))
-    assert not len(first.family.violated(start).bound)
-    lowered = scaled.coordinates(np.where(np.arange(arm.n_params) % 10 > 3, 0.0, arm.prior))
-    assert len(first.family.violated(lowered).bound) > 0
 
 
 def test_violations_active_rows_and_residual_are_those_of_the_parameters(arm):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import MISSING, Field, fields
+from dataclasses import MISSING, Field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -164,3 +164,49 @@ def allowed(item: Field[Any]) -> str:
     unit = said.get("unit", said.get("of", "1"))
     numbers = "" if low is None else f"{low:g} … {high:g}"
     return f"{numbers} {'' if unit == '1' else unit}".strip() or "names"
+
+
+DECLARED = {item.name: (item, kind) for kind in ESTIMATORS.values() for item in fields(kind.settings_class)}
+NUMBERS = [item for item, _ in DECLARED.values() if "low" in item.metadata]
+
+
+def settings_with(name: str, value: object) -> EstimatorSettings:
+    """Settings of a method that knows one of them, with this value."""
+    return DECLARED[name][1].settings_class(**{name: value})
+
+
+@pytest.mark.parametrize("item", NUMBERS, ids=lambda item: item.name)
+def test_numbers_keep_to_their_bounds(item):
+    low, high, unit = (item.metadata[key] for key in ("low", "high", "unit"))
+    assert low < high and item.metadata["what"]
+    for value in (low, high):
+        assert getattr(settings_with(item.name, value), item.name) == value
+    for value in (low - max(1e-9, 1e-6 * abs(low)), high * (1.0 + 1e-9), np.inf, np.nan, "1", True, [1.0]):
+        with pytest.raises(InputError) as caught:
+            settings_with(item.name, value)
+        assert caught.value.field == item.name
+        assert caught.value.remedy == f"choose {low:g} … {high:g}" + ("" if unit == "1" else f" {unit}")
+    if item.name in ("total_mass", "symmetry", "mirror"):
+        assert getattr(settings_with(item.name, None), item.name) is None
+    else:
+        with pytest.raises(InputError, match=item.name):
+            settings_with(item.name, None)
+
+
+def test_single_segments_have_their_own_spread_and_range(g1):
+    links = [segment.link for segment in g1.segments]
+    settings = HqpSettings(
+        prior_spread=0.2, segment_spread={links[3]: 0.7}, mass_range=0.1, segment_mass_range={links[5]: 0.4}
+    )
+    expected = np.full(len(links), 0.2)
+    expected[3] = 0.7
+    assert np.array_equal(settings.spreads(g1), expected)
+    expected = np.full(len(links), 0.1)
+    expected[5] = 0.4
+    assert np.array_equal(settings.mass_ranges(g1), expected)
+    assert replace(settings, asymmetric=(links[4], links[2])).free_of_symmetry(g1) == (4, 2)
+    for wrong in ({"segment_mass_range": {"nose": 0.1}}, {"asymmetric": ("nose",)}):
+        with pytest.raises(UnknownNameError, match="nose"):
+            odd = replace(settings, **wrong)
+            odd.mass_ranges(g1)
+            odd.free_of_symmetry(g1)

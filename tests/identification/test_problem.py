@@ -11,7 +11,6 @@ import pytest
 from excite.errors import InputError, LogError, UnknownNameError
 from excite.identification.problem import build_problem
 from excite.logs.log import Log, LogHeader, Trial
-from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.rows.drive_terms import DRIVE_TERMS
 from excite.rows.settings import ProblemSettings
@@ -19,11 +18,6 @@ from tests.identification.synthetic import smooth
 
 RATE = 200.0
 TIME = np.arange(1600) / RATE
-
-
-@pytest.fixture(scope="module")
-def panda() -> Robot:
-    return load_robot("panda")
 
 
 def arm_log(robot: Robot, friction: float = 0.0, **header: object) -> Log:

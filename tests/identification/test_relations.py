@@ -11,10 +11,11 @@ import pytest
 
 from excite.identification.identify import identify
 from excite.identification.result import Identification
-from excite.logs.log import Log, LogHeader, Trial
+from excite.logs.log import Log, Trial
 from excite.robot.load import load_robot
 from excite.robot.robot import Robot
 from tests.identification.synthetic import smooth
+from tests.made_log import FRICTION, made_log
 
 RATE = 100.0
 AXES = ("0 0 1", "0 1 0", "0 1 0", "1 0 0")
@@ -67,17 +68,12 @@ def recorded(robot: Robot, *, still: tuple[int, ...] = (), seconds: float = 14.0
 
 def with_trials(trials: list[Trial], joints: list[str]) -> Log:
     """A log whose header names friction and rotors and no zeros of sensors, as a converter writes it."""
-    header = {
-        "schema": "excite.log/1",
-        "robot": "chain.urdf",
-        "base": "fixed",
-        "rate_hz": round(1.0 / float(np.median(np.diff(trials[0].time)))),
-        "joints": joints,
-        "torque": "motor_side",
-        "modelled": ["rigid_body", "viscous_friction", "coulomb_friction", "armature"],
-        "trials": [{"file": f"{trial.name}.csv", "role": trial.role} for trial in trials],
-    }
-    return Log(LogHeader.model_validate(header), tuple(trials))
+    return made_log(
+        trials,
+        joints,
+        round(1.0 / float(np.median(np.diff(trials[0].time)))),
+        modelled=["rigid_body", *FRICTION, "armature"],
+    )
 
 
 def errors(found: Identification) -> np.ndarray:

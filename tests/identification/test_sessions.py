@@ -14,17 +14,11 @@ from excite.errors import LogError
 from excite.identification.problem import NEVER_NEGATIVE
 from excite.identification.sessions import identify_sessions, split_sessions, write_ranges
 from excite.logs.log import Log
-from excite.robot.loading import load_robot
 from excite.rows.settings import ProblemSettings
 from tests.identification.practice_log import arm_log
 
 DAYS = ("monday", "tuesday", "wednesday")
 SETTINGS = ProblemSettings(cutoff_hz=5.0)
-
-
-@pytest.fixture(scope="module")
-def ur10():
-    return load_robot("ur10")
 
 
 @pytest.fixture(scope="module")

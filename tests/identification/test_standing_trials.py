@@ -13,18 +13,12 @@ from excite.identification.problem import build_problem
 from excite.logs.header_blocks import TrialHeader
 from excite.logs.log import Log, Trial
 from excite.regressor.kernels import inverse_dynamics
-from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.rows.joint_rows import AT_REST
 from excite.rows.settings import ProblemSettings
 from tests.identification.practice_log import arm_log
 
 HOLDS = np.array([12.0, 12.0, 8.0, 3.0, 3.0, 2.0])
-
-
-@pytest.fixture(scope="module")
-def ur10() -> Robot:
-    return load_robot("ur10")
 
 
 def still(robot: Robot, name: str, rng: np.random.Generator) -> Trial:

@@ -32,11 +32,6 @@ def go2() -> Robot:
     return load_robot("go2")
 
 
-@pytest.fixture(scope="module")
-def panda() -> Robot:
-    return load_robot("panda")
-
-
 @pytest.fixture(params=sorted(GENERATORS))
 def drawn(request: pytest.FixtureRequest, robot: Robot) -> list[Candidate]:
     return make_generator(request.param).candidates(robot, 3, np.random.SeedSequence(3))

@@ -29,16 +29,6 @@ from excite.robot.shapes.mesh_files import read_meshes
 from excite.robot.shapes.shape import shape_bounds, shape_points
 
 
-@pytest.fixture(scope="module")
-def ur10() -> Robot:
-    return load_robot("ur10")
-
-
-@pytest.fixture(scope="module")
-def g1() -> Robot:
-    return load_robot("g1")
-
-
 def edited(name: str, folder: Path, **collision: object) -> Path:
     """A copy of a bundled arm's description with another collision block."""
     content = yaml.safe_load((data_folder("robots") / name / "robot.yaml").read_text())

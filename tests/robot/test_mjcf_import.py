@@ -15,6 +15,8 @@ from excite.robot.loading import load_robot
 from excite.robot.mjcf.conversion import convert_mjcf, is_mjcf
 from excite.robot.shapes.mesh_files import read_meshes
 
+pytestmark = pytest.mark.usefixtures("readers_here")
+
 ODD = """
 <mujoco model="odd">
   <compiler angle="degree" autolimits="true"/>

@@ -61,11 +61,6 @@ def test_two_points_are_no_support_and_it_is_said(tmp_path: Path) -> None:
         plan_candidates(robot, 2, np.random.SeedSequence(0), targets=["FL_knee"])
 
 
-def test_nothing_can_be_balanced_on_a_line() -> None:
-    corners = np.array([[[0.0, 0.0], [1.0, 0.0]]])
-    assert np.isnan(polygon_margin(corners, np.array([[0.5, 0.0]]))).all()
-
-
 def test_load_shares_make_up_the_wrench(toy: Robot) -> None:
     data = toy.model.createData()
     pin.forwardKinematics(toy.model, data, toy.rest)

@@ -184,11 +184,6 @@ def test_a_bound_below_what_is_required_leaves_no_margin(
 # --- Waypoints and milder legs
 
 
-@pytest.fixture(scope="module")
-def panda() -> Robot:
-    return load_robot("panda")
-
-
 def colliding(robot: Robot) -> np.ndarray:
     """A posture of the arm that its probe finds too close."""
     q = np.array([0.0, 1.7, 0.0, -3.0, 0.0, 0.1, 0.0])

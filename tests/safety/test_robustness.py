@@ -83,11 +83,14 @@ def forces(model: pin.Model, motion: Motion, samples: np.ndarray) -> np.ndarray:
     return np.array([pin.rnea(model, data, motion.q[k], motion.v[k], motion.a[k]).copy() for k in samples])
 
 
+def to_world(motion: Motion, samples: np.ndarray) -> np.ndarray:
+    """What takes wrenches at the base to the world's origin, ``(n, 6, 6)``."""
+    return np.array([pin.XYZQUATToSE3(motion.q[k, :7]).toActionMatrixInverse().T for k in samples])
+
+
 def world_wrenches(model: pin.Model, motion: Motion, samples: np.ndarray) -> np.ndarray:
     """Contact wrenches about the world's origin, ``(n, 6)``."""
-    found = forces(model, motion, samples)[:, :6]
-    poses = [pin.XYZQUATToSE3(motion.q[k, :7]) for k in samples]
-    return np.array([(pose * pin.Force(force)).vector for pose, force in zip(poses, found, strict=True)])
+    return np.einsum("nij,nj->ni", to_world(motion, samples), forces(model, motion, samples)[:, :6])
 
 
 @pytest.fixture(scope="module")
@@ -135,44 +138,39 @@ def test_margins_of_a_humanoid_are_those_of_the_worst_of_1024_corners(
         [len(foot.sole) for foot in humanoid.feet],
     )
     edges = [ConvexHull(points[:, :2]).equations for points in sole]
-    data, jacobians = model.createData(), []
+    data, in_legs = model.createData(), []
     for k in sweep.torque_samples:
         pin.computeJointJacobians(model, data, fine.q[k])
-        # A wrench about the world's origin does work on the velocity there.
-        jacobians.append(
-            [
-                pin.getJointJacobian(model, data, foot.joint, pin.ReferenceFrame.WORLD)
-                for foot in humanoid.feet
-            ]
+        # A wrench about the world's origin does work on the velocity there: joint torques per wrench of all feet.
+        of_feet = [
+            pin.getJointJacobian(model, data, foot.joint, pin.ReferenceFrame.WORLD) for foot in humanoid.feet
+        ]
+        in_legs.append(
+            sum(jacobian.T @ share for jacobian, share in zip(of_feet, shares[len(in_legs)], strict=True))
         )
     nominal = forces(model, fine, sweep.torque_samples)
-    drives = drive_torques(sweep) - tree_torques(
-        nominal, sweep.wrench[sweep.torque_samples], shares, jacobians
-    )
+    drives = drive_torques(sweep) - tree_torques(nominal, sweep.wrench[sweep.torque_samples], in_legs)
     torque, zmp, push = np.inf, np.inf, np.inf
+    actions = to_world(fine, samples)
     for changed in corners(model, whole, part):
-        wrench = world_wrenches(changed, fine, samples)
+        tau = forces(changed, fine, samples)
+        wrench = np.einsum("nij,nj->ni", actions, tau[:, :6])
         point = np.column_stack([-wrench[:, 4], wrench[:, 3]]) / wrench[:, 2:3]
         zmp = min(zmp, *(-(e[:, :2] @ p + e[:, 2]).max() for e, p in zip(edges, point, strict=True)))
         some_wrenches = wrench[sweep.torque_samples]
         about = some_wrenches.copy()
         about[:, 3:] -= np.cross(centre, about[:, :3])
         push = min(push, float((-(about @ facets.T) / about[:, 2:3]).min()))
-        tau = forces(changed, fine, sweep.torque_samples)
-        tau = tree_torques(tau, some_wrenches, shares, jacobians) + drives
+        tau = tree_torques(tau[sweep.torque_samples], some_wrenches, in_legs) + drives
         torque = min(torque, float((humanoid.limits.torque - np.abs(tau)).min()))
     assert judge_robustness(sweep, some).worst["zmp_m"].value == pytest.approx(zmp, abs=1e-9)
     assert judge_robustness(sweep, some).worst["friction"].value == pytest.approx(push, abs=1e-9)
     assert judge_robustness(sweep, some).worst["joint_torque_nm"].value == pytest.approx(torque, abs=1e-9)
 
 
-def tree_torques(tau: np.ndarray, wrench: np.ndarray, shares: np.ndarray, jacobians: list) -> np.ndarray:
+def tree_torques(tau: np.ndarray, wrench: np.ndarray, in_legs: list[np.ndarray]) -> np.ndarray:
     """Joint torques with the ground's forces in the legs, ``(n, n_joints)``."""
-    found = tau.copy()
-    for k, of_feet in enumerate(jacobians):
-        for share, jacobian in zip(shares[k], of_feet, strict=True):
-            found[k] -= jacobian.T @ (share @ wrench[k])
-    return found[:, 6:]
+    return (tau - np.einsum("nij,nj->ni", np.array(in_legs), wrench))[:, 6:]
 
 
 def test_feet_share_changes_as_they_share_the_whole(humanoid: Robot, short_squat: Motion) -> None:

@@ -12,7 +12,6 @@ import pytest
 from excite.motion.generators.curves import SplineCurve
 from excite.motion.generators.generator import Candidate, SupportPhase
 from excite.motion.generators.registry import make_generator
-from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.safety.checks.motion import judge_sampling
 from excite.safety.checks.sweep import Sweep
@@ -93,11 +92,6 @@ def test_smoothing_takes_the_jumps_away_and_little_else() -> None:
 
 
 # --- The factor that keeps every limit
-
-
-@pytest.fixture(scope="module")
-def panda() -> Robot:
-    return load_robot("panda")
 
 
 @pytest.fixture(scope="module")

@@ -4,21 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.simulation.execution import execute_motion
 from excite.simulation.virtual_robot import Recording, VirtualRobot, changed_robot
 from tests.simulation.motions import generator, squatting, waving
-
-
-@pytest.fixture(scope="session")
-def panda() -> Robot:
-    return load_robot("panda")
-
-
-@pytest.fixture(scope="session")
-def ur10() -> Robot:
-    return load_robot("ur10")
 
 
 @pytest.fixture(scope="session")

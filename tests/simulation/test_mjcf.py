@@ -22,6 +22,8 @@ from excite.simulation.true_parameters import (
 )
 from tests.simulation.motions import generator
 
+pytestmark = pytest.mark.usefixtures("readers_here")
+
 ROBOTS = ("g1", "panda", "ur10", "iiwa14", "talos", "human")
 
 

@@ -24,8 +24,9 @@ from excite.diagnosis.simulator.augmented_plant import FoundEffect
 from excite.diagnosis.simulator.rollout import Drive, Plan
 from excite.diagnosis.simulator.rollout_compare import rollout_errors
 from excite.logs.files import load_log, save_log
-from excite.logs.log import Log, LogHeader, Trial
+from excite.logs.log import Trial
 from excite.logs.robot import nominal_robot
+from tests.made_log import made_log
 
 RATE_HZ, SECONDS = 200, 6.0
 VISCOUS, COULOMB, ARMATURE = np.array([[2.0, 1.5, 1.0], [0.4, 0.3, 0.2], [0.4, 0.3, 0.2]])
@@ -61,17 +62,9 @@ def baseline(*, drives: bool) -> Baseline:
         if drives:
             tau = tau + VISCOUS * v + COULOMB * np.sign(v) + ARMATURE * a
         trials.append(Trial(name=f"trial_{k}", role=role, time=time, q=q, tau=tau, start_s=40.0 * k))
-    header = {
-        "schema": "excite.log/1",
-        "robot": "three.urdf",
-        "base": "fixed",
-        "rate_hz": RATE_HZ,
-        "joints": ["yaw", "shoulder", "elbow"],
-        "torque": "motor_side",
-        "modelled": list(FULL if drives else FULL[:1]),
-        "trials": [{"file": f"{t.name}.parquet", "role": t.role} for t in trials],
-    }
-    log = Log(LogHeader.model_validate(header), tuple(trials), robot_text=URDF)
+    log = made_log(
+        trials, ["yaw", "shoulder", "elbow"], RATE_HZ, URDF, modelled=list(FULL if drives else FULL[:1])
+    )
     with TemporaryDirectory() as folder:
         read = load_log(save_log(log, Path(folder) / "log"))
         samples = arm_samples(nominal_robot(read), read, read.trials)

@@ -31,6 +31,8 @@ from tests.export.models.foreign import (
 )
 from tests.export.models.identified_folder import Known, known
 
+pytestmark = pytest.mark.usefixtures("readers_here")
+
 ROBOTS = ("ur10", "go2")
 
 

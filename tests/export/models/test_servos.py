@@ -22,6 +22,8 @@ from tests.export.models.foreign import configuration, isaaclab, mjlab, mjlab_mo
 from tests.export.models.identified_folder import known
 from tests.export.test_results_out import MINE
 
+pytestmark = pytest.mark.usefixtures("readers_here")
+
 LATE = 0.0321
 JOINT = "elbow_joint"
 
