@@ -32,7 +32,7 @@ from excite.doctor.checks.motion import (
 from excite.doctor.checks.values import (
     find_coarse_steps,
     find_constants,
-    find_motor_side,
+    find_drive_side,
     find_range_ends,
     find_torque_ends,
     find_weak_torques,
@@ -69,7 +69,7 @@ RULES: tuple[Callable[[Case], None], ...] = (
     find_velocity_errors,
     find_misreadings,
     find_weak_torques,
-    find_motor_side,
+    find_drive_side,
     find_torque_ends,
     find_beyond_limits,
     find_command_errors,

@@ -171,6 +171,22 @@ class TorqueSamples(Samples):
         left = half_log(np.maximum(rest - gain * both, 0.0) / power)
         return Gains(gain, gain * both / power, gain * both / np.maximum(rest, 1e-300), left)
 
+    def unexplained(self, reading: Reading, load: Array | None = None) -> float:
+        """Share of all torques' power beside offset, friction and rotor that the nominal bodies leave, or add to it.
+
+        With ``load``, what it adds to the inertial parameters ``(10·n_segments,)``, beside these.
+        """
+        torque, (model, drive) = self.measured_torque(reading), self.predicted(reading)
+        model = model if load is None else model + self.felt(reading) @ load
+        y, x = remove_drives(drive, torque, model)
+        return float(((y - x) ** 2).sum() / max((y**2).sum(), 1e-300))
+
+    def unexplained_beside(self, reading: Reading, left: Array) -> float:
+        """The same where other bodies leave so much of each torque, half its logarithm ``(n_torques,)``."""
+        torque = self.measured_torque(reading)
+        (bare,) = remove_drives(self.predicted(reading).drive, torque)
+        return float(len(torque) * np.exp(2.0 * left) @ torque.var(axis=0) / max((bare**2).sum(), 1e-300))
+
     def fewer(self, readings: int) -> TorqueSamples:
         """The same with less samples where this many readings are to be compared; an arm's keep all."""
         most = max(1, int(len(self.q) / THRESHOLD.fewest_samples))

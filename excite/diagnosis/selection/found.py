@@ -324,7 +324,7 @@ def model_of_gap(
         real = that_predict(model, selected.full, sigma, partial(_forms, selected), rng)
         if real != terms:
             selected, rows, terms = _settled_anew(basis, real, selected)
-    late = _late(terms, selected, rows, effects)
+    late = _late(basis, terms, selected, rows, effects)
     if late is not None:
         selected, rows, terms = _settled_anew(basis, [*terms, late[0]], selected)
     kept = {group_of(term) for term in terms}
@@ -375,33 +375,40 @@ def _settled_anew(
 
 
 def _late(
-    terms: Sequence[Term], selected: Selected, rows: Rows, effects: Sequence[Effect]
+    basis: Basis, terms: Sequence[Term], selected: Selected, rows: Rows, effects: Sequence[Effect]
 ) -> tuple[Term, float] | None:
     """A delay of the whole torque by which blocks left out are predicted, with its log odds; None where none is.
 
     Whitened rows tell a delay by the instants at which friction changes sign, which are late or early for reasons of
-    their own: beside a model without one it is asked of rows that count alike.
+    their own: beside a model without one it is asked of rows that count alike. Where another effect may have taken a
+    part of it, as the damping of a soft gear does, all shapes are searched anew beside it before it is judged.
     """
     if any(term.effect.timing for term in terms):
         return None
     without = fit(Design(rows, tuple(terms)), range(len(terms)))
     now = predicted(selected.full, without)
     maker = TermMaker(now.context, selected.full.strict)
-    best: Term | None = None
-    most = 0.0
+
+    def odds(among: Rows, beside: Sequence[Term], price: float) -> float:
+        both = fit(Design(among, tuple(beside)), range(len(beside)))
+        return nats_of(both, without, np.zeros_like(both.predicted)) - price
+
+    found: list[tuple[float, Term]] = []
     for effect in effects:
         whole = effect.closer if effect.timing and effect.stands_in else None
         if whole is None:
             continue
         chance, grid = effect.belief.chance, effect.grid(now.context, "torque")
         price = float(np.log((1.0 - chance) / chance * len(grid)))
-        for term in (maker.make(whole, "torque", theta) for theta in grid):
-            if term is None or not term.can_be(now.context, np.ones(1)):
-                continue
-            both = fit(Design(rows, (*terms, term)), range(len(terms) + 1))
-            odds = nats_of(both, without, np.zeros_like(both.predicted)) - price
-            if odds > most:
-                best, most = term, odds
+        made = (maker.make(whole, "torque", theta) for theta in grid)
+        delays = [term for term in made if term is not None and term.can_be(now.context, np.ones(1))]
+        tried = [(odds(rows, (*terms, term), price), term) for term in delays]
+        most, best = max(tried, key=lambda one: one[0], default=(-np.inf, None))
+        if best is not None and any(effect.name in term.effect.confusable_with for term in terms):
+            _, anew, settled = _settled_anew(basis, [*terms, best], selected)
+            most = max(most, odds(anew, settled, price))
+        found += [(most, best)] if best is not None and most > 0.0 else []
+    most, best = max(found, key=lambda one: one[0], default=(0.0, None))
     return None if best is None else (best, most)
 
 

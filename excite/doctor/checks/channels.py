@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,9 +14,18 @@ from excite.doctor.case import Case
 from excite.doctor.channel_errors import DELAY, OF_TORQUES, OF_WRENCHES, Misreading, misreadings, refine_zeros
 from excite.doctor.channel_mapping import Reading
 from excite.doctor.checks.values import of_unknown_unit
+from excite.doctor.doubt import Doubt
 from excite.doctor.inertial_prior import STRONG_ODDS
-from excite.doctor.mistakes.torques import ADDED, OtherMachine, best_load, find_delay, other_machine
-from excite.doctor.samples import Samples
+from excite.doctor.mistakes.torques import (
+    ADDED,
+    OtherMachine,
+    best_load,
+    find_delay,
+    left_by_any_bodies,
+    other_machine,
+)
+from excite.doctor.samples import Mistake
+from excite.doctor.thresholds import THRESHOLD
 from excite.doctor.torque_samples import TorqueSamples
 from excite.doctor.wrench_samples import wrench_samples
 from excite.finding import list_names
@@ -25,39 +35,55 @@ from excite.regressor.tree import read_tree
 from excite.rows.kinematics import in_configurations
 
 Found = tuple[Misreading, ...]
+_SIZES = frozenset({Doubt.SIZE, Doubt.CLOCK})
 
 
 def find_misreadings(case: Case) -> None:
     """Signs, order, units, zeros, clock, delay, poses by which the model explains torques or wrenches far better."""
     header, stated = case.log.header, Reading.as_stated(case.log)
-    standing, other = header.free_base and bool(header.sensors), None
-    samples: Samples | None = wrench_samples(case.robot, case.log) if standing else case.samples
-    if samples is None:
-        return
-    mistakes = OF_TORQUES if isinstance(samples, TorqueSamples) else OF_WRENCHES
     late = replace(DELAY, corrections=partial(find_delay, late_s=case.latest_s))
-    possible = [
-        late if one is DELAY else one
-        for one in mistakes
-        if not one.of_posture or header.posture == "measured"
-    ]
+    measured = header.posture == "measured"
+
+    def possible(mistakes: Sequence[Mistake]) -> list[Mistake]:
+        return [late if one is DELAY else one for one in mistakes if measured or not one.of_posture]
+
+    if header.free_base and header.sensors and (wrenches := wrench_samples(case.robot, case.log)) is not None:
+        _correct(case, *misreadings(wrenches, stated, possible(OF_WRENCHES)), wrenches.what)
+    elif (torques := case.samples) is not None:
+        _find_in_torques(case, torques, stated, possible(OF_TORQUES))
+
+
+def _find_in_torques(
+    case: Case, samples: TorqueSamples, stated: Reading, possible: Sequence[Mistake]
+) -> None:
     reading, found = misreadings(samples, stated, possible)
-    if found and isinstance(samples, TorqueSamples):
+    beside = samples
+    if found:
         # Torques in a unit that nothing tells, too small for bodies anywhere near the nominal ones, betray nothing.
         if of_unknown_unit(samples, stated) is not None:
             return
-        samples, (reading, found) = _beside_load(samples, stated, possible, (reading, found))
-        other = _explain_by_other_machine(samples, stated, reading, found)
-    if isinstance(samples, TorqueSamples) and other is None:
-        reading, found = refine_zeros(samples, reading, found, possible)
+        beside, (reading, found) = _beside_load(samples, stated, possible, (reading, found))
+        if (other := _explain_by_other_machine(beside, stated, reading, found)) is not None:
+            _doubt(case, found)
+            _report_other_model(case, found, samples.what, other)
+            return
+    reading, found = refine_zeros(beside, reading, found, possible)
+    bodies = None if case.log.header.torque == "current" else _compare_bodies(samples, reading)
+    if bodies is not None:
+        # Units and clocks are told by how large the nominal bodies' torques are: with those of another robot 44 times
+        # what its model needs is no unit of a wrist's torque.
+        if any(item.mistake.leaves & _SIZES for item in found):
+            possible = [one for one in possible if not one.leaves & _SIZES]
+            reading, found = refine_zeros(samples, *misreadings(samples, stated, possible), possible)
+        _report_other_bodies(case, samples, reading, bodies)
+    _correct(case, reading, found, samples.what)
+
+
+def _correct(case: Case, reading: Reading, found: Found, what: str) -> None:
+    """Report what was found and put the log right, but for what a person has to say first."""
+    _doubt(case, found)
     for item in found:
-        case.doubts |= set() if item.correction.certain else item.mistake.leaves
-    if other is not None:
-        _report_other_model(case, found, samples.what, other)
-        return
-    for item in found:
-        _report_misreading(case, item, samples.what)
-        # A person has to say first what is asked for.
+        _report_misreading(case, item, what)
         back = item.correction.as_logged if item.correction.ask else None
         reading = reading if back is None else back(reading)
     if not all(item.correction.ask for item in found):
@@ -103,7 +129,7 @@ def put_weight_back(case: Case, reading: Reading) -> None:
 
 
 def _beside_load(
-    samples: TorqueSamples, stated: Reading, possible: Sequence, found: tuple[Reading, Found]
+    samples: TorqueSamples, stated: Reading, possible: Sequence[Mistake], found: tuple[Reading, Found]
 ) -> tuple[TorqueSamples, tuple[Reading, Found]]:
     """What torques betray beside a load where that explains them better than the first mistake would.
 
@@ -134,6 +160,53 @@ def _explain_by_other_machine(
     other = other_machine(samples, stated, mended.tick if clock else stated.tick)
     then = samples.judged(mended, samples.judged(stated).counts)
     return other if float(then.counts @ (other.left - then.left)) - then.cost < STRONG_ODDS else None
+
+
+class OtherBodies(NamedTuple):
+    """Shares of the torques' power beside offsets, friction and rotors that the model and other bodies leave."""
+
+    model: float
+    others: float
+
+
+def _compare_bodies(samples: TorqueSamples, reading: Reading) -> OtherBodies | None:
+    """What the nominal bodies leave where others on the model's joints leave next to nothing of it; None elsewhere.
+
+    A load that is no heavier than the robot is carried by it, and makes it no other one.
+    """
+    load, masses = best_load(samples, reading).load, samples.under(reading.gravity).phi[::10]
+    carried = None if load is None or load.mass > masses.sum() else load.parameters
+    left = samples.unexplained(reading, carried)
+    if left < THRESHOLD.in_place:
+        return None
+    bodies = (samples.judged(reading).left, left_by_any_bodies(samples, reading))
+    others = min(samples.unexplained_beside(reading, one) for one in bodies)
+    told = others < THRESHOLD.in_place * left and of_unknown_unit(samples, reading) is None
+    return OtherBodies(left, others) if told else None
+
+
+def _report_other_bodies(case: Case, samples: TorqueSamples, reading: Reading, bodies: OtherBodies) -> None:
+    gains, shares, *_ = samples.gains(reading)
+    told = np.flatnonzero((shares > THRESHOLD.telling_share) & (gains > 0.0))
+    joints = tuple(samples.channels[j] for j in told)
+    model, others = (percent(100.0 * max(1.0 - left, 0.0)) for left in bodies)
+    each = ", ".join(f"{joint} {gains[j]:.2g}" for joint, j in zip(joints, told, strict=True))
+    load = best_load(samples, reading).load
+    case.add(
+        "other_bodies",
+        f"the model's bodies explain {model} of the torques' power beside friction and rotors, other bodies on its "
+        f"joints {others}: masses or lengths are not this robot's (torques per what the model needs: {each})"
+        + ("" if load is None else f", or it carries a load: {load.sentence()}"),
+        {f"factor.{joint}": float(gains[j]) for joint, j in zip(joints, told, strict=True)}
+        | {"left_before": bodies.model, "left_after": bodies.others},
+        joints,
+    )
+
+
+def _doubt(case: Case, found: Found) -> None:
+    """What the mistakes that were found leave in doubt."""
+    for item in found:
+        case.doubts |= set() if item.correction.certain else item.mistake.leaves
 
 
 def _report_other_model(case: Case, found: Found, what: str, other: OtherMachine) -> None:
