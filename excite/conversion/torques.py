@@ -127,7 +127,7 @@ def _unknown_scale(log: Log) -> Scale | None:
     stated = Reading.as_stated(log)
     reading = replace(stated, torque_factor=np.where(samples.gains(stated)[0] < 0.0, -1.0, 1.0))
     scale = find_scale(samples, reading)
-    return scale if scale is not None and scale.far and best_load(samples, reading).load is None else None
+    return scale if scale is not None and scale.far and best_load(samples, reading) is None else None
 
 
 class Gain(NamedTuple):

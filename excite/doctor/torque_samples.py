@@ -143,7 +143,8 @@ class TorqueSamples(Samples):
         body = joint_torque_regressor(tree, q, v, a)[:, self.places[self.measured]] / scale[:, None]
         own = np.stack([np.ones_like(torque), *(part[some] for part in drive)], axis=2)
         # Offset, friction and rotor in units of the torque's own deviation and the motion's are as good as free.
-        own *= THRESHOLD.free_drive / np.maximum(np.sqrt((own**2).mean(axis=0)), 1e-12)
+        unit = THRESHOLD.free_drive / np.maximum(np.sqrt((own**2).mean(axis=0)), 1e-12)
+        own *= unit
         target, spread = (torque - model[some]) / scale, likely_spread(tree)
         if zeros is not None:
             # Nominal torques per radian of each joint's zero.
@@ -155,7 +156,8 @@ class TorqueSamples(Samples):
             felt = (ahead - behind) / (0.02 * scale[:, None])
             body, spread = np.concatenate([body, felt], axis=2), np.r_[spread, zeros]
         trial, precise = self.first[some], zeros is not None
-        return judge_bodies(spread, body, own, target, trial, counts, of_drives=True, precise=precise)
+        judged = judge_bodies(spread, body, own, target, trial, counts, of_drives=True, precise=precise)
+        return replace(judged, drives=judged.drives * unit * scale[:, None])
 
     def across(self, reading: Reading) -> Array:
         """The same of every torque column taken for every joint's, ``(n_joints, n_columns)``, the better sign."""

@@ -121,10 +121,11 @@ def find_changes(rows: Regression, noise: NoiseModel, *, bodies_alone: bool = Fa
     Args:
         rows: weighted rows.
         noise: noise of the residuals of the full model.
-        bodies_alone: whether factors and zeros of torques are left out: what bodies would have to be if they were all.
+        bodies_alone: whether factors and zeros of torques, and chance, are left out: what bodies would have to be if
+            they were all.
     """
     exact = _Search(rows, noise, bodies_alone=bodies_alone)
-    searches = [exact.beside_deviations(share) for share in _DEVIATIONS]
+    searches = [exact.beside_deviations(share) for share in (_DEVIATIONS if not bodies_alone else (0.0,))]
     found = [search.find_set() for search in searches]
     scores = [search.criterion(chosen) for search, chosen in zip(searches, found, strict=True)]
     best = int(np.argmin(scores))

@@ -132,18 +132,25 @@ def clues_of(recording: Recording, joints: Sequence[str], ignored: Iterable[str]
     return found
 
 
+def _alike_but_for(names: Iterable[str], word: str) -> dict[tuple[str, str], dict[str, str]]:
+    """Names that differ in nothing but one word, by what stands before and behind it, each by its own, lower case."""
+    groups: dict[tuple[str, str], dict[str, str]] = {}
+    for name in names:
+        for match in re.finditer(word, name):
+            groups.setdefault((name[: match.start()], name[match.end() :]), {})[match[0].lower()] = name
+    return groups
+
+
 def _number_letters(names: Iterable[str]) -> dict[str, str]:
     """Names with numbers for letters that count columns: ``torque_1`` … for ``torque_a`` … ``torque_f``.
 
     They are letters where names differ in nothing but one that stands alone, and go from the first one of the alphabet.
     """
-    groups: dict[tuple[str, str], dict[str, str]] = {}
-    for name in names:
-        for match in re.finditer(r"(?<![A-Za-z])[A-Za-z](?![A-Za-z0-9])", name):
-            groups.setdefault((name[: match.start()], name[match.end() :]), {})[match[0].lower()] = name
     return {
         name: f"{before}{1 + ascii_lowercase.index(letter)}{after}"
-        for (before, after), by_letter in groups.items()
+        for (before, after), by_letter in _alike_but_for(
+            names, r"(?<![A-Za-z])[A-Za-z](?![A-Za-z0-9])"
+        ).items()
         if len(by_letter) > 1 and sorted(by_letter) == list(ascii_lowercase[: len(by_letter)])
         for letter, name in by_letter.items()
     }
@@ -154,18 +161,13 @@ def _name_labels(names: Iterable[str], joints: Sequence[str]) -> dict[str, str]:
 
     Names that differ in nothing but one word are of a joint each where these words, all of them, tell the joints.
     """
-    groups: dict[tuple[str, str], dict[str, str]] = {}
-    for name in names:
-        for match in re.finditer(r"[A-Za-z]+\d*", name):
-            groups.setdefault((name[: match.start()], name[match.end() :]), {})[match[0].lower()] = name
     found = {}
-    for (before, after), by_word in groups.items():
-        strange = by_word.keys() - KNOWN
-        if len(by_word) != len(joints) or not by_word.keys() & KNOWN or 2 * len(strange) < len(by_word):
-            continue
-        placed = match_labels(list(by_word), joints)
-        for joint, word in ({} if placed is None or placed.left_over else placed.columns).items():
-            found[by_word[word]] = f"{before}{joint}{after}"
+    for (before, after), by_word in _alike_but_for(names, r"[A-Za-z]+\d*").items():
+        known = len(by_word.keys() & KNOWN)
+        if len(by_word) == len(joints) and 0 < known <= len(by_word) / 2:
+            placed = match_labels(list(by_word), joints)
+            for joint, word in ({} if placed is None or placed.left_over else placed.columns).items():
+                found[by_word[word]] = f"{before}{joint}{after}"
     return found
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 
@@ -21,7 +20,6 @@ from excite.doctor.mistakes.torques import (
     OtherMachine,
     best_load,
     find_delay,
-    left_by_any_bodies,
     other_machine,
 )
 from excite.doctor.samples import Mistake
@@ -65,7 +63,7 @@ def _find_in_torques(
         beside, (reading, found) = _beside_load(samples, stated, possible, (reading, found))
         if (other := _explain_by_other_machine(beside, stated, reading, found)) is not None:
             _doubt(case, found)
-            _report_other_model(case, found, samples.what, other)
+            _report_other_model(case, samples, stated, other, found)
             return
     reading, found = refine_zeros(beside, reading, found, possible)
     bodies = None if case.log.header.torque == "current" else _compare_bodies(samples, reading)
@@ -75,7 +73,7 @@ def _find_in_torques(
         if any(item.mistake.leaves & _SIZES for item in found):
             possible = [one for one in possible if not one.leaves & _SIZES]
             reading, found = refine_zeros(samples, *misreadings(samples, stated, possible), possible)
-        _report_other_bodies(case, samples, reading, bodies)
+        _report_other_model(case, samples, reading, bodies)
     _correct(case, reading, found, samples.what)
 
 
@@ -136,7 +134,7 @@ def _beside_load(
     A load of a robot's own weight is no likely body: torques of an arm that carried one were scaled, and without that
     its clock looked fast.
     """
-    load = best_load(samples, stated).load
+    load = best_load(samples, stated)
     if load is not None:
         loaded = replace(samples, carried=load.parameters)
         before = samples.judged(stated)
@@ -162,70 +160,54 @@ def _explain_by_other_machine(
     return other if float(then.counts @ (other.left - then.left)) - then.cost < STRONG_ODDS else None
 
 
-class OtherBodies(NamedTuple):
-    """Shares of the torques' power beside offsets, friction and rotors that the model and other bodies leave."""
-
-    model: float
-    others: float
-
-
-def _compare_bodies(samples: TorqueSamples, reading: Reading) -> OtherBodies | None:
-    """What the nominal bodies leave where others on the model's joints leave next to nothing of it; None elsewhere.
+def _compare_bodies(samples: TorqueSamples, reading: Reading) -> OtherMachine | None:
+    """Other bodies that leave next to nothing of a tenth or more that the nominal ones leave; None elsewhere.
 
     A load that is no heavier than the robot is carried by it, and makes it no other one.
     """
-    load, masses = best_load(samples, reading).load, samples.under(reading.gravity).phi[::10]
-    carried = None if load is None or load.mass > masses.sum() else load.parameters
-    left = samples.unexplained(reading, carried)
+    load, masses = best_load(samples, reading), samples.under(reading.gravity).phi[::10]
+    left = samples.unexplained(reading, None if load is None or load.mass > masses.sum() else load.parameters)
     if left < THRESHOLD.in_place:
         return None
-    bodies = (samples.judged(reading).left, left_by_any_bodies(samples, reading))
-    others = min(samples.unexplained_beside(reading, one) for one in bodies)
-    told = others < THRESHOLD.in_place * left and of_unknown_unit(samples, reading) is None
-    return OtherBodies(left, others) if told else None
+    likely = OtherMachine(samples.judged(reading).left, 1.0)
+    best = min((likely, other_machine(samples, reading, reading.tick)), key=lambda one: float(one.left.sum()))
+    told = samples.unexplained_beside(reading, best.left) < THRESHOLD.in_place * left
+    return best if told and of_unknown_unit(samples, reading) is None else None
 
 
-def _report_other_bodies(case: Case, samples: TorqueSamples, reading: Reading, bodies: OtherBodies) -> None:
+def _report_other_model(
+    case: Case, samples: TorqueSamples, reading: Reading, other: OtherMachine, found: Found = ()
+) -> None:
+    """A model that is not the robot's, in the place of mistakes that would explain the log as well."""
     gains, shares, *_ = samples.gains(reading)
     told = np.flatnonzero((shares > THRESHOLD.telling_share) & (gains > 0.0))
     joints = tuple(samples.channels[j] for j in told)
-    model, others = (percent(100.0 * max(1.0 - left, 0.0)) for left in bodies)
+    left = (samples.unexplained(reading), samples.unexplained_beside(reading, other.left))
+    model, others = (percent(100.0 * max(1.0 - share, 0.0)) for share in left)
     each = ", ".join(f"{joint} {gains[j]:.2g}" for joint, j in zip(joints, told, strict=True))
-    load = best_load(samples, reading).load
-    case.add(
-        "other_bodies",
+    size = "" if other.length == 1.0 else f", about {other.length:.2g} times as long,"
+    text = (
         f"the model's bodies explain {model} of the torques' power beside friction and rotors, other bodies on its "
-        f"joints {others}: masses or lengths are not this robot's (torques per what the model needs: {each})"
-        + ("" if load is None else f", or it carries a load: {load.sentence()}"),
-        {f"factor.{joint}": float(gains[j]) for joint, j in zip(joints, told, strict=True)}
-        | {"left_before": bodies.model, "left_after": bodies.others},
-        joints,
+        f"joints{size} {others}: masses or lengths are not this robot's (torques per what the model needs: {each})"
     )
+    load = best_load(samples, reading)
+    text += "" if load is None else f", or it carries a load: {load.sentence()}"
+    more = {}
+    if found:
+        kinds = list(dict.fromkeys(item.mistake.name.replace("_", " ") for item in found))
+        text += (
+            f"; the only other explanation is {len(found)} mistakes in the log at once ({list_names(kinds)})"
+        )
+        more = {"severity": "spoils"}
+    figures = {f"factor.{joint}": float(gains[j]) for joint, j in zip(joints, told, strict=True)}
+    figures |= {"left_before": left[0], "left_after": left[1], "length": other.length}
+    case.add("other_model", text, figures, joints, **more)
 
 
 def _doubt(case: Case, found: Found) -> None:
     """What the mistakes that were found leave in doubt."""
     for item in found:
         case.doubts |= set() if item.correction.certain else item.mistake.leaves
-
-
-def _report_other_model(case: Case, found: Found, what: str, other: OtherMachine) -> None:
-    """One model that is another machine's instead of several mistakes."""
-    kinds = list(dict.fromkeys(item.mistake.name.replace("_", " ") for item in found))
-    before, after = (percent(min(100.0, 100.0 * share)) for share in (found[0].before, other.share))
-    size = "" if other.length == 1.0 else f", about {other.length:.2g} times as long"
-    text = (
-        f"the model is probably that of another machine: with bodies near its own {before} of the {what}' "
-        f"power is unexplained, with other bodies on its joints{size} {after}; the only other explanation is "
-        f"{len(found)} mistakes in the log at once ({list_names(kinds)})"
-    )
-    figures = {"left_before": found[0].before, "left_after": other.share, "length": other.length}
-    case.add(
-        "other_model",
-        text,
-        figures,
-        tuple(dict.fromkeys(p for item in found for p in item.correction.places)),
-    )
 
 
 def _report_misreading(case: Case, item: Misreading, what: str) -> None:

@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.display import span
@@ -162,89 +160,73 @@ def find_weak_torques(case: Case) -> None:
         case.ignore_torques(names)
 
 
-def find_drive_side(case: Case) -> None:
-    """Torques called link-side that hold the rotors' inertia or the gears' friction, and some that do not hold theirs.
+def find_motor_side(case: Case) -> None:
+    """Torques called link-side that hold the rotors' inertia or the gears' friction.
 
-    Rotors show at the outer joints, which carry little else. A driver that subtracts its friction model, or a sensor
-    behind one joint's gear, leaves next to nothing of what the other joints have, or less than none.
+    Rotors show at the outer joints, which carry little else.
     """
-    samples, side = case.samples, case.log.header.torque
-    if samples is None or side == "current":
+    samples = case.samples
+    if samples is None or case.log.header.torque != "link_side":
         return
-    felt, joints = _drives_in(samples, Reading.as_stated(case.log)), np.array(samples.channels)
-    if side == "link_side":
-        outer, rubbing = _rotors_at_ends(felt), int((felt.friction_share > THRESHOLD.friction_share).sum())
-        # Friction alone is seen behind the gear too, in bearings and seals; inertia that is negative is no rotor's.
-        if outer >= (0.0 if 2 * rubbing > len(joints) else THRESHOLD.rotor_share):
-            text = (
-                f"torques are called link_side, yet they hold rotor inertia ({outer:.2g} times the links' own at the "
-                f"outer joints) and friction ({rubbing} joints): they are probably motor-side"
-            )
-            figures = {"rotor_share": outer, "joints": float(rubbing)}
-            case.add("torque_side", text, figures, tuple(joints))
+    outer, rubbing = _rotors(samples, Reading.as_stated(case.log))
+    joints = samples.channels
+    # Friction alone is seen behind the gear too, in bearings and seals; inertia that is negative is no rotor's.
+    if outer >= (0.0 if 2 * rubbing > len(joints) else THRESHOLD.rotor_share):
+        text = (
+            f"torques are called link_side, yet they hold rotor inertia ({outer:.2g} times the links' own at the outer "
+            f"joints) and friction ({rubbing} joints): they are probably motor-side"
+        )
+        case.add("torque_side", text, {"rotor_share": outer, "joints": float(rubbing)}, joints)
+
+
+def _rotors(samples: TorqueSamples, reading: Reading) -> tuple[float, int]:
+    """Rotor inertia at the outer joints, as share of the links', and the number of joints that rub."""
+    model, drive = samples.predicted(reading)
+    torque, own = samples.measured_torque(reading), _own_inertia(samples)
+    rotors, told, rubbing = [], [], 0
+    for j in np.flatnonzero(own > THRESHOLD.weightless_kgm2):
+        weights, made = drive_fit(torque[:, j], model[:, j], drive.v[:, j], drive.a[:, j])
+        rotors.append(weights[-1] / own[j])
+        # A joint tells of a rotor where all of its links' inertia would be larger than what nothing explains.
+        if own[j] * np.linalg.norm(drive.a[:, j]) > np.linalg.norm(torque[:, j] - made.sum(axis=1)):
+            told.append(rotors[-1])
+        friction = made[:, 2:4].sum(axis=1)
+        rubbing += int(friction @ friction > THRESHOLD.friction_share * len(torque) * torque[:, j].var())
+    outer = [float(np.median(some[-max(1, len(some) // 2) :])) for some in (rotors, told) if some]
+    return min(outer, default=0.0), rubbing
+
+
+def find_missing_friction(case: Case) -> None:
+    """Torques that hold next to nothing of the friction that the other joints have, by what their drives can give.
+
+    A driver has subtracted its model of it, or a sensor sits behind one joint's gear. Friction is that beside likely
+    bodies: what nominal masses are off by looks like some.
+    """
+    samples, reading = case.samples, Reading.as_stated(case.log)
+    if samples is None or case.log.header.torque != "motor_side" or Doubt.SIZE in case.doubts:
         return
-    places = [samples.robot.joint_index(joint) for joint in joints]
-    limits = np.asarray(samples.robot.limits.torque, dtype=float)[places]
-    rubs = felt.friction / limits
-    clear = felt.friction > felt.left
-    usual = float(np.median(rubs[clear])) if clear.any() else 0.0
+    judged, drive = samples.judged(reading), samples.predicted(reading).drive
+    viscous, dry = judged.drives[:, 1], judged.drives[:, 2]
+    fast = np.quantile(np.abs(drive.v), 0.9, axis=0)
+    friction = dry + viscous * fast
+    left = samples.measured_torque(reading).std(axis=0) * np.exp(judged.left)
+    joints = np.array(samples.channels)
+    limits = np.asarray(case.robot.limits.torque, dtype=float)[[case.robot.joint_index(j) for j in joints]]
+    moves = fast > THRESHOLD.still
+    clear = moves & (friction > left)
+    usual = float(np.median((friction / limits)[clear])) if clear.any() else 0.0
     # What the others have would stand out of what nothing explains there.
-    lacks = (rubs < THRESHOLD.next_to_nothing * usual) & (felt.left < usual * limits)
+    lacks = moves & (friction < THRESHOLD.next_to_nothing * usual * limits) & (left < usual * limits)
     if clear.sum() > lacks.sum() > 0:
-        each = {f"friction.{joint}": float(size) for joint, size in zip(joints, felt.friction, strict=True)}
-        said = list_names([f"{joint} {each[f'friction.{joint}']:.2g} N·m" for joint in joints], len(joints))
+        each = {f"friction.{joint}": float(size) for joint, size in zip(joints, friction, strict=True)}
+        said = list_names(
+            [f"{joint} {size:.2g} N·m" for joint, size in zip(joints, friction, strict=True)], 8
+        )
         text = (
             f"torques of {list_names(joints[lacks])} hold no friction, unlike the others' ({said}): a driver has "
             "subtracted it, or they were measured behind the gear"
         )
         case.add("no_friction", text, each, tuple(joints[lacks]))
-
-
-class _Drives(NamedTuple):
-    """What of each torque is its drive's, ``(n_torques,)`` each.
-
-    Attributes:
-        friction: mean torque against the motion [N·m or N], nan of joints that stand; ``friction_share``: its share of
-            the torque's power.
-        rotor: inertia beside the links' own per that of the links, nan where these have none; ``is_told``: whether all
-            of the links' inertia would be larger than what nothing explains.
-        left: RMS of what nothing explains [N·m or N].
-    """
-
-    friction: Array
-    friction_share: Array
-    rotor: Array
-    is_told: NDArray[np.bool_]
-    left: Array
-
-
-def _drives_in(samples: TorqueSamples, reading: Reading) -> _Drives:
-    """Friction and rotors in each torque by least squares beside the nominal bodies."""
-    model, drive = samples.predicted(reading)
-    torque, own, rows = samples.measured_torque(reading), _own_inertia(samples), []
-    for j, inertia in enumerate(own):
-        v, a = drive.v[:, j], drive.a[:, j]
-        weights, made = drive_fit(torque[:, j], model[:, j], v, a)
-        friction, left = made[:, 2:4].sum(axis=1), np.linalg.norm(torque[:, j] - made.sum(axis=1))
-        heavy = inertia > THRESHOLD.weightless_kgm2
-        rows.append(
-            (
-                friction @ v / np.abs(v).sum() if v.std() > THRESHOLD.still else np.nan,
-                heavy * (friction @ friction) / max(len(v) * torque[:, j].var(), 1e-300),
-                weights[-1] / inertia if heavy else np.nan,
-                heavy and inertia * np.linalg.norm(a) > left,
-                left / np.sqrt(len(v)),
-            )
-        )
-    friction, share, rotor, told, left = np.array(rows, dtype=float).T
-    return _Drives(friction, share, rotor, told > 0.0, left)
-
-
-def _rotors_at_ends(felt: _Drives) -> float:
-    """Rotor inertia at the outer joints, as share of the links'; zero of a model without bodies."""
-    heavy = np.isfinite(felt.rotor)
-    some = (felt.rotor[heavy], felt.rotor[heavy & felt.is_told])
-    return min((float(np.median(one[-max(1, len(one) // 2) :])) for one in some if len(one)), default=0.0)
 
 
 def _own_inertia(samples: TorqueSamples) -> Array:
@@ -267,9 +249,13 @@ def of_unknown_unit(samples: TorqueSamples, reading: Reading) -> ModelParts | No
     parts = parts_in(samples, reading)
     needed = samples.predicted(reading).torque.std(axis=0)
     few = parts.told.sum() < 2 or needed[parts.told].sum() <= 0.5 * needed.sum()
-    if few or parts.largest > THRESHOLD.next_to_nothing:
+    if few or parts.size(needed) > THRESHOLD.next_to_nothing:
         return None
-    return None if misreadings(samples, reading, (TORQUE_SCALE,))[1] else parts
+    # So do those that tell a factor.
+    gains = samples.gains(reading)
+    close = (gains.share > THRESHOLD.telling_share) & (gains.agreement > THRESHOLD.closely)
+    told = needed[close].sum() > 0.5 * needed.sum()
+    return None if told and misreadings(samples, reading, (TORQUE_SCALE,))[1] else parts
 
 
 def _report_unknown_unit(case: Case, samples: TorqueSamples, parts: ModelParts, reading: Reading) -> None:
