@@ -16,6 +16,7 @@ from excite.conversion.guesses import Guesses, Question, UnclearError
 from excite.conversion.recording import Machine, Recording
 from excite.conversion.result import Conversion
 from excite.conversion.trials import Cut
+from excite.display import span
 from excite.doctor.channel_errors import explained
 from excite.doctor.channel_mapping import Reading
 from excite.doctor.inertial_prior import STRONG_ODDS, Judgement
@@ -314,5 +315,6 @@ def _with_rate(question: Question, tried: Trial, stated: Map) -> Question:
             return question
     rate, low, high = (float(f"{one:.2g}") for one in (rates[at], rates[near[0]], rates[near[-1]]))
     signs = ", with the sign of the torques turned" if which else ""
-    why = f", as the nominal inertias say ({low:g} to {high:g} explain the torques about as well{signs})"
+    near = span(f"{low:g}", f"{high:g}", " to ")
+    why = f", as the nominal inertias say ({near} explain the torques about as well{signs})"
     return question.with_rate(rate, why)

@@ -396,11 +396,6 @@ class OtherMachine(NamedTuple):
     left: Array
     length: float
 
-    @property
-    def share(self) -> float:
-        """Share of the torques' power that is left, geometric mean."""
-        return float(np.exp(2.0 * self.left.mean()))
-
 
 def other_machine(samples: TorqueSamples, stated: Reading, tick: float) -> OtherMachine:
     """The best of all bodies on the model's joints, or on joints as far apart as a clock would have them.
