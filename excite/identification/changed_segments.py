@@ -116,7 +116,8 @@ def find_changes(rows: Regression, noise: NoiseModel, *, bodies_alone: bool = Fa
     between them (Raftery, Sociological Methodology 1995).
 
     All other bodies are off by chance, by a share of themselves that the rows tell along (random effects, Harville
-    1977): beside nominal bodies that are taken as exact, what all of them are off by would be called a load.
+    1977): beside nominal bodies that are taken as exact, what all of them are off by would be called a load. They are
+    where named bodies alone leave more than noise.
 
     Args:
         rows: weighted rows.
@@ -124,12 +125,19 @@ def find_changes(rows: Regression, noise: NoiseModel, *, bodies_alone: bool = Fa
         bodies_alone: whether factors and zeros of torques, and chance, are left out: what bodies would have to be if
             they were all.
     """
-    exact = _Search(rows, noise, bodies_alone=bodies_alone)
-    searches = [exact.beside_deviations(share) for share in (_DEVIATIONS if not bodies_alone else (0.0,))]
-    found = [search.find_set() for search in searches]
-    scores = [search.criterion(chosen) for search, chosen in zip(searches, found, strict=True)]
-    best = int(np.argmin(scores))
-    return searches[best].result(found[best])
+    exact, last = _Search(rows, noise, bodies_alone=bodies_alone), (np.inf, np.inf)
+    found: list[tuple[_Search, tuple[int, ...], float]] = []
+    for share in (0.0,) if bodies_alone else _DEVIATIONS:
+        search = exact.beside_deviations(share)
+        chosen = search.find_set()
+        # Bodies are off by no more than it takes to leave nothing but noise, or than the criterion asks for then.
+        left, score = search.gap(chosen) / search.rank, search.criterion(chosen)
+        if last[0] <= 1.0 and score >= last[1]:
+            break
+        last = (left, score)
+        found.append((search, chosen, score))
+    search, chosen, _ = found[-1] if last[0] <= 1.0 else min(found, key=lambda one: one[2])
+    return search.result(chosen)
 
 
 class _Search:
