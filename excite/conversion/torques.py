@@ -315,6 +315,6 @@ def _with_rate(question: Question, tried: Trial, stated: Map) -> Question:
             return question
     rate, low, high = (float(f"{one:.2g}") for one in (rates[at], rates[near[0]], rates[near[-1]]))
     signs = ", with the sign of the torques turned" if which else ""
-    near = span(f"{low:g}", f"{high:g}", " to ")
-    why = f", as the nominal inertias say ({near} explain the torques about as well{signs})"
+    around = span(f"{low:g}", f"{high:g}", " to ")
+    why = f", as the nominal inertias say ({around} explain the torques about as well{signs})"
     return question.with_rate(rate, why)
