@@ -162,7 +162,7 @@ def _name_labels(names: Iterable[str], joints: Sequence[str]) -> dict[str, str]:
     Names that differ in nothing but one word are of a joint each where these words, all of them, tell the joints.
     """
     found = {}
-    for (before, after), by_word in _alike_but_for(names, r"[A-Za-z]+\d*").items():
+    for (before, after), by_word in _alike_but_for(names, r"[A-Za-z]{2,}\d*|[A-Za-z]\d+").items():
         known = len(by_word.keys() & KNOWN)
         if len(by_word) == len(joints) and 0 < known <= len(by_word) / 2:
             placed = match_labels(list(by_word), joints)
