@@ -171,7 +171,7 @@ def _compare_bodies(samples: TorqueSamples, reading: Reading) -> OtherMachine | 
         return None
     likely = OtherMachine(samples.judged(reading).left, 1.0)
     best = min((likely, other_machine(samples, reading, reading.tick)), key=lambda one: float(one.left.sum()))
-    told = samples.unexplained_beside(reading, best.left) < THRESHOLD.in_place * left
+    told = samples.unexplained_beside(reading, best.left) < THRESHOLD.in_place * min(left, 1.0)
     return best if told and of_unknown_unit(samples, reading) is None else None
 
 
