@@ -203,7 +203,8 @@ def find_missing_friction(case: Case) -> None:
     bodies: what nominal masses are off by looks like some.
     """
     samples, reading = case.samples, Reading.as_stated(case.log)
-    if samples is None or case.log.header.torque != "motor_side" or Doubt.SIZE in case.doubts:
+    strange = Doubt.SIZE in case.doubts or any(found.kind == "other_model" for found in case.findings)
+    if samples is None or case.log.header.torque != "motor_side" or strange:
         return
     judged, drive = samples.judged(reading), samples.predicted(reading).drive
     viscous, dry = judged.drives[:, 1], judged.drives[:, 2]
