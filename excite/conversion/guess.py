@@ -45,7 +45,7 @@ from excite.conversion.guesses import Guesses, Mapped
 from excite.conversion.recording import Machine, Recording, Stream, live_columns, stated_rate
 from excite.finding import first_names
 from excite.formats.tables import MISFIT
-from excite.logs.units import TICKS
+from excite.logs.units import TICKS, TO_SI
 
 # Columns that are named in one line.
 _MOST_NAMED = 12
@@ -302,13 +302,18 @@ def _ask_for_rate(state: Guessing, stream: Stream, stated: float | None) -> None
 
 def _propose_rate(state: Guessing) -> None:
     """The rate that velocities tell, where a rate has to be asked for."""
-    found, values = state.found, state.values
-    speeds = {item.joint: values[item.source] for item in found.of("v")}
-    pairs = [
-        (values[item.source], speeds[item.joint])
-        for item in found.of("q")
-        if item.joint in speeds and len(values[item.source]) == len(speeds[item.joint])
-    ]
+    found = state.found
+
+    def numbers(item: Mapped) -> tuple[Array, bool]:
+        """Values by the unit that the name states, and whether it states any."""
+        said = state.clues.get(item.source)
+        size = None if said is None else TO_SI.get(said.unit)
+        return state.values[item.source] * (1.0 if size is None else size), size is not None
+
+    speeds = {item.joint: numbers(item) for item in found.of("v")}
+    both = [(numbers(item), speeds[item.joint]) for item in found.of("q") if item.joint in speeds]
+    # Of positions in degrees and velocities of no stated unit, or the other way round, the ratio is no rate.
+    pairs = [(q, v) for (q, of_q), (v, of_v) in both if of_q == of_v and len(q) == len(v)]
     if pairs:
         q, v = (np.column_stack(side) for side in zip(*pairs, strict=True))
         whole = np.isfinite(q).all(axis=1) & np.isfinite(v).all(axis=1)

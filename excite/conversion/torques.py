@@ -16,6 +16,7 @@ from excite.conversion.guesses import Guesses, Question, UnclearError
 from excite.conversion.recording import Machine, Recording
 from excite.conversion.result import Conversion
 from excite.conversion.trials import Cut
+from excite.display import span
 from excite.doctor.channel_errors import explained
 from excite.doctor.channel_mapping import Reading
 from excite.doctor.inertial_prior import STRONG_ODDS, Judgement
@@ -127,7 +128,7 @@ def _unknown_scale(log: Log) -> Scale | None:
     stated = Reading.as_stated(log)
     reading = replace(stated, torque_factor=np.where(samples.gains(stated)[0] < 0.0, -1.0, 1.0))
     scale = find_scale(samples, reading)
-    return scale if scale is not None and scale.far and best_load(samples, reading).load is None else None
+    return scale if scale is not None and scale.far and best_load(samples, reading) is None else None
 
 
 class Gain(NamedTuple):
@@ -289,6 +290,8 @@ def _with_rate(question: Question, tried: Trial, stated: Map) -> Question:
     one looks like no rate at all. The rate is proposed where it has an end on both sides within what any misreading has
     to bring, and where the model then explains half of the torques' power.
     """
+    if question.rate_is_told:
+        return question
     rates = np.geomspace(SLOWEST_HZ, FASTEST_HZ, 200)
     at, which, near = len(rates) // 2, 0, np.arange(0)
     for _ in range(2):
@@ -312,5 +315,6 @@ def _with_rate(question: Question, tried: Trial, stated: Map) -> Question:
             return question
     rate, low, high = (float(f"{one:.2g}") for one in (rates[at], rates[near[0]], rates[near[-1]]))
     signs = ", with the sign of the torques turned" if which else ""
-    why = f", as the nominal inertias say ({low:g} to {high:g} explain the torques about as well{signs})"
+    around = span(f"{low:g}", f"{high:g}", " to ")
+    why = f", as the nominal inertias say ({around} explain the torques about as well{signs})"
     return question.with_rate(rate, why)

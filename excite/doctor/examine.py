@@ -32,6 +32,7 @@ from excite.doctor.checks.motion import (
 from excite.doctor.checks.values import (
     find_coarse_steps,
     find_constants,
+    find_missing_friction,
     find_motor_side,
     find_range_ends,
     find_torque_ends,
@@ -70,6 +71,7 @@ RULES: tuple[Callable[[Case], None], ...] = (
     find_misreadings,
     find_weak_torques,
     find_motor_side,
+    find_missing_friction,
     find_torque_ends,
     find_beyond_limits,
     find_command_errors,

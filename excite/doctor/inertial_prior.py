@@ -58,6 +58,7 @@ class Judgement:
         left: ``(m,)`` half the logarithm of each channel's share of power that is left.
         cost: of the bodies' deviation from the nominal ones [nat].
         counts: ``(m,)`` effective samples of each channel.
+        drives: ``(m, k)`` what each channel holds of what is its own, by column; empty of channels that share it.
         moved: ``(k,)`` the likeliest deviations of all parameters that have a spread; ``std`` how well they are
             known, where that was asked.
     """
@@ -65,6 +66,7 @@ class Judgement:
     left: Array
     cost: float
     counts: Array
+    drives: Array
     moved: Array
     std: Array
 
@@ -178,4 +180,5 @@ def judge_bodies(
     if precise:
         covariance = cho_solve(cho_factor(matrix[np.ix_(kept, kept)]), np.eye(len(kept)))
         std[used] *= np.sqrt(np.diag(covariance)[:first])
-    return Judgement(half_log(shares), 0.5 * float(x[:priced] @ x[:priced]), told, moved, std)
+    drives = x[first:].reshape(m, k) if of_drives else np.zeros((0, k))
+    return Judgement(half_log(shares), 0.5 * float(x[:priced] @ x[:priced]), told, drives, moved, std)

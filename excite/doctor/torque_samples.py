@@ -143,7 +143,8 @@ class TorqueSamples(Samples):
         body = joint_torque_regressor(tree, q, v, a)[:, self.places[self.measured]] / scale[:, None]
         own = np.stack([np.ones_like(torque), *(part[some] for part in drive)], axis=2)
         # Offset, friction and rotor in units of the torque's own deviation and the motion's are as good as free.
-        own *= THRESHOLD.free_drive / np.maximum(np.sqrt((own**2).mean(axis=0)), 1e-12)
+        unit = THRESHOLD.free_drive / np.maximum(np.sqrt((own**2).mean(axis=0)), 1e-12)
+        own *= unit
         target, spread = (torque - model[some]) / scale, likely_spread(tree)
         if zeros is not None:
             # Nominal torques per radian of each joint's zero.
@@ -155,7 +156,8 @@ class TorqueSamples(Samples):
             felt = (ahead - behind) / (0.02 * scale[:, None])
             body, spread = np.concatenate([body, felt], axis=2), np.r_[spread, zeros]
         trial, precise = self.first[some], zeros is not None
-        return judge_bodies(spread, body, own, target, trial, counts, of_drives=True, precise=precise)
+        judged = judge_bodies(spread, body, own, target, trial, counts, of_drives=True, precise=precise)
+        return replace(judged, drives=judged.drives * unit * scale[:, None])
 
     def across(self, reading: Reading) -> Array:
         """The same of every torque column taken for every joint's, ``(n_joints, n_columns)``, the better sign."""
@@ -170,6 +172,22 @@ class TorqueSamples(Samples):
         gain = both / np.maximum(size, 1e-300)
         left = half_log(np.maximum(rest - gain * both, 0.0) / power)
         return Gains(gain, gain * both / power, gain * both / np.maximum(rest, 1e-300), left)
+
+    def unexplained(self, reading: Reading, load: Array | None = None) -> float:
+        """Share of all torques' power beside offset, friction and rotor that the nominal bodies leave, or add to it.
+
+        With ``load``, what it adds to the inertial parameters ``(10·n_segments,)``, beside these.
+        """
+        torque, (model, drive) = self.measured_torque(reading), self.predicted(reading)
+        model = model if load is None else model + self.felt(reading) @ load
+        y, x = remove_drives(drive, torque, model)
+        return float(((y - x) ** 2).sum() / max((y**2).sum(), 1e-300))
+
+    def unexplained_beside(self, reading: Reading, left: Array) -> float:
+        """The same where other bodies leave so much of each torque, half its logarithm ``(n_torques,)``."""
+        torque = self.measured_torque(reading)
+        (bare,) = remove_drives(self.predicted(reading).drive, torque)
+        return float(len(torque) * np.exp(2.0 * left) @ torque.var(axis=0) / max((bare**2).sum(), 1e-300))
 
     def fewer(self, readings: int) -> TorqueSamples:
         """The same with less samples where this many readings are to be compared; an arm's keep all."""

@@ -169,11 +169,11 @@ def identify_problem(
     weighted = iterate_weights(condense_problem(plain))
     weighted_statistics = base_statistics(weighted)
     too_few = _too_few_instants(plain, weighted_statistics.base.rank)
-    changes = Changes((), 0.0, 1.0) if too_few else find_changes(weighted, weighted_statistics.noise)
-    # A guess for the estimate, which blocks and evidence judge: that bodies have taken all of the change.
-    guess = changes
+    changes = guess = Changes((), 0.0, 1.0)
     wrenches = plain.channel_names[0] == "fx"
-    if not wrenches and not too_few:
+    if not too_few:
+        changes = find_changes(weighted, weighted_statistics.noise)
+        # A guess for the estimate, which blocks and evidence judge: that bodies have taken all of the change.
         guess = find_changes(weighted, weighted_statistics.noise, bodies_alone=True)
     informed = _informed_settings(robot, settings, guess)
     adaptation = Adaptation((), 1.0, 1.0)

@@ -10,9 +10,11 @@ import pytest
 from scipy.io import savemat
 
 import excite
+from excite.conversion.columns.families import clues_of
 from excite.conversion.columns.joints import Placed, first_number, place_columns
 from excite.conversion.columns.words import read_clue
 from excite.conversion.guesses import UnclearError
+from excite.conversion.recording import Column, Recording, Stream
 from tests.conversion import written
 from tests.conversion.test_habits import table
 from tests.conversion.written import WHOLE
@@ -212,3 +214,38 @@ def test_names_left_open_are_asked_about_and_a_map_of_those_alone_settles_it(tmp
         "middle_z_pos",
         "middle_x_pos",
     ]
+
+
+@pytest.mark.parametrize("pattern", ["ang_{}_deg", "{}.pos", "q {} [rad]", "M_{}_Nm"])
+@pytest.mark.parametrize(
+    ("joints", "labels"),
+    [
+        (UR, ["sp", "sl", "el", "w1", "w2", "w3"]),
+        (["base_yaw", "shoulder_pitch", "elbow_pitch", "wrist_roll"], ["by", "sp", "ep", "wr"]),
+        (["shoulder_pitch", "shoulder_roll", "elbow"], ["sp", "sr", "elbow"]),
+    ],
+)
+def test_a_word_that_means_something_else_is_a_joints_beside_labels_of_all_others(pattern, joints, labels):
+    """``sp`` is a set point, elsewhere."""
+    columns = tuple(Column(pattern.format(label), np.zeros(3)) for label in labels)
+    clues = clues_of(Recording("x.csv", "x", (Stream("x", columns),)), joints)
+    told = place_columns([column.name for column in columns], clues, joints, 1)
+    assert told.columns == {joint: pattern.format(label) for joint, label in zip(joints, labels, strict=True)}
+    assert not any(said.commanded for said in clues.values())
+
+
+@pytest.mark.parametrize("unit", [("rad", "rpm"), ("deg", "deg_s"), ("deg", "rad_s")])
+def test_a_rate_is_told_by_velocities_in_the_units_that_names_state(unit, tmp_path):
+    time = np.arange(0.0, 8.0, 0.02)
+    size = {"rad": 1.0, "deg": np.degrees(1.0), "rpm": 30.0 / np.pi, "deg_s": np.degrees(1.0), "rad_s": 1.0}
+    columns = {}
+    for k, joint in enumerate(written.JOINTS):
+        columns[f"{joint}_pos_{unit[0]}"] = size[unit[0]] * np.sin((1.0 + 0.3 * k) * time)
+        columns[f"{joint}_vel_{unit[1]}"] = size[unit[1]] * (1.0 + 0.3 * k) * np.cos((1.0 + 0.3 * k) * time)
+    source = tmp_path / "log.csv"
+    np.savetxt(
+        source, np.column_stack([*columns.values()]), delimiter=",", header=",".join(columns), comments=""
+    )
+    with pytest.raises(UnclearError) as told:
+        excite.convert([source], written.arm_urdf(tmp_path / "arm.urdf"), tmp_path / "log", WHOLE)
+    assert "rate_hz: 50}" in str(told.value) and "as the velocities say" in str(told.value)

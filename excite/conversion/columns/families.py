@@ -15,10 +15,11 @@ from excite.conversion.columns.joints import (
     BY_WORDS,
     Placed,
     first_number,
+    match_labels,
     place_columns,
     with_words_of_joints,
 )
-from excite.conversion.columns.vocabulary import ASIDE, MEASURED, OF_MOTOR, OF_WORD, SURELY_MEASURED
+from excite.conversion.columns.vocabulary import ASIDE, KNOWN, MEASURED, OF_MOTOR, OF_WORD, SURELY_MEASURED
 from excite.conversion.columns.words import Clue, read_clue, with_joints_numbers
 from excite.conversion.guesses import Guesses
 from excite.conversion.recording import Column, Recording, Stream, live_columns
@@ -111,7 +112,7 @@ class Family:
 def clues_of(recording: Recording, joints: Sequence[str], ignored: Iterable[str] = ()) -> dict[str, Clue]:
     """What the name of every column says, or its format."""
     names = {column.name for column in recording.columns} - set(ignored)
-    spelt = {name: name for name in names} | _number_letters(names)
+    spelt = {name: name for name in names} | _number_letters(names) | _name_labels(names, joints)
     found = _clues(recording, joints, spelt, frozenset())
     letters = frozenset(word for said in found.values() for word in said.label.split("_") if len(word) == 1)
     if letters:
@@ -131,21 +132,43 @@ def clues_of(recording: Recording, joints: Sequence[str], ignored: Iterable[str]
     return found
 
 
+def _alike_but_for(names: Iterable[str], word: str) -> dict[tuple[str, str], dict[str, str]]:
+    """Names that differ in nothing but one word, by what stands before and behind it, each by its own, lower case."""
+    groups: dict[tuple[str, str], dict[str, str]] = {}
+    for name in names:
+        for match in re.finditer(word, name):
+            groups.setdefault((name[: match.start()], name[match.end() :]), {})[match[0].lower()] = name
+    return groups
+
+
 def _number_letters(names: Iterable[str]) -> dict[str, str]:
     """Names with numbers for letters that count columns: ``torque_1`` … for ``torque_a`` … ``torque_f``.
 
     They are letters where names differ in nothing but one that stands alone, and go from the first one of the alphabet.
     """
-    groups: dict[tuple[str, str], dict[str, str]] = {}
-    for name in names:
-        for match in re.finditer(r"(?<![A-Za-z])[A-Za-z](?![A-Za-z0-9])", name):
-            groups.setdefault((name[: match.start()], name[match.end() :]), {})[match[0].lower()] = name
     return {
         name: f"{before}{1 + ascii_lowercase.index(letter)}{after}"
-        for (before, after), by_letter in groups.items()
+        for (before, after), by_letter in _alike_but_for(
+            names, r"(?<![A-Za-z])[A-Za-z](?![A-Za-z0-9])"
+        ).items()
         if len(by_letter) > 1 and sorted(by_letter) == list(ascii_lowercase[: len(by_letter)])
         for letter, name in by_letter.items()
     }
+
+
+def _name_labels(names: Iterable[str], joints: Sequence[str]) -> dict[str, str]:
+    """Names with the whole joint for a word that would mean something else: ``ang_sp`` beside ``ang_sl``, ``ang_w1``.
+
+    Names that differ in nothing but one word are of a joint each where these words, all of them, tell the joints.
+    """
+    found = {}
+    for (before, after), by_word in _alike_but_for(names, r"[A-Za-z]{2,}\d*|[A-Za-z]\d+").items():
+        known = len(by_word.keys() & KNOWN)
+        if len(by_word) == len(joints) and 0 < known <= len(by_word) / 2:
+            placed = match_labels(list(by_word), joints)
+            for joint, word in ({} if placed is None or placed.left_over else placed.columns).items():
+                found[by_word[word]] = f"{before}{joint}{after}"
+    return found
 
 
 def _clues(

@@ -13,9 +13,17 @@ from excite.doctor.case import Case
 from excite.doctor.channel_errors import DELAY, OF_TORQUES, OF_WRENCHES, Misreading, misreadings, refine_zeros
 from excite.doctor.channel_mapping import Reading
 from excite.doctor.checks.values import of_unknown_unit
+from excite.doctor.doubt import Doubt
 from excite.doctor.inertial_prior import STRONG_ODDS
-from excite.doctor.mistakes.torques import ADDED, OtherMachine, best_load, find_delay, other_machine
-from excite.doctor.samples import Samples
+from excite.doctor.mistakes.torques import (
+    ADDED,
+    OtherMachine,
+    best_load,
+    find_delay,
+    other_machine,
+)
+from excite.doctor.samples import Mistake
+from excite.doctor.thresholds import THRESHOLD
 from excite.doctor.torque_samples import TorqueSamples
 from excite.doctor.wrench_samples import wrench_samples
 from excite.finding import list_names
@@ -25,39 +33,55 @@ from excite.regressor.tree import read_tree
 from excite.rows.kinematics import in_configurations
 
 Found = tuple[Misreading, ...]
+_SIZES = frozenset({Doubt.SIZE, Doubt.CLOCK})
 
 
 def find_misreadings(case: Case) -> None:
     """Signs, order, units, zeros, clock, delay, poses by which the model explains torques or wrenches far better."""
     header, stated = case.log.header, Reading.as_stated(case.log)
-    standing, other = header.free_base and bool(header.sensors), None
-    samples: Samples | None = wrench_samples(case.robot, case.log) if standing else case.samples
-    if samples is None:
-        return
-    mistakes = OF_TORQUES if isinstance(samples, TorqueSamples) else OF_WRENCHES
     late = replace(DELAY, corrections=partial(find_delay, late_s=case.latest_s))
-    possible = [
-        late if one is DELAY else one
-        for one in mistakes
-        if not one.of_posture or header.posture == "measured"
-    ]
+    measured = header.posture == "measured"
+
+    def possible(mistakes: Sequence[Mistake]) -> list[Mistake]:
+        return [late if one is DELAY else one for one in mistakes if measured or not one.of_posture]
+
+    if header.free_base and header.sensors and (wrenches := wrench_samples(case.robot, case.log)) is not None:
+        _correct(case, *misreadings(wrenches, stated, possible(OF_WRENCHES)), wrenches.what)
+    elif (torques := case.samples) is not None:
+        _find_in_torques(case, torques, stated, possible(OF_TORQUES))
+
+
+def _find_in_torques(
+    case: Case, samples: TorqueSamples, stated: Reading, possible: Sequence[Mistake]
+) -> None:
     reading, found = misreadings(samples, stated, possible)
-    if found and isinstance(samples, TorqueSamples):
+    beside = samples
+    if found:
         # Torques in a unit that nothing tells, too small for bodies anywhere near the nominal ones, betray nothing.
         if of_unknown_unit(samples, stated) is not None:
             return
-        samples, (reading, found) = _beside_load(samples, stated, possible, (reading, found))
-        other = _explain_by_other_machine(samples, stated, reading, found)
-    if isinstance(samples, TorqueSamples) and other is None:
-        reading, found = refine_zeros(samples, reading, found, possible)
+        beside, (reading, found) = _beside_load(samples, stated, possible, (reading, found))
+        if (other := _explain_by_other_machine(beside, stated, reading, found)) is not None:
+            _doubt(case, found)
+            _report_other_model(case, samples, stated, other, found)
+            return
+    reading, found = refine_zeros(beside, reading, found, possible)
+    bodies = None if case.log.header.torque == "current" else _compare_bodies(samples, reading)
+    if bodies is not None:
+        # Units and clocks are told by how large the nominal bodies' torques are: with those of another robot 44 times
+        # what its model needs is no unit of a wrist's torque.
+        if any(item.mistake.leaves & _SIZES for item in found):
+            possible = [one for one in possible if not one.leaves & _SIZES]
+            reading, found = refine_zeros(samples, *misreadings(samples, stated, possible), possible)
+        _report_other_model(case, samples, reading, bodies)
+    _correct(case, reading, found, samples.what)
+
+
+def _correct(case: Case, reading: Reading, found: Found, what: str) -> None:
+    """Report what was found and put the log right, but for what a person has to say first."""
+    _doubt(case, found)
     for item in found:
-        case.doubts |= set() if item.correction.certain else item.mistake.leaves
-    if other is not None:
-        _report_other_model(case, found, samples.what, other)
-        return
-    for item in found:
-        _report_misreading(case, item, samples.what)
-        # A person has to say first what is asked for.
+        _report_misreading(case, item, what)
         back = item.correction.as_logged if item.correction.ask else None
         reading = reading if back is None else back(reading)
     if not all(item.correction.ask for item in found):
@@ -103,14 +127,14 @@ def put_weight_back(case: Case, reading: Reading) -> None:
 
 
 def _beside_load(
-    samples: TorqueSamples, stated: Reading, possible: Sequence, found: tuple[Reading, Found]
+    samples: TorqueSamples, stated: Reading, possible: Sequence[Mistake], found: tuple[Reading, Found]
 ) -> tuple[TorqueSamples, tuple[Reading, Found]]:
     """What torques betray beside a load where that explains them better than the first mistake would.
 
     A load of a robot's own weight is no likely body: torques of an arm that carried one were scaled, and without that
     its clock looked fast.
     """
-    load = best_load(samples, stated).load
+    load = best_load(samples, stated)
     if load is not None:
         loaded = replace(samples, carried=load.parameters)
         before = samples.judged(stated)
@@ -136,23 +160,54 @@ def _explain_by_other_machine(
     return other if float(then.counts @ (other.left - then.left)) - then.cost < STRONG_ODDS else None
 
 
-def _report_other_model(case: Case, found: Found, what: str, other: OtherMachine) -> None:
-    """One model that is another machine's instead of several mistakes."""
-    kinds = list(dict.fromkeys(item.mistake.name.replace("_", " ") for item in found))
-    before, after = (percent(min(100.0, 100.0 * share)) for share in (found[0].before, other.share))
-    size = "" if other.length == 1.0 else f", about {other.length:.2g} times as long"
+def _compare_bodies(samples: TorqueSamples, reading: Reading) -> OtherMachine | None:
+    """Other bodies that leave next to nothing of a tenth or more that the nominal ones leave; None elsewhere.
+
+    A load that is no heavier than the robot is carried by it, and makes it no other one.
+    """
+    load, masses = best_load(samples, reading), samples.under(reading.gravity).phi[::10]
+    left = samples.unexplained(reading, None if load is None or load.mass > masses.sum() else load.parameters)
+    if left < THRESHOLD.in_place:
+        return None
+    likely = OtherMachine(samples.judged(reading).left, 1.0)
+    best = min((likely, other_machine(samples, reading, reading.tick)), key=lambda one: float(one.left.sum()))
+    told = samples.unexplained_beside(reading, best.left) < THRESHOLD.in_place * min(left, 1.0)
+    return best if told and of_unknown_unit(samples, reading) is None else None
+
+
+def _report_other_model(
+    case: Case, samples: TorqueSamples, reading: Reading, other: OtherMachine, found: Found = ()
+) -> None:
+    """A model that is not the robot's, in the place of mistakes that would explain the log as well."""
+    gains, shares, *_ = samples.gains(reading)
+    told = np.flatnonzero((shares > THRESHOLD.telling_share) & (gains > 0.0))
+    joints = tuple(samples.channels[j] for j in told)
+    left = (samples.unexplained(reading), samples.unexplained_beside(reading, other.left))
+    model, others = (percent(100.0 * max(1.0 - share, 0.0)) for share in left)
+    each = ", ".join(f"{joint} {gains[j]:.2g}" for joint, j in zip(joints, told, strict=True))
+    size = "" if other.length == 1.0 else f", about {other.length:.2g} times as long,"
     text = (
-        f"the model is probably that of another machine: with bodies near its own {before} of the {what}' "
-        f"power is unexplained, with other bodies on its joints{size} {after}; the only other explanation is "
-        f"{len(found)} mistakes in the log at once ({list_names(kinds)})"
+        f"the model's bodies explain {model} of the torques' power beside friction and rotors, other bodies on its "
+        f"joints{size} {others}: masses or lengths are not this robot's (torques per what the model needs: {each})"
     )
-    figures = {"left_before": found[0].before, "left_after": other.share, "length": other.length}
-    case.add(
-        "other_model",
-        text,
-        figures,
-        tuple(dict.fromkeys(p for item in found for p in item.correction.places)),
-    )
+    load = best_load(samples, reading)
+    text += "" if load is None else f", or it carries a load: {load.sentence()}"
+    more = {}
+    if found:
+        kinds = list(dict.fromkeys(item.mistake.name.replace("_", " ") for item in found))
+        text += (
+            f"; the only other explanation is {len(found)} mistakes in the log at once ({list_names(kinds)})"
+        )
+        more = {"severity": "spoils"}
+    figures = {f"factor.{joint}": float(gains[j]) for joint, j in zip(joints, told, strict=True)}
+    figures |= {"left_before": left[0], "left_after": left[1], "length": other.length}
+    case.add("other_model", text, figures, joints, **more)
+
+
+def _doubt(case: Case, found: Found) -> None:
+    """What the mistakes that were found leave in doubt."""
+    for item in found:
+        case.doubts |= set() if item.correction.certain else item.mistake.leaves
 
 
 def _report_misreading(case: Case, item: Misreading, what: str) -> None:

@@ -196,6 +196,40 @@ def _rotors(samples: TorqueSamples, reading: Reading) -> tuple[float, int]:
     return min(outer, default=0.0), rubbing
 
 
+def find_missing_friction(case: Case) -> None:
+    """Torques that hold next to nothing of the friction that the other joints have, by what their drives can give.
+
+    A driver has subtracted its model of it, or a sensor sits behind one joint's gear. Friction is that beside likely
+    bodies: what nominal masses are off by looks like some.
+    """
+    samples, reading = case.samples, Reading.as_stated(case.log)
+    strange = Doubt.SIZE in case.doubts or any(found.kind == "other_model" for found in case.findings)
+    if samples is None or case.log.header.torque != "motor_side" or strange:
+        return
+    judged, drive = samples.judged(reading), samples.predicted(reading).drive
+    viscous, dry = judged.drives[:, 1], judged.drives[:, 2]
+    fast = np.quantile(np.abs(drive.v), 0.9, axis=0)
+    friction = dry + viscous * fast
+    left = samples.measured_torque(reading).std(axis=0) * np.exp(judged.left)
+    joints = np.array(samples.channels)
+    limits = np.asarray(case.robot.limits.torque, dtype=float)[[case.robot.joint_index(j) for j in joints]]
+    moves = fast > THRESHOLD.still
+    clear = moves & (friction > left)
+    usual = float(np.median((friction / limits)[clear])) if clear.any() else 0.0
+    # What the others have would stand out of what nothing explains there.
+    lacks = moves & (friction < THRESHOLD.next_to_nothing * usual * limits) & (left < usual * limits)
+    if clear.sum() > lacks.sum() > 0:
+        each = {f"friction.{joint}": float(size) for joint, size in zip(joints, friction, strict=True)}
+        said = list_names(
+            [f"{joint} {size:.2g} N·m" for joint, size in zip(joints, friction, strict=True)], 8
+        )
+        text = (
+            f"torques of {list_names(joints[lacks])} hold no friction, unlike the others' ({said}): a driver has "
+            "subtracted it, or they were measured behind the gear"
+        )
+        case.add("no_friction", text, each, tuple(joints[lacks]))
+
+
 def _own_inertia(samples: TorqueSamples) -> Array:
     """Mean inertia that each measured joint has by the nominal model, ``(n_torques,)``: torque per acceleration."""
     q = samples.q[:: max(1, len(samples.q) // 20)]
@@ -216,9 +250,13 @@ def of_unknown_unit(samples: TorqueSamples, reading: Reading) -> ModelParts | No
     parts = parts_in(samples, reading)
     needed = samples.predicted(reading).torque.std(axis=0)
     few = parts.told.sum() < 2 or needed[parts.told].sum() <= 0.5 * needed.sum()
-    if few or parts.largest > THRESHOLD.next_to_nothing:
+    if few or parts.size(needed) > THRESHOLD.next_to_nothing:
         return None
-    return None if misreadings(samples, reading, (TORQUE_SCALE,))[1] else parts
+    # So do those that tell a factor.
+    gains = samples.gains(reading)
+    close = (gains.share > THRESHOLD.telling_share) & (gains.agreement > THRESHOLD.closely)
+    told = needed[close].sum() > 0.5 * needed.sum()
+    return None if told and misreadings(samples, reading, (TORQUE_SCALE,))[1] else parts
 
 
 def _report_unknown_unit(case: Case, samples: TorqueSamples, parts: ModelParts, reading: Reading) -> None:

@@ -53,17 +53,10 @@ class Load(NamedTuple):
         return {f"payload.{joint}": float(x) for joint, x in zip(samples.channels, own / needed, strict=True)}
 
 
-class Explained(NamedTuple):
-    """The load that explains torques better than scales do, None for none; the score of what it or else these leave."""
-
-    load: Load | None
-    score: float
-
-
 def best_load(
     samples: TorqueSamples, reading: Reading, *, still: bool = False, absent: bool = False
-) -> Explained:
-    """The load that explains torques better than any scales of them do, and half the logarithm of what is left, in sum.
+) -> Load | None:
+    """The load that explains torques better than any scales of them do; None for none.
 
     Beside each joint's offset, friction and rotor either every joint's nominal torque is multiplied by a factor of its
     own, or one link has ten inertial parameters more, of a body with a mass, or its weight alone; or the
@@ -90,7 +83,12 @@ def best_load(
             Load(tree.names[k + 1], abs(float(phi[0])) if weighs else 0.0, float(left.max()), score, added),
             score,
         )
-    return Explained(best, scaled if best is None else best.score)
+    return best
+
+
+def _left_beside(samples: TorqueSamples, reading: Reading, load: Load | None) -> float:
+    """Half the logarithm of what a load, or else scales, leave of each joint's power, in sum."""
+    return float(samples.gains(reading).left.sum()) if load is None else load.score
 
 
 def _fit_together(parts: Array, target: Array, power: Array) -> tuple[Array, Array]:
@@ -133,11 +131,18 @@ class ModelParts(NamedTuple):
         """Which joints tell anything, ``(n_torques,)``."""
         return np.isfinite(self.weight) | np.isfinite(self.inertia)
 
-    @property
-    def largest(self) -> float:
-        """The largest share of any part at any joint, either sign; nan where none tells."""
-        shares = np.abs(np.concatenate([self.weight, self.inertia]))
-        return float(np.nanmax(shares)) if self.told.any() else np.nan
+    def size(self, needed: Array) -> float:
+        """The largest share of any joint; of all by the torques that these need, where inertial forces tell it.
+
+        Weights alone may be small because gravity points elsewhere.
+
+        Args:
+            needed: ``(n_torques,)`` of the nominal bodies, RMS [N·m or N].
+        """
+        shares, told = np.fmax(np.abs(self.weight), np.abs(self.inertia)), np.isfinite(self.inertia)
+        if needed[told].sum() > 0.5 * needed.sum():
+            return float(np.linalg.norm((shares * needed)[self.told]) / np.linalg.norm(needed[self.told]))
+        return float(np.max(shares[self.told], initial=0.0))
 
     def lack_weight(self, most: float) -> bool:
         """Whether some joint tells its share of the weight, and none that does has more than ``most``."""
@@ -211,10 +216,12 @@ def find_missing_weight(samples: TorqueSamples, reading: Reading) -> Iterable[Co
     parts = parts_in(samples, reading)
     if not reading.is_compensated:
         bare = take_weight(reading, reading.gravity)
-        load, least = best_load(samples, bare)
+        load = best_load(samples, bare)
+        least = _left_beside(samples, bare, load)
         yield from _without_weight(samples, reading, parts, load, least)
         # A payload beside no weight, or beside all of it, must not explain clearly more.
-        least = min(least, best_load(samples, bare, still=True)[1], best_load(samples, reading)[1])
+        others = ((bare, best_load(samples, bare, still=True)), (reading, best_load(samples, reading)))
+        least = min(least, *(_left_beside(samples, read, other) for read, other in others))
         for one in (*_without_part(samples, reading, parts), *_without_absent_load(samples, reading, parts)):
             if samples.gains(one.reading).left.sum() < least + THRESHOLD.better_load:
                 yield one
@@ -232,7 +239,7 @@ def _without_weight(
         if load is None or not parts.lack_weight(THRESHOLD.next_to_nothing):
             return
         # A load beside the whole weight, or any scale of it, must not explain as much.
-        if score > best_load(samples, reading)[1] - THRESHOLD.better_load:
+        if score > _left_beside(samples, reading, best_load(samples, reading)) - THRESHOLD.better_load:
             return
     figures, text = (
         parts.figures(),
@@ -299,7 +306,7 @@ def _without_absent_load(samples: TorqueSamples, reading: Reading, parts: ModelP
         (reading, "the weight"),
         (take_weight(reading, reading.gravity), "the weight, and that"),
     ):
-        load, _ = best_load(samples, base, absent=True)
+        load = best_load(samples, base, absent=True)
         if load is not None:
             body = f"a body of about {load.mass:.2g} kg" if load.mass > 0.0 else "a body"
             yield Correction(
@@ -388,11 +395,6 @@ class OtherMachine(NamedTuple):
 
     left: Array
     length: float
-
-    @property
-    def share(self) -> float:
-        """Share of the torques' power that is left, geometric mean."""
-        return float(np.exp(2.0 * self.left.mean()))
 
 
 def other_machine(samples: TorqueSamples, stated: Reading, tick: float) -> OtherMachine:

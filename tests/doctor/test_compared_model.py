@@ -1,0 +1,66 @@
+"""A log beside another robot's model, and torques off which a driver took the friction of some joints."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from excite.doctor.examine import examine
+from excite.robot.load import load_robot
+from excite.rows.drive_terms import smooth_sign
+from tests.identification.practice_log import arm_log, changed
+
+UR = Path(pin.__file__).parents[4] / "share/example-robot-data/robots/ur_description/urdf"
+
+
+def robot_of(name: str):
+    return load_robot(UR / f"{name}_joint_limited_robot.urdf" if name in ("ur3", "ur5") else name)
+
+
+@pytest.mark.parametrize("seed", [0, 3])
+@pytest.mark.parametrize(
+    ("recorded", "model"), [("ur5", "ur10"), ("ur3", "ur10"), ("ur10", "ur3"), ("panda", "iiwa14")]
+)
+def test_the_model_of_another_robot_is_named_and_sizes_are_not_believed_by_it(recorded, model, seed):
+    nominal = robot_of(model)
+    log = arm_log(robot_of(recorded), seed)
+    log = changed(log, lambda trial: trial, joints=nominal.joint_names)
+    chart = examine(nominal, log)
+    kinds = {found.kind for found in chart.findings}
+    assert not kinds & {"torque_scale", "clock"}
+    (found,) = (one for one in chart.findings if one.kind == "other_model")
+    assert found.figures["left_after"] < 0.1 * found.figures["left_before"]
+    np.testing.assert_array_equal(chart.log.trials[0].tau, log.trials[0].tau)
+
+
+@pytest.mark.parametrize("share", [1.0, 1.2])
+@pytest.mark.parametrize(
+    ("name", "joints"), [("ur10", (1, 4)), ("panda", (2,)), ("ur10", (0, 3)), ("panda", (0, 5))]
+)
+def test_joints_whose_friction_a_driver_took_off_are_named(name, joints, share):
+    robot = robot_of(name)
+    log, whole = arm_log(robot, 3), arm_log(robot, 3, torque="link_side")
+    assert "no_friction" not in {found.kind for found in examine(robot, log).findings}
+
+    def taken(trial, bare):
+        v = np.gradient(trial.q, trial.time, axis=0)
+        columns = np.stack([v, smooth_sign(v, 0.01), np.gradient(v, trial.time, axis=0)], axis=2)
+        tau = trial.tau.copy()
+        for j in joints:
+            weights = np.linalg.lstsq(columns[:, j], (trial.tau - bare.tau)[:, j], rcond=None)[0]
+            tau[:, j] -= share * columns[:, j, :2] @ weights[:2]
+        return replace(trial, tau=tau)
+
+    pairs = dict(zip((trial.name for trial in log.trials), whole.trials, strict=True))
+    chart = examine(robot, changed(log, lambda trial: taken(trial, pairs[trial.name])))
+    (found,) = (one for one in chart.findings if one.kind == "no_friction")
+    assert found.places == tuple(robot.joint_names[j] for j in joints)
+    sizes = {key.partition(".")[2]: size for key, size in found.figures.items()}
+    left, kept = (
+        [size for joint, size in sizes.items() if (joint in found.places) is of] for of in (True, False)
+    )
+    assert min(kept) > 0.0 and max(left) < 0.1 * max(kept)
