@@ -236,14 +236,14 @@ def _motion(machine: Machine, model: pin.Model, seconds: float, rng: np.random.G
             phase = 2.0 * np.pi * turn * (1.0 + 0.11 * j) * time + rng.uniform(0.0, 2.0 * np.pi)
             x[:, j] += 0.55 * size / (1.0 + 0.7 * k) * np.sin(phase)
     x *= (np.sin(0.5 * np.pi * np.clip(np.minimum(time, seconds - time), 0.0, 1.0)) ** 2)[:, None]
-    q, motor = machine.close_configurations(x)
+    q, motor = machine.closed(x)
     splines, of_motor = CubicSpline(time, q), CubicSpline(time, motor)
     v, a = splines(time, 1), splines(time, 2)
     data = model.createData()
     tree = np.array([pin.rnea(model, data, *row) for row in zip(q, v, a, strict=True)])
     slopes = []
     for unit in STEP * np.eye(x.shape[1]):
-        ahead, behind = machine.close_configurations(x + unit), machine.close_configurations(x - unit)
+        ahead, behind = machine.closed(x + unit), machine.closed(x - unit)
         slopes.append([(one - other) / (2.0 * STEP) for one, other in zip(ahead, behind, strict=True)])
     of_tree = np.stack([one for one, _ in slopes], axis=2)
     of_motors = np.stack([other for _, other in slopes], axis=2)

@@ -572,15 +572,27 @@ def _bounded_by(path: Path) -> list[str]:
 
 _SCHEMA = "schema: excite.physical_bounds/1\n"
 _BOUNDS: dict[str, tuple[str, str]] = {
-    "other schema": ("schema: x\n", r"schema: is not a bounds file; start it with"),
+    "other schema": ("schema: x\n", r"schema: should be 'excite\.physical_bounds/1', got 'x'"),
     "nothing": (_SCHEMA, r"bounds nothing; give links"),
-    "unknown field": (_SCHEMA + "link: {}\n", r"link: is unknown; choose"),
+    "unknown field": (_SCHEMA + "link: {}\n", r"link: extra inputs are not permitted.*write links:"),
     "unknown link": (_SCHEMA + "links: {wrist: {m: [1, 2]}}\n", r"links\.wrist\.m: is of no link"),
     "NaN": (_SCHEMA + "links: {lower: {m: [.nan, 2]}}\n", r"links\.lower\.m\.0: is \.nan"),
-    "infinite": (_SCHEMA + "links: {lower: {m: [0, .inf]}}\n", r"links\.lower\.m: has bounds.*numbers up to"),
-    "1e300": (_SCHEMA + "links: {lower: {m: [0, 1.0e+300]}}\n", r"links\.lower\.m: has bounds"),
-    "reversed": (_SCHEMA + "links: {lower: {m: [2, 1]}}\n", r"nothing between; put the lower one"),
-    "wide digits": (_SCHEMA + "links: {lower: {m: ['１', 2]}}\n", r"links\.lower\.m: has bounds"),
+    "infinite": (
+        _SCHEMA + "links: {lower: {m: [0, .inf]}}\n",
+        r"links\.lower\.m\.1: should be less than.*got inf.*numbers up to",
+    ),
+    "1e300": (
+        _SCHEMA + "links: {lower: {m: [0, 1.0e+300]}}\n",
+        r"links\.lower\.m\.1: should be less than.*got 1e\+300",
+    ),
+    "reversed": (
+        _SCHEMA + "links: {lower: {m: [2, 1]}}\n",
+        r"links\.lower\.m: has bounds \[2, 1\] with nothing between: put the lower one",
+    ),
+    "wide digits": (
+        _SCHEMA + "links: {lower: {m: ['１', 2]}}\n",
+        r"links\.lower\.m\.0: should be a valid number",
+    ),
     "twice": (_SCHEMA + "total_mass: [1, 2]\ntotal_mass: [1, 3]\n", r"total_mass: stands twice"),
     "aliases": (_SCHEMA + _BOMB, r"stands for more than"),
 }

@@ -60,7 +60,7 @@ def test_an_effect_below_what_rebuilt_torques_can_tell_is_not_believed():
     """A roll-out that gains ever so much does not make up for a torque of one part in a hundred."""
     rng = np.random.default_rng(0)
     tau = rng.standard_normal((500, 2)) * np.array([1.0, 50.0])
-    samples = SimpleNamespace(trials=[SimpleNamespace(measured=tau)], rows=np.concatenate)
+    samples = SimpleNamespace(trials=[SimpleNamespace(measured_torque=tau)], to_rows=np.concatenate)
     extra = np.zeros((2, 500, 1))
     extra[1, :, 0] = np.sign(tau[:, 1])
     hypothesis = SimpleNamespace(
@@ -87,7 +87,7 @@ def replace_columns(hypothesis: SimpleNamespace, extra: np.ndarray | None) -> Si
 def test_effects_end_where_rebuilt_torques_do(sizes: tuple[float, ...], left: int) -> None:
     rng = np.random.default_rng(0)
     tau = rng.standard_normal((500, 1))
-    samples = SimpleNamespace(trials=[SimpleNamespace(measured=tau)], rows=np.concatenate)
+    samples = SimpleNamespace(trials=[SimpleNamespace(measured_torque=tau)], to_rows=np.concatenate)
     accepted = []
     for k, size in enumerate(sizes):
         fit = SimpleNamespace(extra=np.array([size]))

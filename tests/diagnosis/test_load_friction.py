@@ -60,9 +60,9 @@ def test_a_motor_gives_what_the_load_its_level_and_a_share_of_itself_ask_for() -
 def at(load: np.ndarray, sign: np.ndarray) -> SimpleNamespace:
     """What a shape asks of its context, for one joint."""
     modelled, own = ("coulomb_friction",), (np.array([LEVEL]),)
-    fit = SimpleNamespace(own=own)
+    fit = SimpleNamespace(own_coefs=own)
     baseline = SimpleNamespace(rigid=load[:, None], modelled=modelled, fit=fit)
-    return SimpleNamespace(baseline=baseline, row=lambda location: 0, sign=lambda j: sign)
+    return SimpleNamespace(baseline=baseline, row=lambda location: 0, friction_sign=lambda j: sign)
 
 
 def test_its_size_is_the_slope_of_the_straight_line_that_comes_nearest() -> None:

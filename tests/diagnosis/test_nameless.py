@@ -24,10 +24,10 @@ def test_a_stop_beside_an_effect_that_says_more(
     none: Any = None
     likely = () if named is None else (_term("", named),)
     record = SimpleNamespace(
-        _nothing=Attribution(none, none, none, none),
-        _terms={("end_stop", "elbow"): _term("position", 17.0)},
-        _likely=likely,
-        _scored=tuple,
+        _empty_attribution=Attribution(none, none, none, none),
+        _terms_by_key={("end_stop", "elbow"): _term("position", 17.0)},
+        _unnamed_likely_terms=likely,
+        _score_terms=tuple,
         budget=SimpleNamespace(named=()),
         scorer=SimpleNamespace(spectral=none, baseline=none),
     )

@@ -149,14 +149,16 @@ def test_jumps_of_friction_do_not_pass_for_noise(clean: Log) -> None:
 
 
 def test_without_repeats_nothing_is_known_of_what_they_do_not_show() -> None:
-    samples = SimpleNamespace(repeats=(), trial_of_row=np.zeros(10, dtype=np.int64))
+    samples = SimpleNamespace(repeat_pairs=(), trial_of_row=np.zeros(10, dtype=np.int64))
     np.testing.assert_array_equal(unrepeated_noise_power(samples, np.ones((3, 10))), np.zeros(3))
 
 
 def test_what_holds_a_standing_joint_is_a_floor():
     """A joint that rests for half of the time leaves what its friction takes up then, and no noise beyond it."""
     rows, v = np.arange(400), np.where(np.arange(400) < 200, 0.0, 0.5)[:, None]
-    samples = SimpleNamespace(standstill=np.array([0.01]), motion=lambda name: v, rows=lambda values: values)
+    samples = SimpleNamespace(
+        standstill=np.array([0.01]), motor_signal=lambda name: v, to_rows=lambda values: values
+    )
     rng = np.random.default_rng(2)
     residual = (0.1 * rng.standard_normal(400) + np.where(rows < 200, 0.5, 0.0))[None]
     every = np.ones(400, dtype=np.bool_)
@@ -169,7 +171,9 @@ def test_what_holds_a_standing_joint_is_a_floor():
 def test_what_moving_joints_leave_alike_is_no_hold():
     """A constant that the model lacks is a gap wherever the joint is; what holds it at rest stands above that."""
     rows, v = np.arange(400), np.where(np.arange(400) < 200, 0.0, 0.5)[:, None]
-    samples = SimpleNamespace(standstill=np.array([0.01]), motion=lambda name: v, rows=lambda values: values)
+    samples = SimpleNamespace(
+        standstill=np.array([0.01]), motor_signal=lambda name: v, to_rows=lambda values: values
+    )
     every, floor = np.ones(400, dtype=np.bool_), np.array([0.1])
     assert held_power(samples, np.full((1, 400), 2.0), floor, every)[0] == 0.0
     residual = np.where(rows < 200, np.sqrt(4.25), 2.0)[None]

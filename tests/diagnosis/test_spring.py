@@ -24,6 +24,6 @@ from excite.diagnosis.effects.forces import HardeningSpring, JointSpring
 )
 def test_a_spring_pulls_back_over_its_motion(beta: tuple[float, ...], held: bool) -> None:
     q = np.linspace(-1.25, -0.73, 200) if abs(beta[0]) > 10.0 else np.linspace(-1.0, 1.0, 200)
-    context = SimpleNamespace(at=lambda location, name: q)
+    context = SimpleNamespace(signal_at=lambda location, name: q)
     spring = JointSpring() if len(beta) == 2 else HardeningSpring()
     assert spring.is_admissible(context, "joint", (), np.array(beta)) is held

@@ -63,7 +63,7 @@ def test_what_leaves_no_dry_friction_at_higher_speed_is_none_either() -> None:
     context = SimpleNamespace(baseline=base, row=lambda location: 0, v=np.zeros((9, 1)))
 
     def settled(coulomb: float) -> bool:
-        fit = SimpleNamespace(own=np.array([[coulomb]]), extra=np.array([7.0]))
+        fit = SimpleNamespace(own_coefs=np.array([[coulomb]]), extra=np.array([7.0]))
         return Stribeck().is_within_scope(context, "slide", (0.3,), fit)
 
     assert settled(5.0)
@@ -77,7 +77,7 @@ def test_a_velocity_as_slow_as_may_be_is_how_a_joint_sticks(sign: SignChange, sl
     """2.5 widths of the change of sign, or the slowest that is searched: there the search would go on."""
     base = SimpleNamespace(modelled=("coulomb_friction",), signs=(sign,))
     context = SimpleNamespace(baseline=base, row=lambda location: 0, v=np.ones((9, 1)))
-    fit = SimpleNamespace(own=np.array([[5.0]]), extra=np.array([7.0]))
+    fit = SimpleNamespace(own_coefs=np.array([[5.0]]), extra=np.array([7.0]))
     assert [Stribeck().is_within_scope(context, "slide", (s * slowest,), fit) for s in (1.0, 1.012, 1.1)] == [
         False,
         False,
@@ -101,7 +101,7 @@ def test_friction_that_falls_over_most_speeds_is_named(
 
 
 def test_of_a_slow_joint_no_stribeck_velocity_is_searched_beyond_its_speed() -> None:
-    fit = SimpleNamespace(own=np.array([[5.0]]), extra=np.array([7.0]))
+    fit = SimpleNamespace(own_coefs=np.array([[5.0]]), extra=np.array([7.0]))
     for speed, told in ((0.1, False), (1.5, True)):
         context = SimpleNamespace(
             baseline=SimpleNamespace(modelled=("coulomb_friction",), signs=(SignChange(0.01),)),

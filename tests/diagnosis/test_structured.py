@@ -18,11 +18,11 @@ def found(rest: dict[int, float], floor: dict[int, float], scale: float = 1.0) -
     sizes[list(rest)], floors[list(floor)] = list(rest.values()), list(floor.values())
     residual = sizes[:, None] * np.random.default_rng(0).normal(size=(4, N))
     samples = SimpleNamespace(
-        identification=np.ones(N, bool), trial_of_row=np.repeat(np.arange(4), N // 4), joints=JOINTS
+        identification_rows=np.ones(N, bool), trial_of_row=np.repeat(np.arange(4), N // 4), joints=JOINTS
     )
     attribution = SimpleNamespace(
         final=SimpleNamespace(
-            samples=samples, judged=lambda values: values, fit=SimpleNamespace(residual=residual)
+            samples=samples, judging_residual=lambda values: values, fit=SimpleNamespace(residual=residual)
         ),
         floor=floors,
         scale=np.full(4, scale),

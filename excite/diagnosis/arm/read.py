@@ -33,6 +33,7 @@ from excite.diagnosis.budget.thresholds import THRESHOLDS
 from excite.diagnosis.effects.form import Context
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.dry_friction.fitted_signs import refit_signs
+from excite.diagnosis.selection.predictive import predictive_nats
 
 # Candidates that are listed.
 _LISTED = 8
@@ -90,7 +91,7 @@ class BudgetVerdict:
 
         What has not goes one at a time, the weakest first: beside it others may have none.
         """
-        kept = list(chosen)
+        kept, tried = list(chosen), list[Named]()
         while kept:
             model = self._fit_together(kept)
             gone = self._term_to_drop(model)
@@ -98,13 +99,37 @@ class BudgetVerdict:
                 del kept[gone]
                 continue
             accepted = self._add_effects(kept, model)
-            # A search that ended where its name stands for something else has found that.
+            # A search that ended where its name stands for something else has found that; beside it another may have,
+            # as of three bodies that share what one takes.
             made = [scored.hypothesis for scored in accepted]
-            there = [item for item, h in zip(kept, made, strict=True) if h.is_physical and h.is_within_scope]
-            if there == kept:
+            other = [k for k, h in enumerate(made) if not (h.is_physical and h.is_within_scope)]
+            if other:
+                del kept[min(other, key=model.taken_by)]
+                continue
+            dropped = [item for item in chosen if item not in kept and item not in tried]
+            moved = self._move_effect(kept, model, dropped)
+            if moved is None:
                 return kept, accepted
-            kept = there
+            tried += kept
+            kept = moved
         return [], []
+
+    def _move_effect(
+        self, kept: Sequence[Named], model: Model, dropped: Sequence[Named]
+    ) -> list[Named] | None:
+        """The effects, one of them where a dropped one of its name was, if blocks left out are predicted better.
+
+        Of two bodies that share what one takes, rounding may have dropped the one that is there. None where all are at
+        their likeliest places.
+        """
+        for k, item in enumerate(kept):
+            for other in (one for one in dropped if one.effect == item.effect):
+                moved = [*kept[:k], other, *kept[k + 1 :]]
+                found = self._fit_together(moved)
+                likelier = predictive_nats(found, model, np.zeros_like(model.predicted)) > 0.0
+                if likelier and self._term_to_drop(found) is None:
+                    return moved
+        return None
 
     def _term_to_drop(self, model: Model) -> int | None:
         """Index of the term that is dropped next; None where all stay."""
