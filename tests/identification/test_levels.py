@@ -107,7 +107,8 @@ def test_every_level_is_the_best_that_those_above_allow(n_equal, shift):
             assert np.linalg.norm(rows.violations(found.x)) == pytest.approx(reached, abs=1e-7)
         assert np.linalg.norm(matrix @ found.x - measured) == pytest.approx(residual, abs=1e-3)
         assert np.linalg.norm(found.x) <= length + 1e-3
-        assert found.fit_distance < 1e-4 and found.distance < 1e-4
+        # A certificate is the root of rounding: 1.5e-4 on one processor, below 1e-4 on others.
+        assert found.fit_distance < 3e-4 and found.distance < 3e-4
 
 
 def test_rows_of_a_family_count_as_if_they_were_listed():

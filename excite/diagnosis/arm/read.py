@@ -41,6 +41,8 @@ _LISTED = 8
 # records of drawn arms all that is named has five deviations or more; names that come and go with what is planted in an
 # AR5's record have up to 2.7, where 3.0 are asked.
 _NOTHING = 0.02
+# Fits after which a shape that follows from a size, a secant, is off by the cube of what it was.
+_PASSES = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -284,9 +286,24 @@ class BudgetVerdict:
         if all(
             t.is_possible(t.context, model.term_parameters(k)) for k, t in enumerate(free) if t.effect.is_body
         ):
-            return model
+            return self._fit_shapes(model)
         terms = fit_likeliest_bodies(found, numbers, maker)
-        return fit_model(Design(rows, tuple(terms)), range(len(terms)))
+        return self._fit_shapes(fit_model(Design(rows, tuple(terms)), range(len(terms))))
+
+    def _fit_shapes(self, model: Model) -> Model:
+        """The model, fitted again where a shape follows from a size: alone, an effect is of another size."""
+        for _ in range(_PASSES):
+            terms = list(model.terms)
+            for k, term in enumerate(terms):
+                beta = np.zeros(0) if term.known else term.to_beta(model.term_parameters(k))
+                theta = term.theta if term.known else term.effect.shape_at(term.theta, beta)
+                if theta != term.theta:
+                    maker = TermMaker(term.context, self.found.baseline.strict)
+                    terms[k] = maker.make_term(term.effect, term.location, theta) or term
+            if all(one is other for one, other in zip(terms, model.terms, strict=True)):
+                break
+            model = fit_model(Design(model.design.rows, tuple(terms)), range(len(terms)), model.weight)
+        return model
 
     @property
     def _unnamed_likely_terms(self) -> tuple[Term, ...]:

@@ -221,6 +221,10 @@ class Effect(ABC):
             p.low <= b + s and b - s <= p.high for p, b, s in zip(self.linear, beta, spread, strict=True)
         )
 
+    def shape_at(self, theta: Theta, beta: Array) -> Theta:
+        """The shape that linear parameters ``(n_linear,)`` ask for, of a law without one of its own; by default ``theta``."""
+        return theta
+
     def is_physical(self, context: Context, location: str, fit: Fit) -> bool:
         """Whether a fit is physically possible within its standard deviations."""
         return True

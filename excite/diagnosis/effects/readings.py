@@ -208,6 +208,9 @@ class EncoderOffset(Effect):
             columns = (context.perturbed_torques(j, -secant) - still) / secant
         return Shape({k: columns[:, [k]] for k in range(columns.shape[1])})
 
+    def shape_at(self, theta: Theta, beta: Array) -> Theta:
+        return (math.exp(float(np.clip(beta[0], -_WIDEST, _WIDEST))),)
+
     def is_admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
         # A secant much wider than the offset is another function: with 0.3 rad for 0.017 one fits constants of a drive.
         secant, offset = math.log(theta[0]), float(beta[0])
