@@ -222,7 +222,7 @@ class Effect(ABC):
         )
 
     def shape_at(self, theta: Theta, beta: Array) -> Theta:
-        """The shape that linear parameters ``(n_linear,)`` ask for, of a law without one of its own; by default ``theta``."""
+        """The shape that goes with linear parameters ``(n_linear,)``; by default ``theta``, whatever they are."""
         return theta
 
     def is_physical(self, context: Context, location: str, fit: Fit) -> bool:
