@@ -32,7 +32,8 @@ _LEAST_EVIDENCE = 15.0
 # Deviations by which a change of mass has to differ from zero, so that a quotient by it is near Gaussian.
 _SURE = 5.0
 
-# By what share of themselves all bodies may differ from the nominal ones: of a model that is exact, and of CAD.
+# By what share of themselves all bodies may differ from the nominal ones: of a model that is exact, and of CAD. Chosen
+# with the rule below on simulated UR10, iiwa14, Jaco2 and TALOS; no other robot has judged them.
 _DEVIATIONS = (0.0, 0.02, 0.05, 0.1, 0.2)
 
 Point = tuple[float, float, float]

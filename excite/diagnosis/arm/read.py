@@ -283,27 +283,31 @@ class BudgetVerdict:
         free = [found.design.terms[k] for k in numbers]
         free = [t if t.direction is None else maker.make_term(t.effect, t.location, ()) or t for t in free]
         model = fit_model(Design(rows, tuple(free)), range(len(free)))
-        if all(
-            t.is_possible(t.context, model.term_parameters(k)) for k, t in enumerate(free) if t.effect.is_body
-        ):
-            return self._fit_shapes(model)
-        terms = fit_likeliest_bodies(found, numbers, maker)
-        return self._fit_shapes(fit_model(Design(rows, tuple(terms)), range(len(terms))))
+        bodies = [k for k, term in enumerate(free) if term.effect.is_body]
+        if not all(free[k].is_possible(free[k].context, model.term_parameters(k)) for k in bodies):
+            terms = fit_likeliest_bodies(found, numbers, maker)
+            model = fit_model(Design(rows, tuple(terms)), range(len(terms)))
+        return self._fit_shapes(model)
 
     def _fit_shapes(self, model: Model) -> Model:
         """The model, fitted again where a shape follows from a size: alone, an effect is of another size."""
         for _ in range(_PASSES):
-            terms = list(model.terms)
-            for k, term in enumerate(terms):
-                beta = np.zeros(0) if term.known else term.to_beta(model.term_parameters(k))
-                theta = term.theta if term.known else term.effect.shape_at(term.theta, beta)
-                if theta != term.theta:
-                    maker = TermMaker(term.context, self.found.baseline.strict)
-                    terms[k] = maker.make_term(term.effect, term.location, theta) or term
-            if all(one is other for one, other in zip(terms, model.terms, strict=True)):
+            terms = tuple(self._shape_at_size(model, k) for k in model.chosen)
+            if terms == model.terms:
                 break
-            model = fit_model(Design(model.design.rows, tuple(terms)), range(len(terms)), model.weight)
+            model = fit_model(Design(model.design.rows, terms), model.chosen, model.weight)
         return model
+
+    def _shape_at_size(self, model: Model, k: int) -> Term:
+        """A term of a model at the shape that goes with its fitted size; itself where that is its shape."""
+        term = model.design.terms[k]
+        if term.known:
+            return term
+        theta = term.effect.shape_at(term.theta, term.to_beta(model.term_parameters(k)))
+        if theta == term.theta:
+            return term
+        maker = TermMaker(term.context, self.found.baseline.strict)
+        return maker.make_term(term.effect, term.location, theta) or term
 
     @property
     def _unnamed_likely_terms(self) -> tuple[Term, ...]:

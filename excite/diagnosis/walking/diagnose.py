@@ -20,6 +20,7 @@ from excite.arrays import Array, distinct_rows, widen_flags
 from excite.diagnosis.answer.answer import Absorbed, Diagnosis, NextExperiment, Verdict
 from excite.diagnosis.answer.candidate import Candidate, Estimate, RobotChanges
 from excite.diagnosis.answer.gap import ChannelGap, Gap, Where, share_closed
+from excite.diagnosis.budget.thresholds import THRESHOLDS
 from excite.diagnosis.selection import sampler
 from excite.diagnosis.servo.gains import stated_servo
 from excite.diagnosis.walking.kinds import (
@@ -294,8 +295,6 @@ def _foot_speeds(robot: Robot, log: Log, trial: Trial, cutoff_hz: float) -> Arra
 
 # Stretches by which sizes are told anew, each left out once.
 _BLOCKS = 10
-# An effect is clear where judging rows of its joint are left with more than a tenth more power without it.
-_CLEAR = 1.0 / 1.1
 # Delays of the IMU that are tried [s]: of each the change of the rows is exact there.
 _IMU_DELAYS = tuple(0.002 * k for k in range(2, 13))
 
@@ -505,7 +504,7 @@ class Limbs:
         with_it, without = (
             float((self.residual_rows(self.with_atoms(some))[rows] ** 2).sum()) for some in ([*rest, k], rest)
         )
-        return size > max(least, SURE * std) and with_it < _CLEAR * without
+        return size > max(least, SURE * std) and (1.0 + THRESHOLDS.trifle) * with_it < without
 
     def estimate_sizes(self, atoms: Sequence[int]) -> tuple[Array, Array]:
         """Sizes of atoms' columns, with deviations: the larger of the equations' and of stretches left out."""
