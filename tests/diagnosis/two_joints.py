@@ -23,14 +23,21 @@ URDF = """<robot name="two">
 """
 
 
-def moved(name: str, role: str, seconds: float, rng: np.random.Generator, matrix: np.ndarray) -> Trial:
+def moved(
+    name: str,
+    role: str,
+    seconds: float,
+    rng: np.random.Generator,
+    matrix: np.ndarray,
+    tones: tuple[float, ...] = (0.3, 0.7, 1.3),
+) -> Trial:
     """A trial of rigid bodies with viscous and Coulomb friction of the motors, torques as the motors have them."""
     model = pin.buildModelFromXML(URDF)
     data = model.createData()
     fine = np.arange(10 * round(seconds * RATE_HZ)) / (10 * RATE_HZ)
     q = np.zeros((len(fine), 2))
     for j in range(2):
-        for k, turn in enumerate((0.3, 0.7, 1.3)):
+        for k, turn in enumerate(tones):
             w, size, p = 2.0 * np.pi * turn * (1.0 + 0.15 * j), 0.4 / (k + 1), rng.uniform(0.0, 6.28)
             q[:, j] += size * np.sin(w * fine + p)
     # It starts and ends at rest.

@@ -377,17 +377,18 @@ def estimate_absorbed_sizes(baseline: Baseline) -> tuple[Absorbed, ...]:
     equations, joints = baseline.solver.equations, baseline.samples.joints
     trials = len(np.unique(equations.trial[equations.use]))
     within = float(stdtrit(trials - 1, 0.95) if trials >= TRIALS else ndtri(0.95))
-    found = []
+    found, none = [], [False] * len(joints)
     for j, joint in enumerate(joints):
         names = list(_own_column_names(baseline, j))
         if not names:
             continue
-        # As columns of a hypothesis, whose deviations are known, and not as the joint's own.
-        columns = np.zeros((len(joints), *equations.own[j].shape))
-        columns[j] = equations.own[j]
+        # As columns of a hypothesis, whose deviations are known, and not as the joint's own; all of them for these.
         solver = baseline.solver.with_own(j, equations.own[j][:, :0])
+        columns = np.zeros((len(joints), *equations.own[j].shape))
+        columns[j] = baseline.with_signs(baseline.signs, none).solver.equations.own[j]
+        spread = solver.std_between_trials(solver.fit_columns(columns))
+        columns[j] = equations.own[j]
         fit = solver.fit_columns(columns)
-        spread = solver.std_between_trials(fit)
         for name, value, std in zip(names, fit.extra, spread, strict=True):
             word = name.partition(" ")[0]
             # Of a scale this is what it would be without the first effect: the constant itself is what is told.

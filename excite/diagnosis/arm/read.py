@@ -257,9 +257,9 @@ class BudgetVerdict:
     def _initial_baseline(self) -> Baseline:
         """What is modelled, its friction changing sign as it does in the model of the gap."""
         base, now = self.scorer.baseline, self.found.baseline
-        if base.signs == now.signs:
+        if base.signs == now.signs and base.rotorless == now.rotorless:
             return base
-        moved = base.with_signs(now.signs)
+        moved = base.with_signs(now.signs, now.rotorless)
         return moved.with_fit(moved.solver.fit_columns())
 
     @cached_property

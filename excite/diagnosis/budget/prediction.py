@@ -94,10 +94,10 @@ def signs_beside(full: Baseline, model: Model) -> Baseline:
     """
     now = predict_model(full, model).baseline
     apart = replace(now, solver=Solver(now.fit.equations))
-    again = refit_signs(apart.with_fit(apart.solver.fit_columns()))
-    if again.signs == full.signs:
+    again = refit_signs(apart.refit())
+    if again.signs == full.signs and again.rotorless == full.rotorless:
         return full
-    moved = full.with_signs(again.signs)
+    moved = full.with_signs(again.signs, again.rotorless)
     return moved.with_fit(moved.solver.fit_columns())
 
 

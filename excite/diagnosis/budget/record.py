@@ -12,7 +12,7 @@ from excite.diagnosis.budget.fit.terms import Term
 from excite.diagnosis.budget.library import with_initial_terms
 from excite.diagnosis.budget.prediction import Prediction
 from excite.diagnosis.equations.baseline import Baseline
-from excite.diagnosis.equations.own_columns import own_rows, own_terms
+from excite.diagnosis.equations.own_columns import ARMATURE, own_terms
 from excite.diagnosis.equations.samples import ArmSamples
 from excite.diagnosis.equations.standstill import fit_where_slipping
 from excite.progress import step
@@ -71,10 +71,18 @@ def rows_of(full: Baseline, modelled: tuple[str, ...], floor: Array) -> Rows:
     e = full.solver.equations
     again = weight / full.root_weight
     terms = own_terms(modelled)
-    own = [own_rows(samples, terms, j, [sign])[0] * weight[j][:, None] for j, sign in enumerate(full.signs)]
+    own = [full.weighted_own_rows(terms, j, [sign], weight)[0] for j, sign in enumerate(full.signs)]
     outside = not samples.identification_rows.all()
     block = blocks_of(samples, identification=True)
     judged = blocks_of(samples, identification=False) if outside else block
     return Rows(
-        e.shared * again[:, :, None], tuple(own), e.y * again, block, judged, samples.trial_of_row, floor
+        e.shared * again[:, :, None],
+        tuple(own),
+        e.y * again,
+        block,
+        judged,
+        samples.trial_of_row,
+        floor,
+        terms.index(ARMATURE) if ARMATURE in terms else None,
+        -samples.motor_inertias,
     )

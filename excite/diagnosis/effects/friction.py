@@ -27,7 +27,7 @@ from excite.diagnosis.equations.dry_friction.friction_sign import (
 )
 from excite.diagnosis.equations.dry_friction.play import behind_play
 from excite.diagnosis.equations.joint_torque import Fit
-from excite.diagnosis.equations.own_columns import COULOMB, VISCOUS, coulomb_level
+from excite.diagnosis.equations.own_columns import COULOMB, VISCOUS, coulomb_level, own_terms
 from excite.doctor.doubt import Doubt
 from excite.lazy_kernel import LazyKernel
 
@@ -92,6 +92,8 @@ class PreslidingNote(Note):
 
 # Samples over which what the record tells of the drift is averaged.
 _SMOOTH = 201
+# Quantiles of the speed at which friction that has drifted is asked whether it brakes.
+_SLOW_AND_FAST = (0.05, 0.95)
 
 
 @dataclass(frozen=True)
@@ -187,6 +189,18 @@ class FrictionDrift(Effect):
         )
         viscous = growth * context.v[:, j] if VISCOUS.is_modelled(modelled) else np.zeros_like(growth)
         return np.column_stack([coulomb, viscous])
+
+    def is_admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
+        """Whether friction brakes before it has changed and after it, where the joint is slow and where it is fast."""
+        j, base = context.row(location), context.baseline
+        own = dict(zip(own_terms(base.modelled), base.fit.own_coefs[j], strict=False))
+        growth = self.drift_growth(context, j, theta)
+        speed = np.quantile(np.abs(context.v[:, j]), _SLOW_AND_FAST)
+        for change in (growth.min() - growth.mean(), growth.max() - growth.mean()):
+            dry, viscous = own.get(COULOMB, 0.0) + change * beta[0], own.get(VISCOUS, 0.0) + change * beta[1]
+            if (dry + viscous * speed < 0.0).any():
+                return False
+        return super().is_admissible(context, location, theta, beta)
 
     def to_estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
         found = super().to_estimates(context, location, theta, fit)

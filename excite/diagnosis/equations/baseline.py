@@ -13,7 +13,7 @@ from excite.arrays import Array
 from excite.diagnosis.equations.arm_trial import ArmTrial
 from excite.diagnosis.equations.dry_friction.friction_sign import SignChange
 from excite.diagnosis.equations.joint_torque import Fit, Solver
-from excite.diagnosis.equations.own_columns import OwnTerm, own_rows, own_signals, own_terms
+from excite.diagnosis.equations.own_columns import ARMATURE, OwnTerm, own_rows, own_signals, own_terms
 from excite.diagnosis.equations.samples import ArmSamples
 
 
@@ -55,6 +55,7 @@ class Baseline:
         strict: the same where hypotheses are judged: standstill counts for next to nothing.
         added: accepted effects' part of ``rigid``.
         added_drive: accepted effects' part of ``total`` that is not in ``rigid``.
+        rotorless: by joint, whether its rotor is left out: that would make all inertia negative.
         late: delay of the torques beside which the sign changes of friction were told [s]; 0 for none.
         derived: shared by baselines that differ in neither motion nor ``phi``.
     """
@@ -73,6 +74,7 @@ class Baseline:
     strict: Array
     added: Array
     added_drive: Array
+    rotorless: tuple[bool, ...]
     late: float = 0.0
     derived: Derived = field(default_factory=Derived)
 
@@ -102,8 +104,21 @@ class Baseline:
 
     def rows_of_signs(self, terms: Sequence[OwnTerm], joint: int, signs: Sequence[SignChange]) -> list[Array]:
         """:meth:`own_rows` at each of several sign changes."""
-        weight = self.root_weight[joint][:, None]
-        return [rows * weight for rows in own_rows(self.samples, terms, joint, signs)]
+        return self.weighted_own_rows(terms, joint, signs, self.root_weight)
+
+    def weighted_own_rows(
+        self, terms: Sequence[OwnTerm], joint: int, signs: Sequence[SignChange], weight: Array
+    ) -> list[Array]:
+        """Rows of a joint's own terms at several sign changes, zero of rotors left out, ``(n_rows, n_own)`` each.
+
+        Args:
+            weight: ``(n_joints, n_rows)`` square roots of the rows' weights.
+        """
+        made = [rows * weight[joint][:, None] for rows in own_rows(self.samples, terms, joint, signs)]
+        if self.rotorless[joint] and ARMATURE in terms:
+            for rows in made:
+                rows[:, terms.index(ARMATURE)] = 0.0
+        return made
 
     def bristle_damping(self, joint: int) -> float:
         """Damping of a joint's bristles as fitted, not negative; 0 where they have none [N·m·s]."""
@@ -122,14 +137,34 @@ class Baseline:
         squares = self.samples.squared_residuals(self.plain_residual(residual))[:, self.samples.judging_rows]
         return float(np.sqrt(np.mean(squares.mean(axis=1) / scale**2)))
 
-    def with_signs(self, signs: Sequence[SignChange]) -> Baseline:
-        """The equations with other sign changes of the joints, not fitted again."""
-        terms, moved = own_terms(self.modelled), replace(self, signs=tuple(signs))
+    def with_signs(self, signs: Sequence[SignChange], rotorless: Sequence[bool] | None = None) -> Baseline:
+        """The equations with other sign changes of the joints, or other rotors left out, not fitted again."""
+        left_out = self.rotorless if rotorless is None else tuple(bool(one) for one in rotorless)
+        terms, moved = own_terms(self.modelled), replace(self, signs=tuple(signs), rotorless=left_out)
         for j, sign in enumerate(moved.signs):
-            if sign != self.signs[j]:
+            if sign != self.signs[j] or left_out[j] != self.rotorless[j]:
                 own = moved.own_rows(terms, j, sign)
                 moved = replace(moved, solver=moved.solver.with_own(j, own))
         return moved
+
+    def refit(self) -> Baseline:
+        """The equations fitted, without rotors that would make all inertia that a motor turns negative.
+
+        Such a rotor is a spring in a motion of one frequency, and hides it. One of a little less than none stays: noise
+        of accelerations makes bodies lighter than they are.
+        """
+        terms = own_terms(self.modelled)
+        found = self.with_signs(self.signs, [False] * self.n_joints)
+        fit = found.solver.fit_columns()
+        if ARMATURE not in terms:
+            return found.with_fit(fit)
+        while True:
+            rotors = np.array([own[terms.index(ARMATURE)] for own in fit.own_coefs])
+            without = rotors + self.samples.motor_inertias < 0.0
+            if not without.any():
+                return found.with_fit(fit)
+            found = found.with_signs(found.signs, np.array(found.rotorless) | without)
+            fit = found.solver.fit_columns()
 
     @property
     def n_joints(self) -> int:

@@ -82,13 +82,13 @@ def fit_baseline(
         strict,
         nothing,
         known,
-    )
+        (False,) * len(joints),
+    ).refit()
     if COULOMB not in terms:
         return baseline
     if like is None:
         return fit_first_signs(baseline, late=late)
-    moved = baseline.with_signs(like.signs)
-    return moved.with_fit(moved.solver.fit_columns())
+    return baseline.with_signs(like.signs).refit()
 
 
 def _known_torque(samples: ArmSamples, nothing: Array) -> Array:

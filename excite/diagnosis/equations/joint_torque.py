@@ -83,10 +83,11 @@ class Fit:
         if self.held is not None:
             return self.held
         e = self.equations
-        return tuple(
-            np.linalg.lstsq(e.own[j][e.use], self.before_own[j][e.use], rcond=1e-10)[0]
-            for j in range(e.n_joints)
+        made = (
+            np.linalg.lstsq(own[e.use], rest[e.use], rcond=1e-10)[0]
+            for own, rest in zip(e.own, self.before_own, strict=True)
         )
+        return tuple(np.where(own.any(axis=0), x, 0.0) for own, x in zip(e.own, made, strict=True))
 
     @cached_property
     def residual(self) -> Array:
@@ -123,6 +124,7 @@ class Solver:
     def _project_joint(self, j: int) -> None:
         e = self.equations
         own = e.own[j][e.use]
+        own = own[:, own.any(axis=0)]
         q = np.linalg.qr(own / np.maximum(np.linalg.norm(own, axis=0), 1e-12))[0] if own.shape[1] else own
         self._q[j], self._a[j], self._y[j] = (q, _project(q, e.shared[j][e.use]), _project(q, e.y[j][e.use]))
         self._gram[j] = self._a[j].T @ self._a[j]

@@ -151,6 +151,18 @@ class ArmSamples:
             inverse_dynamics(model or self.robot.model, *(motion or self.tree_motion), phi), maps
         )
 
+    @cached_property
+    def motor_inertias(self) -> Array:
+        """Inertia of the bodies that each motor turns, mean over the motion, ``(n_joints,)`` [kg·m²]."""
+        q, v, _ = self.tree_motion
+        still = np.zeros_like(v)
+        weight = self.rigid_torques(motion=Moved(q, still, still))
+        turned = (
+            self.rigid_torques(motion=Moved(q, still, np.broadcast_to(self.motion_maps[:, :, j], v.shape)))
+            for j in range(len(self.joints))
+        )
+        return np.array([(torque - weight)[:, j].mean() for j, torque in enumerate(turned)])
+
     def rigid_regressor(self) -> Array:
         """Torques per unit of the inertial parameters, ``(n_samples, n_joints, 10·n_segments)``."""
         return self.on_motors(joint_torque_regressor(self.robot.model, *self.tree_motion))

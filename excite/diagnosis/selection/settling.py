@@ -131,7 +131,7 @@ def _search_shapes(basis: Basis, terms: Sequence[Term], most: int) -> Settled:
     best: Settled | None = None
     x = fit_model(Design(basis.rows, tuple(terms)), range(len(terms)), left_out=False).x[:n]
     for k in range(most):
-        before, signs = terms, basis.full.signs
+        before, full = terms, basis.full
         terms = [_refine_delay_term(basis.rows, terms, i) for i in range(len(terms))]
         terms, company = search_shapes(basis.gram, terms, basis.slab)
         model = fit_model(Design(basis.rows, tuple(terms)), range(len(terms)), left_out=False)
@@ -150,7 +150,7 @@ def _search_shapes(basis: Basis, terms: Sequence[Term], most: int) -> Settled:
         settled = Settled(basis, terms, company, makers, now)
         if best is None or company.loss < best.company.loss:
             best = settled
-        if k + 1 == most or (basis.full.signs == signs and not _has_moved(before, terms)):
+        if k + 1 == most or (basis.full is full and not _has_moved(before, terms)):
             # Bristles of two kinds at a joint may change places without end.
             return settled if company.loss < best.company.loss + RICHER else best
         terms = [maker.remake_term(term) or term for term, maker in zip(terms, makers, strict=True)]

@@ -31,6 +31,8 @@ class Rows:
         judged: blocks of the trials that judge; those of ``block`` where there are none.
         trial: ``(n_rows,)`` index of the trial.
         floor: ``(n_joints,)`` noise below which no joint is weighted up.
+        rotor: which of a joint's own columns is its rotor's; None where that is not modelled.
+        least_rotor: ``(n_joints,)`` inertia below which a rotor is none.
     """
 
     shared: Array
@@ -40,11 +42,19 @@ class Rows:
     judged: NDArray[np.int64]
     trial: NDArray[np.int64]
     floor: Array
+    rotor: int | None
+    least_rotor: Array
 
     @property
     def n_joints(self) -> int:
         """Number of joints."""
         return len(self.y)
+
+    @property
+    def rotors(self) -> NDArray[np.int64]:
+        """Where the joints' rotors stand among the parameters of every model; empty where they are not modelled."""
+        begin = self.shared.shape[2] + np.cumsum([0, *(own.shape[1] for own in self.own[:-1])])
+        return np.zeros(0, dtype=np.int64) if self.rotor is None else begin + self.rotor
 
 
 @dataclass(frozen=True, eq=False)

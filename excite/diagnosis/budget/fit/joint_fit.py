@@ -120,6 +120,7 @@ def fit_model(
         power = np.array([g[-1, -1] for g in grams.total]) / count
         weight = 1.0 / np.maximum(power, floor**2)
     prior, known = _parameter_priors(design, chosen, layout, sizes or {}, freed)
+    rotors, least = design.rows.rotors, design.rows.least_rotor
     for _ in range(_ITERATIONS):
         normal, right = rows.normal_equations(weight, by_block=False)
         full = normal[0] + np.diag(prior + _RIDGE * np.diag(normal[0]))
@@ -128,6 +129,9 @@ def fit_model(
         new = 1.0 / np.maximum(power, floor**2)
         done = np.max(np.abs(np.log(new / weight))) < 0.05
         weight = new
+        if (without := rotors[x[rotors] < least[: len(rotors)]]).size:
+            # As where the model has no effects, so that what they take is not theirs and the rotors' too.
+            prior[without], done = _KNOWN * count, False
         if done:
             break
     if not left_out:

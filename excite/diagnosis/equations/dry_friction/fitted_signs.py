@@ -76,7 +76,7 @@ def _unless_late(found: Baseline, plain: Baseline) -> Baseline:
     late, delay = _fit_delay(plain, _refine_signs(_choose_signs(late, keep=False)), delay, _refine_signs)
     if _residual_loss(late) >= _residual_loss(found) - _CLEARLY:
         return found
-    moved = plain.with_signs(late.signs)
+    moved = plain.with_signs(late.signs, late.rotorless)
     # Fitted to torques that are not in time, friction and bodies would be bent again, and what a delay makes of them.
     fit = replace(late.fit, equations=moved.solver.equations, held=late.fit.own_coefs)
     return replace(moved.with_fit(fit), late=delay)
@@ -118,19 +118,19 @@ def _choose_signs(baseline: Baseline, *, keep: bool, signs: Sequence[SignChange]
         chosen.append(tried[best_sign(rest[j][use], bank, tried, tried.index(now) if keep else None)])
     if tuple(chosen) == baseline.signs:
         return baseline
-    return _refit_baseline(baseline.with_signs(chosen))
+    return baseline.with_signs(chosen).refit()
 
 
 def _refine_signs(baseline: Baseline) -> Baseline:
     """Widths and breakaways between those of the grid, and speeds at which the damping of bristles dies out."""
     signs = [_refine_sign(baseline, j, sign) for j, sign in enumerate(baseline.signs)]
-    found = _refit_baseline(baseline.with_signs(signs))
+    found = baseline.with_signs(signs).refit()
     # No bristle drives what bends it.
     passive = [
         sign._replace(damped_below=0.0) if sign.has_damping and own[-1] <= 0.0 else sign
         for sign, own in zip(found.signs, found.fit.own_coefs, strict=True)
     ]
-    return found if tuple(passive) == found.signs else _refit_baseline(found.with_signs(passive))
+    return found if tuple(passive) == found.signs else found.with_signs(passive).refit()
 
 
 def _refine_sign(baseline: Baseline, j: int, sign: SignChange) -> SignChange:
@@ -184,11 +184,7 @@ def _in_time(baseline: Baseline, delay: float) -> Array:
 
 
 def _at_torques(baseline: Baseline, y: Array) -> Baseline:
-    return _refit_baseline(replace(baseline, solver=Solver(replace(baseline.solver.equations, y=y))))
-
-
-def _refit_baseline(baseline: Baseline) -> Baseline:
-    return baseline.with_fit(baseline.solver.fit_columns())
+    return replace(baseline, solver=Solver(replace(baseline.solver.equations, y=y))).refit()
 
 
 def _residual_loss(baseline: Baseline) -> float:
