@@ -13,9 +13,8 @@ from functools import partial
 from itertools import combinations, permutations, product
 
 import numpy as np
-from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Flags
 from excite.doctor.channel_mapping import Reading
 from excite.doctor.doubt import Doubt
 from excite.doctor.inertial_prior import STRONG_ODDS, Judgement
@@ -181,7 +180,7 @@ def _explains(samples: Samples, correction: Correction, left: Judgement, then: J
     return explained(left.left, then.left, np.array(changed))
 
 
-def explained(before: Array, after: Array, changed: NDArray[np.bool_]) -> bool:
+def explained(before: Array, after: Array, changed: Flags) -> bool:
     """Whether channels are explained that gain by another reading or that it changes: by likely bodies, for the most.
 
     Args:

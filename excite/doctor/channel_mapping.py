@@ -7,9 +7,8 @@ from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
-from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Indices
 from excite.logs.log import Log, Trial
 from excite.regressor.kernels import inverse_dynamics
 from excite.regressor.tree import KinematicTree
@@ -64,16 +63,16 @@ class Reading:
             off all torques [SI]; empty for none.
     """
 
-    position_of: NDArray[np.int64]
+    position_of: Indices
     position_sign: Array
     unit: Array
     zero: Array
-    torque_of: NDArray[np.int64]
+    torque_of: Indices
     torque_factor: Array
     tick: float
     late_s: float
     gravity: Array
-    sensor_of: NDArray[np.int64]
+    sensor_of: Indices
     wrench_map: Array
     wrench_added: Array
     taken: Array
@@ -111,7 +110,7 @@ class Reading:
         """Whether some of the weight, of bodies that are there or not, was taken off some torque."""
         return bool(self.taken.any() or self.absent.any())
 
-    def taken_weight(self, tree: KinematicTree, q: Array, columns: NDArray[np.int64]) -> Array:
+    def taken_weight(self, tree: KinematicTree, q: Array, columns: Indices) -> Array:
         """What a driver took off torques by the nominal model of ``tree``, ``(n, n_torques)`` [N·m or N].
 
         Args:

@@ -11,10 +11,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
-from excite.arrays import Array
+from excite.arrays import Array, Indices
 from excite.doctor.thresholds import THRESHOLD
 from excite.regressor.tree import KinematicTree
 
@@ -27,7 +26,7 @@ def half_log(shares: Array) -> Array:
     return np.asarray(0.5 * np.log(np.maximum(shares, THRESHOLD.least_share)))
 
 
-def count_effective_samples(residual: Array, trial: NDArray[np.int64]) -> Array:
+def count_effective_samples(residual: Array, trial: Indices) -> Array:
     """Samples that are as good as independent, ``(m,)``: n / (1 + 2 Σ ρ_k), at least one.
 
     The autocorrelations ρ_k are added in pairs of neighbouring lags while these are positive (initial positive
@@ -96,7 +95,7 @@ def likely_spread(tree: KinematicTree) -> Array:
 
 
 def normal_equations(
-    rows: Sequence[Array], places: Sequence[NDArray[np.int64]], target: Array, size: int
+    rows: Sequence[Array], places: Sequence[Indices], target: Array, size: int
 ) -> Callable[[Array], tuple[Array, Array]]:
     """Matrix and right side of weighed least squares over channels, as a function of their weights ``(m,)``.
 
@@ -125,7 +124,7 @@ def judge_bodies(
     body: Array,
     own: Array,
     target: Array,
-    trial: NDArray[np.int64],
+    trial: Indices,
     counts: Array | None,
     *,
     of_drives: bool,

@@ -8,10 +8,9 @@ from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from excite.arrays import Array, Moved
+from excite.arrays import Array, Flags, Indices, Moved
 from excite.doctor.channel_mapping import Reading
 from excite.doctor.doubt import Doubt
 from excite.doctor.inertial_prior import Judgement
@@ -49,11 +48,11 @@ class Samples(ABC):
 
     robot: Robot
     joints: tuple[str, ...]
-    places: NDArray[np.int64]
+    places: Indices
     logged: Array
-    rows: NDArray[np.int64]
-    first: NDArray[np.int64]
-    last: NDArray[np.int64]
+    rows: Indices
+    first: Indices
+    last: Indices
     rate_hz: float
     _models: dict[bytes, Any] = field(default_factory=dict, init=False, repr=False)
 
@@ -63,7 +62,7 @@ class Samples(ABC):
         """What is predicted: joints with a torque, or components of the wrench on the base."""
 
     @abstractmethod
-    def tells(self, reading: Reading) -> NDArray[np.bool_]:
+    def tells(self, reading: Reading) -> Flags:
         """Which channels the model's bodies make a good share of, ``(n_channels,)``; the rest is friction."""
 
     @abstractmethod
@@ -136,7 +135,7 @@ class TrialValues(NamedTuple):
 
     kinematics: Sequence[TrialKinematics]
     logged: Array
-    chosen: NDArray[np.bool_]
+    chosen: Flags
 
 
 def gather_samples(

@@ -8,9 +8,8 @@ from functools import cached_property
 from typing import ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from excite.arrays import Array, Moved
+from excite.arrays import Array, Flags, Indices, Moved
 from excite.doctor.channel_mapping import Reading
 from excite.doctor.inertial_prior import Judgement, half_log, judge_bodies, likely_spread
 from excite.doctor.model_comparison import Drive, Predicted, remove_drives, shares_across, shares_left
@@ -61,7 +60,7 @@ class TorqueSamples(Samples):
 
     what: ClassVar[str] = "torques"
 
-    measured: NDArray[np.int64]
+    measured: Indices
     q: Array
     v: Array
     a: Array
@@ -96,7 +95,7 @@ class TorqueSamples(Samples):
         """Torques as the reading has them, ``(n, n_torques)``."""
         return self.logged_late(reading)[:, reading.torque_of] * reading.torque_factor
 
-    def tells(self, reading: Reading) -> NDArray[np.bool_]:
+    def tells(self, reading: Reading) -> Flags:
         """Which torques the nominal bodies make a good share of, ``(n_torques,)``."""
         model, torque = self.predicted(reading).torque, self.measured_torque(reading)
         return np.asarray(model.var(axis=0) > THRESHOLD.telling_share * torque.var(axis=0))

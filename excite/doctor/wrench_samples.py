@@ -10,7 +10,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.arrays import Array, Moved
+from excite.arrays import Array, Flags, Moved
 from excite.doctor.channel_mapping import BasePose, Reading
 from excite.doctor.inertial_prior import Judgement, half_log, judge_bodies, likely_spread
 from excite.doctor.samples import Samples, TrialValues, gather_samples
@@ -51,7 +51,7 @@ class WrenchSamples(Samples):
         """Names of the contact sensors."""
         return tuple(sensor.name for sensor in self.robot.sensors)
 
-    def tells(self, reading: Reading) -> NDArray[np.bool_]:
+    def tells(self, reading: Reading) -> Flags:
         """All channels are made by bodies, ``(6,)``."""
         return np.ones(6, dtype=np.bool_)
 

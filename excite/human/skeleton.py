@@ -6,10 +6,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from excite.arrays import Array
+from excite.arrays import Array, Indices
 from excite.finding import Finding, list_names
 from excite.human.segments import JOINT_NAMES, NAMES, PARENTS, SEGMENTS, segment_ancestors
 
@@ -89,7 +88,7 @@ class Placement:
     rotation: Array
     origin: Array
 
-    def locate_points(self, segment: NDArray[np.int64], local: Array) -> Array:
+    def locate_points(self, segment: Indices, local: Array) -> Array:
         """World positions of points ``local`` ``(m, 3)`` fixed to segments ``segment`` ``(m,)``: ``(n, m, 3)``."""
         turned = np.einsum("nmij,mj->nmi", self.rotation[:, segment], local)
         return self.origin[:, segment] + turned
@@ -112,7 +111,7 @@ def place_segments(pose: Pose, offsets: Array) -> Placement:
     return Placement(rotation, origin)
 
 
-def point_jacobian(placement: Placement, points: Array, segment: NDArray[np.int64]) -> Array:
+def point_jacobian(placement: Placement, points: Array, segment: Indices) -> Array:
     """Derivative of points on segments with respect to :meth:`Pose.take_step`'s step, ``(n, m, 3, 40)``.
 
     Args:

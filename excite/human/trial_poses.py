@@ -8,10 +8,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
-from excite.arrays import Array
+from excite.arrays import Array, Flags
 from excite.errors import LogError
 from excite.finding import Finding, list_names
 from excite.human.markers.inverse_kinematics import MarkerModel, Solution, first_poses, solve_poses
@@ -150,7 +149,7 @@ def _filter_markers(points: Array, predicted: Array, recording: Recording, cutof
     return filled
 
 
-def runs_of(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def runs_of(flags: Flags) -> list[tuple[int, int]]:
     """First frame of each run of True, and the one behind its last."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(int)))
     return [(int(start), int(stop)) for start, stop in edges.reshape(-1, 2)]

@@ -10,11 +10,10 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 import yaml
-from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.special import chdtrc, gammaincinv, ndtr, ndtri
 
-from excite.arrays import Array
+from excite.arrays import Array, Flags
 from excite.atomic import write_text
 from excite.display import Shown, span
 from excite.errors import InputError, LogError
@@ -79,7 +78,7 @@ class Pooled:
     next_interval: Array
     level: float
 
-    def varies(self, n_sessions: int) -> NDArray[np.bool_]:
+    def varies(self, n_sessions: int) -> Flags:
         """Which parameters' sessions lie further apart than their own intervals allow, ``(k,)``.
 
         Cochran's ``Q``, at the intervals' level for all parameters together (Bonferroni).
@@ -521,7 +520,7 @@ class Sessions(Shown, Stated):
     left_out: Annotated[Mapping[Name, int], FEW] = field(default_factory=dict)
 
     @property
-    def varies(self) -> NDArray[np.bool_]:
+    def varies(self) -> Flags:
         """Which base parameters' sessions lie further apart than their own intervals allow, ``(n_base,)``."""
         return self.pooled.varies(len(self.names))
 

@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Flags
 from excite.errors import LogError
 from excite.logs.header_blocks import TrialHeader
 from excite.logs.log import Cleaning, LogHeader, Trial
@@ -303,7 +302,7 @@ def clean_columns(columns: dict[str, Array], path: Path) -> CleanColumns:
     return CleanColumns(cleaned, report)
 
 
-def _in_motion(positions: list[Array], n: int) -> NDArray[np.bool_]:
+def _in_motion(positions: list[Array], n: int) -> Flags:
     """Rows ``(n,)`` near which any position changes; all where there are no positions."""
     if not positions:
         return np.ones(n, dtype=bool)
@@ -334,7 +333,7 @@ _ROWS = 2
 _COARSEST = 0.1
 
 
-def clipped_samples(values: Array, step: float, noise: float, moving: NDArray[np.bool_]) -> int:
+def clipped_samples(values: Array, step: float, noise: float, moving: Flags) -> int:
     """Samples at the largest or smallest value of a channel, where that is the end of its range.
 
     A clipped channel is at its extreme much more often than next to it, and arrives there at speed. One that turns
@@ -355,7 +354,7 @@ def clipped_samples(values: Array, step: float, noise: float, moving: NDArray[np
     return sum(_at_the_top(sign * values, step, depth, moving) for sign in (1.0, -1.0))
 
 
-def _at_the_top(values: Array, step: float, depth: float, moving: NDArray[np.bool_]) -> int:
+def _at_the_top(values: Array, step: float, depth: float, moving: Flags) -> int:
     below = values.max() - values
     at = (below < 0.5 * step) if step else (below == 0.0)
     count = int(np.sum(at & moving))
@@ -377,7 +376,7 @@ def _at_the_top(values: Array, step: float, depth: float, moving: NDArray[np.boo
     return count if long > _STRAIGHT * short + 0.5 * np.sqrt(len(times)) else 0
 
 
-def _ways_out(below: Array, at: NDArray[np.bool_]) -> list[Array]:
+def _ways_out(below: Array, at: Flags) -> list[Array]:
     """Distances from the extreme, from the row after it on, until the channel is back or the record ends."""
     out = np.flatnonzero(at[:-1] & ~at[1:]) + 1
     back = np.flatnonzero(at)

@@ -7,9 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Indices
 from excite.conversion.columns.units import derivative_of
 from excite.conversion.columns.vocabulary import OF_WORD
 from excite.conversion.columns.words import Clue
@@ -51,7 +50,7 @@ def goes_evenly(values: Array) -> bool:
     return bool(fit[0] > 0.0 and (known - np.polyval(fit, rows)).std() < 0.05 * np.ptp(known))
 
 
-def find_restarts(values: Array) -> NDArray[np.int64]:
+def find_restarts(values: Array) -> Indices:
     """Rows in which a clock begins anew: it steps back by more rows than buffers hold that mix them."""
     steps = np.diff(values)
     forward = steps[steps > 0.0]

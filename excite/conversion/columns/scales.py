@@ -7,9 +7,8 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Flags
 from excite.conversion.columns.clock import row_seconds
 from excite.conversion.columns.units import (
     BEYOND,
@@ -423,7 +422,7 @@ class _Slope(NamedTuple):
     alike: float
 
 
-def _in_degrees(values: Array, lower: Array, upper: Array) -> NDArray[np.bool_] | None:
+def _in_degrees(values: Array, lower: Array, upper: Array) -> Flags | None:
     """Which columns are degrees, the others looking like radians, by their ranges; None where none contradict.
 
     Args:

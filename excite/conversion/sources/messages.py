@@ -16,9 +16,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Indices
 from excite.conversion.recording import Column, Stream
 
 # Rows of a recording's topics as they come, in bounded memory however long the recording is.
@@ -69,8 +68,8 @@ class Gathered:
         self.name = name
         self._room = room
         self._fields: dict[str, Field] = {}
-        self._known: dict[tuple[Field, ...], NDArray[np.int64]] = {}
-        self._last: dict[int, tuple[tuple[Field, ...], NDArray[np.int64]]] = {}
+        self._known: dict[tuple[Field, ...], Indices] = {}
+        self._last: dict[int, tuple[tuple[Field, ...], Indices]] = {}
         # Rows one after the other, each with its time before its numbers.
         self._numbers = array("d")
         self._every = 1
@@ -134,7 +133,7 @@ class Gathered:
     def _keep(self, rows: Array) -> None:
         self._numbers = array("d", rows.tobytes())
 
-    def _places(self, fields: Sequence[Field]) -> NDArray[np.int64]:
+    def _places(self, fields: Sequence[Field]) -> Indices:
         """Where a row has these fields. Decoders hand the same tuple over again and again, which need not be hashed."""
         known = self._last.get(id(fields))
         if known is not None:

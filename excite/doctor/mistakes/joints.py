@@ -7,9 +7,8 @@ from dataclasses import replace
 from itertools import combinations, product
 
 import numpy as np
-from numpy.typing import NDArray
 
-from excite.arrays import Array, assign_rows
+from excite.arrays import Array, Flags, Indices, assign_rows
 from excite.doctor.channel_mapping import BasePose, Reading
 from excite.doctor.mistakes.torques import parts_in
 from excite.doctor.samples import Correction, Samples, minimize_near
@@ -18,7 +17,7 @@ from excite.doctor.torque_samples import TorqueSamples
 from excite.doctor.wrench_samples import WrenchSamples
 from excite.finding import list_names
 
-Order = NDArray[np.int64]
+Order = Indices
 
 
 def find_unit(samples: Samples, reading: Reading, *, unit: float, name: str) -> Iterable[Correction]:
@@ -313,7 +312,7 @@ def _best_zero(by_zero: Callable[[Array], Array], start: float) -> float | None:
     return best if abs(best) >= THRESHOLD.least_zero_rad else None
 
 
-def zeros_together(samples: Samples, reading: Reading, off: NDArray[np.bool_], std: Array) -> Correction:
+def zeros_together(samples: Samples, reading: Reading, off: Flags, std: Array) -> Correction:
     """Zeros of some joints that were fitted together, with their standard deviations; asked for where these are wide.
 
     Args:

@@ -7,10 +7,9 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from excite.arrays import Array
+from excite.arrays import Array, Flags
 from excite.display import percent, span
 from excite.doctor.channel_mapping import OWN_SHARE, Reading
 from excite.doctor.inertial_prior import half_log, normal_equations
@@ -127,7 +126,7 @@ class ModelParts(NamedTuple):
     friction: Array
 
     @property
-    def told(self) -> NDArray[np.bool_]:
+    def told(self) -> Flags:
         """Which joints tell anything, ``(n_torques,)``."""
         return np.isfinite(self.weight) | np.isfinite(self.inertia)
 

@@ -10,10 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from excite.arrays import Array
+from excite.arrays import Array, Flags, Indices
 from excite.human.segments import NAMES, PARENTS
 from excite.human.skeleton import (
     COLUMNS,
@@ -40,7 +39,7 @@ class MarkerModel:
     """
 
     labels: tuple[str, ...]
-    segment: NDArray[np.int64]
+    segment: Indices
     local: Array
     offsets: Array
 
@@ -138,7 +137,7 @@ class _State:
     bent: Array
     cost: Array
 
-    def take_frames(self, frames: NDArray[np.int64], other: _State, chosen: NDArray[np.bool_]) -> None:
+    def take_frames(self, frames: Indices, other: _State, chosen: Flags) -> None:
         """Take some frames of another state, which is of ``frames``."""
         for own, new in zip(self._arrays(), other._arrays(), strict=True):
             own[frames[chosen]] = new[chosen]
@@ -155,7 +154,7 @@ def _fit_frames(
     seen = np.asarray(np.isfinite(points).all(axis=2))
     target = np.where(seen[:, :, None], points, 0.0)
 
-    def evaluate(pose: Pose, frames: NDArray[np.int64]) -> _State:
+    def evaluate(pose: Pose, frames: Indices) -> _State:
         return _state_of(
             model, pose, target[frames], seen[frames], prior[frames], weight[frames], robust=robust
         )
@@ -188,7 +187,7 @@ def _state_of(
     model: MarkerModel,
     pose: Pose,
     target: Array,
-    seen: NDArray[np.bool_],
+    seen: Flags,
     prior: Array,
     weight: Array,
     *,
@@ -215,9 +214,9 @@ def _rotation_vectors(rotation: Array) -> Array:
 def _normal_equations(
     model: MarkerModel,
     state: _State,
-    frames: NDArray[np.int64],
+    frames: Indices,
     target: Array,
-    seen: NDArray[np.bool_],
+    seen: Flags,
     weight: Array,
     *,
     robust: bool,

@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Flags, Indices
 from excite.errors import InputError, UnknownNameError
 from excite.finding import list_names
 from excite.formats.documents import read_yaml
@@ -277,7 +276,7 @@ def _choose_frames(recording: Mapping[str, Array], labels: tuple[str, ...]) -> A
     return np.stack([recording[label][frames] if label in recording else nothing for label in labels], axis=1)
 
 
-def _trunk_seen(points: Array, segment: NDArray[np.int64], guess: Array) -> NDArray[np.bool_]:
+def _trunk_seen(points: Array, segment: Indices, guess: Array) -> Flags:
     seen = np.asarray(np.isfinite(points).all(axis=2) & np.isfinite(guess).all(axis=1))
     pelvis, torso = (seen[:, segment == NAMES.index(trunk)].sum(axis=1) for trunk in ("pelvis", "torso"))
     return np.asarray((pelvis >= _FEWEST_MARKERS) & (torso >= _FEWEST_MARKERS))
@@ -295,7 +294,7 @@ def _with_free_markers(model: MarkerModel, points: Array, solution: Solution) ->
     return replace(model, local=local)
 
 
-def _sound_frames(solution: Solution, most: float) -> NDArray[np.bool_]:
+def _sound_frames(solution: Solution, most: float) -> Flags:
     """Frames without a limb that was found the wrong way, which would pull the joints: cost near the usual one."""
     return np.asarray(solution.cost <= most * np.median(solution.cost))
 

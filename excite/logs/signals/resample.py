@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Flags
 from excite.errors import LogError
 
 
@@ -63,7 +62,7 @@ def _clip_to_span(time: Array, grid: Array) -> Array:
     return np.clip(grid, time[0], time[-1])
 
 
-def near_samples(time: Array, grid: Array, longest_gap_s: float) -> NDArray[np.bool_]:
+def near_samples(time: Array, grid: Array, longest_gap_s: float) -> Flags:
     """Which grid points lie in an interval between samples of at most ``longest_gap_s``, ``(m,)``."""
     index = np.clip(np.searchsorted(time, grid, side="right"), 1, len(time) - 1)
     return (time[index] - time[index - 1]) <= longest_gap_s
@@ -95,7 +94,7 @@ def moving_span(velocity: Array, threshold: float) -> slice:
     return slice(int(moving[0]), int(moving[-1]) + 1)
 
 
-def long_standstill(velocity: Array, threshold: float, shortest: int) -> NDArray[np.bool_]:
+def long_standstill(velocity: Array, threshold: float, shortest: int) -> Flags:
     """Samples in stretches of at least ``shortest`` samples in which a joint stands, ``(n, n_joints)``.
 
     There its friction is anything up to the breakaway torque and says nothing; a mere change of direction is

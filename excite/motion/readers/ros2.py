@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
+from excite.arrays import Array
 from excite.errors import MotionError
 from excite.formats.bags import open_bag
 from excite.formats.child import in_child
@@ -99,7 +100,7 @@ def _trajectory_columns(topic: str, kind: str, message: Any, path: Path) -> dict
     return columns
 
 
-def _stack_rows(rows: Sequence[Any], names: Sequence[str], what: str, path: Path) -> NDArray[np.float64]:
+def _stack_rows(rows: Sequence[Any], names: Sequence[str], what: str, path: Path) -> Array:
     for number, row in enumerate(rows):
         if len(row) != len(names):
             raise MotionError(

@@ -12,9 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 from defusedxml.ElementTree import fromstring
-from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Indices
 from excite.errors import RobotError
 from excite.logs.columns import BASE_POSE
 from excite.report.replay.tracks import FRAMES_HZ, joint_bounds, pack_table, packed_indices
@@ -27,7 +26,7 @@ from excite.robot.shapes.shape import Shape, place_points
 
 # Bodies of a robot as few triangles, for a picture.
 
-Triangles = NDArray[np.int64]
+Triangles = Indices
 
 # Cells along the longest side of a body, of which each keeps one corner. Of G1's 35 meshes of 290 000 triangles 24
 # cells leave 58 000, 0.37 MB on the page, on which a hand's fingers can still be told; 12 leave 0.14, 48 0.77 MB.

@@ -12,9 +12,8 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Indices
 from excite.cache import cached_file, read_cached, write_cached
 from excite.errors import RobotError
 from excite.robot.links import link_placement
@@ -187,7 +186,7 @@ def _rounding_key() -> str:
 
 # Meshes as convex hulls of few vertices that contain the mesh.
 
-Faces = NDArray[np.int64]
+Faces = Indices
 
 
 @dataclass(frozen=True, eq=False)

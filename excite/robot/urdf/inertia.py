@@ -11,8 +11,8 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.errors import RobotError
 from excite.formats.documents import all_alike
 from excite.robot.refusal import robot_error
@@ -39,8 +39,8 @@ class Inertial:
     """
 
     mass: float
-    centre: NDArray[np.float64]
-    moments: NDArray[np.float64]
+    centre: Array
+    moments: Array
 
     @property
     def size(self) -> float:
@@ -173,12 +173,12 @@ def read_inertial(link: ElementTree.Element, path: Path) -> Inertial | None:
     return Inertial(mass, pose.translation.copy(), moments)
 
 
-def symmetric_matrix(six: Sequence[float] | NDArray[np.float64]) -> NDArray[np.float64]:
+def symmetric_matrix(six: Sequence[float] | Array) -> Array:
     """Symmetric matrix of ixx, ixy, ixz, iyy, iyz, izz."""
     return np.asarray(six)[[[0, 1, 2], [1, 3, 4], [2, 4, 5]]]
 
 
-def _describe_impossible(moments: NDArray[np.float64], *, strict: bool) -> str | None:
+def _describe_impossible(moments: Array, *, strict: bool) -> str | None:
     """What is wrong with moments about the CoM, in words; None if nothing is."""
     low, middle, high = (float(value) for value in np.linalg.eigvalsh(moments))
     if low < -TOLERANCE * max(high, 0.0) or high < 0.0 or (strict and low <= 0.0):
@@ -260,7 +260,7 @@ def _check_solid(solid: ElementTree.Element, where: str, path: Path) -> None:
 # Whether a model's masses can be kilograms: grams give bodies that no material has and no drive could lift.
 
 
-def check_weights(model: pin.Model, torque: NDArray[np.float64], path: Path) -> None:
+def check_weights(model: pin.Model, torque: Array, path: Path) -> None:
     """Refuse a model whose masses are in grams.
 
     Two things have to speak for it: bodies denser than any metal, from their mass and moments, and weight far

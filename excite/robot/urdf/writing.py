@@ -7,10 +7,11 @@ from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
+
+from excite.arrays import Array
 
 MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-Value = str | float | NDArray[np.float64] | Sequence[float]
+Value = str | float | Array | Sequence[float]
 
 
 def format_row(values: Iterable[float]) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Flags
 from excite.motion.motion import Instants
 from excite.robot.prismatic import is_prismatic
 from excite.robot.robot import Robot
@@ -142,7 +142,7 @@ class _FirstLook:
     """
 
     values: Array
-    asked: NDArray[np.bool_]
+    asked: Flags
     upper: float
     found: dict[int, tuple[float, float]]
 

@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from excite.arrays import Array, distinct_rows
+from excite.arrays import Array, Flags, distinct_rows
 from excite.errors import InputError
 from excite.lazy_kernel import LazyKernel
 from excite.motion.motion import Motion, interpolate_motion
@@ -84,7 +84,7 @@ class Sweep:
         return compute_dynamics(self.robot, self.fine, self.torque_samples)
 
     @cached_property
-    def contacts(self) -> NDArray[np.bool_]:
+    def contacts(self) -> Flags:
         """Contact flags on the finer grid, ``(n, n_feet)``, in the order of ``robot.feet``."""
         flags = [self.fine.contacts[foot.name] for foot in self.robot.feet]
         return np.column_stack(flags) if flags else np.zeros((self.fine.n_samples, 0), dtype=bool)
