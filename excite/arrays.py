@@ -52,6 +52,12 @@ def widen_flags(flags: Flags, around: int) -> Flags:
     return np.asarray(count[width:] > count[:-width])
 
 
+def runs_of(flags: Flags) -> list[tuple[int, int]]:
+    """First place of each run of True in ``flags (n,)``, and the one behind its last."""
+    edges = np.flatnonzero(np.diff(flags, prepend=False, append=False))
+    return [(int(start), int(stop)) for start, stop in edges.reshape(-1, 2)]
+
+
 def assign_rows(costs: Array) -> NDArray[np.intp]:
     """The column of each row in the assignment of all rows to different columns that costs least in all.
 

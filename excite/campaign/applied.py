@@ -24,12 +24,9 @@ from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.robot.urdf.converted import Said
 from excite.robot.urdf.inertia import read_inertial
+from excite.robot.urdf.writing import add_inertial
 
 # A URDF whose links have bodies more than its author knew of.
-
-_MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-_UPPER = ([0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2])
-
 
 # Share of a body's second moments that rounding may leave below zero, as where all its mass lies in a plane.
 _ROUNDING = 1e-9
@@ -68,7 +65,8 @@ def with_bodies(urdf: str, bodies: Mapping[str, Array], source: Path) -> Loaded:
         found = pin.Inertia.FromDynamicParameters(body)
         there = _nearest_existing_body(found)
         raised += [] if there is found else [str(link.get("name"))]
-        link.insert(0, _build_inertial(there))
+        moments = np.asarray(there.inertia)[np.triu_indices(3)]
+        add_inertial(link, pin.SE3(np.eye(3), there.lever), there.mass, moments)
     return Loaded(ElementTree.tostring(root, encoding="unicode"), tuple(raised))
 
 
@@ -84,15 +82,6 @@ def _nearest_existing_body(body: pin.Inertia) -> pin.Inertia:
         return body
     second = (vectors * np.maximum(values, 0.0)) @ vectors.T
     return pin.Inertia(body.mass, body.lever, np.trace(second) * np.eye(3) - second)
-
-
-def _build_inertial(body: pin.Inertia) -> ElementTree.Element:
-    inertial = ElementTree.Element("inertial")
-    ElementTree.SubElement(inertial, "origin", xyz=" ".join(repr(float(x)) for x in body.lever), rpy="0 0 0")
-    ElementTree.SubElement(inertial, "mass", value=repr(float(body.mass)))
-    values = zip(_MOMENTS, np.asarray(body.inertia)[_UPPER], strict=True)
-    ElementTree.SubElement(inertial, "inertia", {name: repr(float(v)) for name, v in values})
-    return inertial
 
 
 # The robot with the effects that a diagnosis found: its description and its URDF, for the next round.

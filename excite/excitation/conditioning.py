@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
@@ -22,7 +21,7 @@ from excite.regressor.base_parameters import (
     structural_base_parameters,
 )
 from excite.regressor.columns import Columns, measured_columns, regressor_rows
-from excite.results import ADDED, HIDDEN, Name, Stated, Unbounded, UnboundedPositive, finite
+from excite.results import ADDED, HIDDEN, Name, Stated, Unbounded, UnboundedPositive
 from excite.robot.robot import Robot
 
 # Sub-regressors: the columns of one segment, and their condition number (Jovic et al. 2015, II.B).
@@ -127,11 +126,6 @@ class ConditionNumbers(Stated):
     n_base_parameters: int
     rank: int = field(metadata=ADDED)
     segments: tuple[SegmentCondition, ...]
-
-    def to_json(self) -> dict[str, Any]:
-        """Numbers that are not finite become null."""
-        found: dict[str, Any] = finite(super().to_json())
-        return found
 
     def summary(self) -> str:
         """One line for a person."""

@@ -10,14 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
-from excite.arrays import Array
+from excite.arrays import Array, runs_of
 from excite.errors import LogError
 from excite.finding import Finding
 from excite.human.body import Body
 from excite.human.recording import PlateRecording, Recording
 from excite.human.segments import NAMES, SIDES
 from excite.human.skeleton import Placement
-from excite.human.trial_poses import runs_of
 from excite.logs.signals.butterworth import Derivatives, central_differences, lowpass, settling_samples
 
 # Centres of pressure, and how far from the feet they lie.

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from excite.arrays import Array, Flags
+from excite.arrays import Array, runs_of
 from excite.errors import LogError
 from excite.finding import Finding, list_names
 from excite.human.markers.inverse_kinematics import MarkerModel, Solution, first_poses, solve_poses
@@ -147,12 +147,6 @@ def _filter_markers(points: Array, predicted: Array, recording: Recording, cutof
                 filled[start:stop, m] = np.nan
     filled[:, ~some] = np.nan
     return filled
-
-
-def runs_of(flags: Flags) -> list[tuple[int, int]]:
-    """First frame of each run of True, and the one behind its last."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(int)))
-    return [(int(start), int(stop)) for start, stop in edges.reshape(-1, 2)]
 
 
 class _Prior(NamedTuple):

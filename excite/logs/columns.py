@@ -15,6 +15,7 @@ from excite.logs.header_blocks import TrialHeader
 from excite.logs.log import Cleaning, LogHeader, Trial
 from excite.logs.quantisation import channel_noise, coarse_step
 from excite.logs.sampling import FEWEST_ROWS, SAME_S, check_span, check_stamps, in_seconds, missing_rows
+from excite.motion.content import unit_quaternions
 
 BASE_POSE = tuple(f"base.{name}" for name in ("px", "py", "pz", "qx", "qy", "qz", "qw"))
 IMU_AXES = tuple(f"imu.{name}" for name in ("gx", "gy", "gz", "ax", "ay", "az"))
@@ -210,8 +211,7 @@ def _unit_quaternions(quaternions: Array, file: Path) -> Array:
             field="base.qw",
             remedy="log unit quaternions, x y z w",
         )
-    # Leave those alone that are unit to rounding, so that reading what was saved changes nothing.
-    return np.where(np.abs(norm - 1.0)[:, None] > 1e-9, quaternions / norm[:, None], quaternions)
+    return unit_quaternions(quaternions)
 
 
 # Finding and repairing what loggers do to samples: repeated, swapped and missing rows, clipping, steps.

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from excite.arrays import Array, Flags
+from excite.arrays import Array, Flags, runs_of
 from excite.motion.motion import Motion, interpolate_motion
 from excite.regressor.kernels import forward_kinematics
 from excite.robot.robot import Robot
@@ -219,7 +219,7 @@ def standing_phases(robot: Robot, planned: Motion) -> dict[str, list[tuple[int, 
     found = {}
     for foot in robot.feet:
         flags = planned.contacts.get(foot.name, np.ones(planned.n_samples, dtype=bool))
-        phases = [(start + settle if start > 0 else 0, end) for start, end in _true_runs(flags)]
+        phases = [(start + settle if start > 0 else 0, end) for start, end in runs_of(flags)]
         found[foot.name] = [(start, end) for start, end in phases if end > start]
     return found
 
@@ -228,9 +228,3 @@ def vertical_axis(quaternions: Array) -> Array:
     """The body's z axis in the world for quaternions x y z w, ``(n, 3)``."""
     x, y, z, w = quaternions.T
     return np.column_stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x**2 + y**2)])
-
-
-def _true_runs(flags: Flags) -> list[tuple[int, int]]:
-    """Half-open index ranges over which ``flags`` is True."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
-    return [(int(start), int(end)) for start, end in zip(edges[::2], edges[1::2], strict=True)]

@@ -35,12 +35,13 @@ from excite.export.models.verification import (
     mujoco_torques,
     random_states,
 )
-from excite.export.models.xml_text import XmlText, number_text
+from excite.export.models.xml_text import XmlText
 from excite.formats.documents import MAX_XML_BYTES
 from excite.formats.file import read_bytes
 from excite.identification.inertia import parameters_of_pseudo_inertia, pseudo_inertia_matrices
 from excite.robot.mjcf.scan import scan_mjcf
 from excite.robot.robot import Robot
+from excite.robot.urdf.writing import number_text
 from excite.simulation.mjcf import World, build_spec
 from excite.simulation.true_parameters import principal_inertia
 

@@ -13,7 +13,6 @@ import pinocchio as pin
 from excite.arrays import Array
 from excite.atomic import write_text
 from excite.errors import InputError, RobotError
-from excite.export.models.xml_text import number_text
 from excite.formats.tables import csv_text
 from excite.identification.identified_parameters import IdentifiedParameters
 from excite.identification.inertia import (
@@ -27,6 +26,7 @@ from excite.robot.description import ControllerBlock
 from excite.robot.init_robot.description import draft_description
 from excite.robot.robot import Robot
 from excite.robot.urdf.converted import Said
+from excite.robot.urdf.writing import number_text
 
 Found = Identification | IdentifiedParameters
 """An identification, or the parameters alone, however they were found."""

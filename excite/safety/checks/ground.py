@@ -81,10 +81,8 @@ def judge_contact_wrench(sweep: Sweep) -> CheckResult:
 def support_margin(sweep: Sweep, points: Array) -> Array:
     """Signed distance of points, ``(n, 2)``, from the support polygon's edge [m]; NaN without contact."""
     margin = np.full(len(points), np.nan)
-    for feet, samples in sweep.contact_phases():
-        if len(feet):
-            corners = np.concatenate([sweep.sole_corners[i][samples, :, :2] for i in feet], axis=1)
-            margin[samples] = polygon_margin(corners, points[samples])
+    for standing in sweep.on_feet(np.arange(len(points))):
+        margin[standing.rows] = polygon_margin(standing.corners[:, :, :2], points[standing.rows])
     return margin
 
 
