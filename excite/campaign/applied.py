@@ -59,7 +59,7 @@ def with_bodies(urdf: str, bodies: Mapping[str, Array], source: Path) -> Loaded:
             continue
         own = read_inertial(link, source)
         if own is not None:
-            body = body + np.asarray(pin.Inertia(own.mass, own.centre, own.moments).toDynamicParameters())
+            body = body + own.parameters
         for inertial in link.findall("inertial"):
             link.remove(inertial)
         found = pin.Inertia.FromDynamicParameters(body)

@@ -439,7 +439,7 @@ class Support:
 def mass_center(body: Body, placement: Placement) -> Array:
     """Centre of mass of the whole body, ``(n, 3)`` [m]."""
     masses = np.array([inertia.mass for inertia in body.inertias])
-    centers = np.stack([inertia.center for inertia in body.inertias])
+    centers = np.stack([inertia.lever for inertia in body.inertias])
     points = placement.origin + np.einsum("nkij,kj->nki", placement.rotation, centers)
     return np.einsum("k,nki->ni", masses / masses.sum(), points)
 

@@ -256,7 +256,9 @@ def test_phases_are_told_apart_by_their_feet() -> None:
         dynamics=SimpleNamespace(com=np.zeros((n, 3))),
         fine=SimpleNamespace(time=np.arange(n) * 0.1),
     )
-    sweep.robot.feet = tuple(SimpleNamespace(name=side, sole=SOLE, friction=0.5) for side in ("left", "right"))
+    sweep.robot.feet = tuple(
+        SimpleNamespace(name=side, sole=SOLE, friction=0.5) for side in ("left", "right")
+    )
     sweep.dynamics.com[:] = [0.0, 0.1, 0.0]
     assert judge_centre_of_mass(sweep).violations == ()
     sweep.dynamics.com[[3, 6], 1] = -0.1

@@ -20,9 +20,10 @@ from excite.report.replay.tracks import FRAMES_HZ, joint_bounds, pack_table, pac
 from excite.robot.links import link_placement
 from excite.robot.robot import Robot
 from excite.robot.shapes.collision import SURROUNDINGS, collision_shapes
-from excite.robot.shapes.link_shapes import numbers_of, origin_of
+from excite.robot.shapes.link_shapes import numbers_of
 from excite.robot.shapes.mesh_files import read_meshes
 from excite.robot.shapes.shape import Shape, place_points
+from excite.robot.urdf.numbers import read_origin
 
 # Bodies of a robot as few triangles, for a picture.
 
@@ -126,7 +127,7 @@ def _mesh_bodies(robot: Robot) -> Iterator[Body]:
             sizes = [solid.get(name, "") for name in ("size", "radius", "length")]
             corners, triangles = solid_triangles(solid.tag, tuple(numbers_of(" ".join(sizes))))
         joint, placement = link_placement(robot.model, name, robot.source, f"link {name!r}")
-        placement = placement * origin_of(element.find("origin"))
+        placement = placement * read_origin(element)
         yield _place_body(name, joint, placement, *merge_corners(corners, triangles))
 
 

@@ -14,11 +14,12 @@ import pinocchio as pin
 from excite.errors import RobotError
 from excite.results import Assumed
 from excite.robot.init_robot.assumptions import assume
-from excite.robot.shapes.link_shapes import origin_of, solid_shape
+from excite.robot.shapes.link_shapes import solid_shape
 from excite.robot.shapes.mesh_files import read_meshes
 from excite.robot.shapes.shape import coal_geometry
 from excite.robot.shapes.stand_ins import DENSITY
 from excite.robot.urdf.inertia import GEOMETRY
+from excite.robot.urdf.numbers import read_origin
 from excite.robot.urdf.reading import find_mesh
 from excite.robot.urdf.writing import MOMENTS, add_element
 
@@ -121,4 +122,4 @@ def _of_element(element: ElementTree.Element, path: Path) -> pin.Inertia | None:
     mass = DENSITY * body.computeVolume()
     about = DENSITY * np.asarray(body.computeMomentofInertiaRelatedToCOM())
     own = pin.Inertia(mass, np.asarray(body.computeCOM()), about) if mass > 0.0 else None
-    return None if own is None else origin_of(element.find("origin")).act(own)
+    return None if own is None else read_origin(element).act(own)

@@ -22,6 +22,7 @@ from excite.robot.refusal import robot_error
 from excite.robot.robot import Robot
 from excite.robot.shapes.shape import Kind, Shape
 from excite.robot.urdf.inertia import LENGTHS
+from excite.robot.urdf.numbers import read_origin
 from excite.threads import blas_kernels
 
 # A hull of 96 corners may have to grow by a hundredth; of a smooth body the growth falls with the corners' square.
@@ -80,7 +81,7 @@ def link_shapes(
         where = f"link {name!r}, {kind} {number}"
         joint, placement = link_placement(robot.model, name, robot.source, where)
         pose, solid = (
-            placement * origin_of(element.find("origin")),
+            placement * read_origin(element),
             next(element.iterfind("geometry/*"), None),
         )
         if solid is None:
@@ -129,15 +130,6 @@ def solid_shape(
         raise robot_error(source, where, f"unknown geometry {solid.tag!r}", "use a mesh, box or sphere")
     lengths = (solid.get(attribute, "nan") for attribute, _, _ in LENGTHS[solid.tag])
     return Shape(*nowhere, _PRIMITIVES[solid.tag], tuple(numbers_of(" ".join(lengths)).tolist()))
-
-
-def origin_of(origin: ElementTree.Element | None) -> pin.SE3:
-    """Placement that an ``<origin>`` states, none if there is no such element."""
-    if origin is None:
-        return pin.SE3.Identity()
-    return pin.SE3(
-        pin.rpy.rpyToMatrix(*numbers_of(origin.get("rpy", "0 0 0"))), numbers_of(origin.get("xyz", "0 0 0"))
-    )
 
 
 def numbers_of(text: str) -> Array:

@@ -88,8 +88,11 @@ def read_number(
     return read_numbers(element, attribute, 1, source, where, default=default)[0]
 
 
-def read_origin(element: ElementTree.Element, source: Path, where: str) -> pin.SE3:
-    """The pose that the ``<origin>`` below an element states, none where it has none; raises RobotError."""
+def read_origin(element: ElementTree.Element, source: Path = Path(), where: str = "") -> pin.SE3:
+    """The pose that the ``<origin>`` below an element states, none where it has none; raises RobotError.
+
+    Arguments as for :func:`read_numbers`; of elements that were checked the last two are not needed.
+    """
     origin = element.find("origin")
     if origin is None:
         return pin.SE3.Identity()
