@@ -132,7 +132,10 @@ def apply_effects(diagnosis: Diagnosis, robot: Robot, folder: Path) -> Applied:
         ) from error
     said = (
         *_describe_changes(changes, robot),
-        *map(_raise_link_origin, model.raised),
+        *(
+            f"{link}: no body has the moments of inertia found; it got the nearest that one can have"
+            for link in model.raised
+        ),
         *_list_doubts(diagnosis),
     )
     return Applied(path, said, tuple(changes.beyond))
@@ -146,10 +149,6 @@ def check_applicable(robot: Robot) -> None:
             field="--apply",
             remedy="diagnose it without --apply; augmented.xml has what a simulator can",
         )
-
-
-def _raise_link_origin(link: str) -> str:
-    return f"{link}: no body has the moments of inertia found; it got the nearest that one can have"
 
 
 def _render_description(content: Mapping[str, Any]) -> str:

@@ -290,7 +290,7 @@ def _with_rate(question: Question, tried: Trial, stated: Map) -> Question:
     one looks like no rate at all. The rate is proposed where it has an end on both sides within what any misreading has
     to bring, and where the model then explains half of the torques' power.
     """
-    if question.rate_is_told:
+    if "NUMBER" not in question.line:
         return question
     rates = np.geomspace(SLOWEST_HZ, FASTEST_HZ, 200)
     at, which, near = len(rates) // 2, 0, np.arange(0)

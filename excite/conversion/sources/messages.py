@@ -303,7 +303,9 @@ def decode_any(message: Any) -> Row:
                     collect(path + place, one, [], depth + 1)
         elif not isinstance(value, str | bytes | None) and depth <= _DEEPEST:
             members = _members(value)
-            named = next((list(members[name]) for name in _NAMES if _are_words(members.get(name))), [])
+            words = (members.get(name) for name in _NAMES)
+            lists = (list(one) for one in words if isinstance(one, list | tuple) and one)
+            named = next((one for one in lists if all(isinstance(word, str) for word in one)), [])
             for name, inner in members.items():
                 if name not in _LEFT_OUT and not name.startswith("__"):
                     collect(f"{path}.{name}" if path else name, inner, named, depth + 1)
@@ -317,7 +319,3 @@ def _members(message: Any) -> dict[str, Any]:
         return dict(message)
     names = getattr(message, "__dataclass_fields__", None) or getattr(message, "__slots__", ())
     return {str(name): getattr(message, name) for name in (names or ()) if not str(name).startswith("_")}
-
-
-def _are_words(value: Any) -> bool:
-    return isinstance(value, list | tuple) and bool(value) and all(isinstance(word, str) for word in value)

@@ -12,6 +12,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.errors import RobotError
@@ -203,7 +204,7 @@ def symmetric_matrix(six: Sequence[float] | Array) -> Array:
     return np.asarray(six)[[[0, 1, 2], [1, 3, 4], [2, 4, 5]]]
 
 
-def moments_fault(principal: Array) -> Literal["not_positive", "triangle", ""]:
+def moments_fault(principal: NDArray[np.floating]) -> Literal["not_positive", "triangle", ""]:
     """Why no body has principal moments about its centre, ``(3,)`` in rising order; empty where one may."""
     low, middle, high = principal
     if low < -TOLERANCE * max(high, 0.0) or high < 0.0:
