@@ -52,6 +52,11 @@ def widen_flags(flags: Flags, around: int) -> Flags:
     return np.asarray(count[width:] > count[:-width])
 
 
+def is_whole(values: Array) -> bool:
+    """Whether all numbers are whole."""
+    return bool((values == np.round(values)).all())
+
+
 def runs_of(flags: Flags) -> list[tuple[int, int]]:
     """First place of each run of True in ``flags (n,)``, and the one behind its last."""
     edges = np.flatnonzero(np.diff(flags, prepend=False, append=False))

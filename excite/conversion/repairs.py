@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from excite.arrays import Array, Flags
+from excite.arrays import Array, Flags, is_whole
 from excite.conversion.columns.clock import Table, is_clock
 from excite.conversion.columns.units import BEYOND
 from excite.conversion.columns.words import read_clue
@@ -213,7 +213,7 @@ def _change_columns(
 
 
 def _counts(values: Array) -> bool:
-    return len(values) > 0 and values.min() >= 0.0 and bool((values == np.round(values)).all())
+    return len(values) > 0 and values.min() >= 0.0 and is_whole(values)
 
 
 def _signed(column: Column, *, jumps: bool) -> Array | None:
@@ -265,7 +265,7 @@ def _unwind_angle(column: Column) -> Array | None:
     # No seam is without a step of half a turn, which most channels never make.
     step = float(np.abs(np.diff(known)).max(initial=0.0))
     size = float(np.ptp(known)) if step else 0.0
-    counted = 0.0 < size < 2.0**53 and (known == np.round(known)).all()
+    counted = 0.0 < size < 2.0**53 and is_whole(known)
     turns = (*_TURNS, *([2.0 ** float(np.ceil(np.log2(size + 1.0)))] if counted else []))
     found = (
         without_seams(column.values, turn, within=turn not in _ANGLES) for turn in turns if step > 0.5 * turn

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, is_whole
 from excite.conversion.columns.clock import Table, find_restarts, goes_evenly, is_clock
 from excite.conversion.columns.words import read_clue
 from excite.conversion.recording import Column, Recording, Stream, nothing_there
@@ -279,7 +279,7 @@ def _is_called(name: str, words: frozenset[str], *, some: bool = False) -> bool:
 
 
 def _is_count(values: Array) -> bool:
-    return bool(np.isfinite(values).all() and (values == np.round(values)).all())
+    return bool(np.isfinite(values).all()) and is_whole(values)
 
 
 def _stem(name: str) -> str:

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from excite.arrays import Flags
+from excite.data_tables import read_rows
 from excite.doctor.doubt import Doubt
-from excite.doctor.thresholds import THRESHOLD, read_table
+from excite.doctor.thresholds import THRESHOLD
 from excite.doctor.torque_samples import TorqueSamples, torque_samples
 from excite.finding import Finding
 from excite.logs.log import Log, Trial
@@ -24,7 +25,7 @@ KINDS: dict[str, dict[str, Any]] = {
         "repaired": row["repaired"] == "yes",
         "remedy": row["remedy"],
     }
-    for row in read_table("findings.csv")
+    for row in read_rows(__file__, "findings.csv")
 }
 """Of each kind of finding its severity, how sure it is, whether it is repaired, and the remedy, as a rule."""
 

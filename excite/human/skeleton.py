@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from excite.arrays import Array, Indices
 from excite.finding import Finding, list_names
 from excite.human.segments import JOINT_NAMES, NAMES, PARENTS, SEGMENTS, segment_ancestors
+from excite.logs.signals.base_pose import continuous_quaternions
 
 # Kinematics of the fifteen segments, many frames at a time.
 
@@ -173,9 +174,7 @@ def joint_angles(pose: Pose) -> Array:
 def base_pose(pose: Pose) -> Array:
     """The pelvis' pose ``(n, 7)``: x y z [m], qx qy qz qw, signs continuous."""
     quaternion = Rotation.from_matrix(pose.rotation[:, 0]).as_quat()
-    flips = np.sign(np.einsum("ni,ni->n", quaternion[1:], quaternion[:-1]))
-    signs = np.concatenate([[1.0], np.cumprod(np.where(flips < 0.0, -1.0, 1.0))])
-    return np.hstack([pose.position, quaternion * signs[:, None]])
+    return np.hstack([pose.position, continuous_quaternions(quaternion)])
 
 
 def near_singular(angles: Array, source: str) -> tuple[Finding, ...]:

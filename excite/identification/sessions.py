@@ -18,7 +18,7 @@ from excite.atomic import write_text
 from excite.display import Shown, span
 from excite.errors import InputError, LogError
 from excite.identification.estimators.settings import EstimatorSettings
-from excite.identification.inertia import COLUMNS, FILE_ORDER, ROUNDING, ROWS, pseudo_inertia_matrices
+from excite.identification.inertia import FILE_ORDER, ROUNDING, physical_parameters, pseudo_inertia_matrices
 from excite.identification.problem import NEVER_NEGATIVE, IdentificationProblem, build_problem
 from excite.identification.regression import (
     RANK_TOLERANCE,
@@ -425,10 +425,8 @@ def _of_a_body(low: Array, middle: Array, high: Array) -> _Ends:
 
 def _link_quantities(ten: Array) -> Array:
     """Mass, centre of mass, and inertia about it, xx yy zz xy xz yz, ``(10,)``."""
-    center = ten[1:4] / ten[0]
-    shift = ten[0] * (float(center @ center) * np.eye(3) - np.outer(center, center))
-    central = ten[4:] - shift[ROWS, COLUMNS]
-    return np.concatenate([ten[:1], center, central[list(FILE_ORDER)]])
+    body = physical_parameters(ten)[0]
+    return np.concatenate([body[:4], body[4:][list(FILE_ORDER)]])
 
 
 def _of_drives(

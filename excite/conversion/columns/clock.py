@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from excite.arrays import Array, Indices
+from excite.arrays import Array, Indices, is_whole
 from excite.conversion.columns.units import derivative_of
 from excite.conversion.columns.vocabulary import OF_WORD
 from excite.conversion.columns.words import Clue
@@ -96,7 +96,7 @@ def clock_column(stream: Stream, clues: Mapping[str, Clue]) -> tuple[str, str] |
 def _counts_rows(values: Array) -> bool:
     """Whether numbers go up by one from row to row, but for rows that are missing."""
     steps = np.diff(values[np.isfinite(values)])
-    return bool(len(steps)) and bool((steps == np.round(steps)).all()) and float(np.median(steps)) == 1.0
+    return bool(len(steps)) and is_whole(steps) and float(np.median(steps)) == 1.0
 
 
 def clock_pace(values: Array, unit: str, rate: float | None) -> tuple[float | None, str]:

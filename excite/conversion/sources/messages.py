@@ -7,18 +7,17 @@ trajectory_msgs, unitree_hg, unitree_go); a decoder of any library that gives th
 
 from __future__ import annotations
 
-import csv
 from array import array
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache, reduce
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from excite.arrays import Array, Indices
 from excite.conversion.recording import Column, Stream
+from excite.data_tables import read_rows
 
 # Rows of a recording's topics as they come, in bounded memory however long the recording is.
 
@@ -178,12 +177,11 @@ class _Part(NamedTuple):
 @cache
 def _types() -> dict[str, list[_Part]]:
     found: dict[str, list[_Part]] = {_DYNAMIC: []}
-    with Path(__file__).with_name("message_types.csv").open(encoding="utf-8", newline="") as file:
-        for row in csv.DictReader(file):
-            paths = tuple(tuple(path.split(".")) for path in row["path"].split())
-            part = _Part(row["joints"], row["field"], row["channel"], row["label"], paths)
-            for kind in row["type"].split():
-                found.setdefault(kind, []).append(part)
+    for row in read_rows(__file__, "message_types.csv"):
+        paths = tuple(tuple(path.split(".")) for path in row["path"].split())
+        part = _Part(row["joints"], row["field"], row["channel"], row["label"], paths)
+        for kind in row["type"].split():
+            found.setdefault(kind, []).append(part)
     return found
 
 
