@@ -18,6 +18,7 @@ from excite.diagnosis.answer.answer import Diagnosis
 from excite.diagnosis.answer.candidate import Applied, RobotChanges, in_words
 from excite.diagnosis.equations.units import unit_at
 from excite.errors import InputError, RobotError
+from excite.identification.inertia import ROUNDING
 from excite.logs.robot import is_bare
 from excite.robot.init_robot.description import draft_description
 from excite.robot.loading import load_robot
@@ -27,9 +28,6 @@ from excite.robot.urdf.inertia import read_inertial
 from excite.robot.urdf.writing import add_inertial
 
 # A URDF whose links have bodies more than its author knew of.
-
-# Share of a body's second moments that rounding may leave below zero, as where all its mass lies in a plane.
-_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -78,7 +76,7 @@ def _nearest_existing_body(body: pin.Inertia) -> pin.Inertia:
     """
     inertia = np.asarray(body.inertia)
     values, vectors = np.linalg.eigh(0.5 * np.trace(inertia) * np.eye(3) - inertia)
-    if values[0] >= -_ROUNDING * np.abs(values).max():
+    if values[0] >= -ROUNDING * np.abs(values).max():
         return body
     second = (vectors * np.maximum(values, 0.0)) @ vectors.T
     return pin.Inertia(body.mass, body.lever, np.trace(second) * np.eye(3) - second)

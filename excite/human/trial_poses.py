@@ -14,7 +14,13 @@ from excite.arrays import Array, Flags, Indices, runs_of
 from excite.errors import InputError, LogError
 from excite.finding import Finding, list_names
 from excite.human.body import DIMENSIONS, Dimensions, joint_offsets, stature_dimensions
-from excite.human.markers.inverse_kinematics import MarkerModel, Solution, first_poses, solve_poses
+from excite.human.markers.inverse_kinematics import (
+    FEWEST_MARKERS,
+    MarkerModel,
+    Solution,
+    first_poses,
+    solve_poses,
+)
 from excite.human.markers.marker_set import MarkerSite, landmark_place
 from excite.human.recording import Recording
 from excite.human.segments import NAMES, PARENTS, Subject
@@ -28,7 +34,6 @@ from excite.logs.signals.butterworth import lowpass, settling_samples
 # Postures drop out frame by frame (Schur complement), so that the work grows with the number of frames only
 # linearly.
 
-_FEWEST_MARKERS = 3
 # Cost of a frame, in usual ones, beyond which a limb is taken to be folded: before and after it is adjusted.
 _BAD_FRAME, _FOLDED = 2.5, 5.0
 
@@ -67,9 +72,9 @@ def calibrate_body(
     labels = tuple(label for label in sites if any(label in recording for recording in recordings))
     marked = [label for label in labels if sites[label].landmark is not None]
     for trunk in ("pelvis", "torso"):
-        if sum(sites[label].segment == trunk for label in marked) < _FEWEST_MARKERS:
+        if sum(sites[label].segment == trunk for label in marked) < FEWEST_MARKERS:
             raise InputError(
-                f"fewer than {_FEWEST_MARKERS} markers on landmarks of the {trunk}",
+                f"fewer than {FEWEST_MARKERS} markers on landmarks of the {trunk}",
                 field="markers",
                 remedy="map labels to landmarks with --markers",
             )
@@ -119,7 +124,7 @@ def _choose_frames(recording: Mapping[str, Array], labels: tuple[str, ...]) -> A
 def _trunk_seen(points: Array, segment: Indices, guess: Array) -> Flags:
     seen = np.asarray(np.isfinite(points).all(axis=2) & np.isfinite(guess).all(axis=1))
     pelvis, torso = (seen[:, segment == NAMES.index(trunk)].sum(axis=1) for trunk in ("pelvis", "torso"))
-    return np.asarray((pelvis >= _FEWEST_MARKERS) & (torso >= _FEWEST_MARKERS))
+    return np.asarray((pelvis >= FEWEST_MARKERS) & (torso >= FEWEST_MARKERS))
 
 
 def _with_free_markers(model: MarkerModel, points: Array, solution: Solution) -> MarkerModel:

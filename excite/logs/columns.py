@@ -15,9 +15,8 @@ from excite.logs.header_blocks import TrialHeader
 from excite.logs.log import Cleaning, LogHeader, Trial
 from excite.logs.quantisation import channel_noise, coarse_step
 from excite.logs.sampling import FEWEST_ROWS, SAME_S, check_span, check_stamps, in_seconds, missing_rows
-from excite.motion.content import unit_quaternions
+from excite.motion.content import BASE_POSE, unit_quaternions
 
-BASE_POSE = tuple(f"base.{name}" for name in ("px", "py", "pz", "qx", "qy", "qz", "qw"))
 IMU_AXES = tuple(f"imu.{name}" for name in ("gx", "gy", "gz", "ax", "ay", "az"))
 WRENCH_AXES = ("fx", "fy", "fz", "tx", "ty", "tz")
 _JOINT_CHANNELS = {

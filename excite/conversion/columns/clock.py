@@ -23,7 +23,7 @@ SLOWEST_HZ, FASTEST_HZ = 4.0, 20_000.0
 # to there. Steps of rows in days are those of no other unit.
 _SERIAL_DATES = ((20_000.0, 80_000.0), (714_000.0, 774_000.0))
 # A run has more rows than this.
-_FEWEST_ROWS = 20
+FEWEST_ROWS = 20
 
 
 def is_clock(values: Array) -> bool:
@@ -62,7 +62,7 @@ def _is_clock_of_runs(values: Array) -> bool:
     """Whether numbers are times of several runs, or of rows that do not stand in their order."""
     values = values[np.isfinite(values)]
     edges = [0, *find_restarts(values).tolist(), len(values)]
-    if len(values) < _FEWEST_ROWS * (len(edges) - 1) or (np.diff(values) < 0.0).mean() > 0.4:
+    if len(values) < FEWEST_ROWS * (len(edges) - 1) or (np.diff(values) < 0.0).mean() > 0.4:
         return False
     return all(is_clock(np.sort(values[start:end])) for start, end in itertools.pairwise(edges))
 
@@ -155,7 +155,7 @@ def rate_by_velocities(positions: Array, velocities: Array) -> float | None:
         positions: ``(n, m)``, of the joints.
         velocities: ``(n, m)``, the same angles or lengths a second.
     """
-    if len(positions) < _FEWEST_ROWS:
+    if len(positions) < FEWEST_ROWS:
         return None
     slopes = [derivative_of(q, v, 1.0) for q, v in zip(positions.T, velocities.T, strict=True)]
     # What is regressed on the slope, as encoders have less noise than the velocities of drives.

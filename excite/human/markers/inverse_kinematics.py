@@ -285,7 +285,7 @@ _HINGE_COLUMNS = np.array([COLUMNS[k].start for k in REVOLUTE_AXIS])
 
 # Postures without a first guess.
 
-_FEWEST_MARKERS = 3
+FEWEST_MARKERS = 3
 _SPHERICAL = tuple(k for k in range(1, N_SEGMENTS) if COLUMNS[k].stop - COLUMNS[k].start == 3)
 
 
@@ -309,7 +309,7 @@ def first_poses(model: MarkerModel, points: Array) -> Solution:
     start.rotation[:, 0], start.position[:] = rotation, origin
     for name in NAMES[1:]:
         k = NAMES.index(name)
-        if k in _SPHERICAL and (part.segment == k).sum() >= _FEWEST_MARKERS:
+        if k in _SPHERICAL and (part.segment == k).sum() >= FEWEST_MARKERS:
             world, _ = align_segment(part, shown, name)
             carrier = place_segments(start, model.offsets).rotation[:, PARENTS[k]]
             start.rotation[:, k] = carrier.transpose(0, 2, 1) @ world
@@ -336,6 +336,6 @@ def align_segment(model: MarkerModel, points: Array, segment: str) -> tuple[Arra
     flip = np.tile(np.eye(3), (len(points), 1, 1))
     flip[:, 2, 2] = np.where(sign == 0.0, 1.0, sign)
     rotation = vt.transpose(0, 2, 1) @ flip @ u.transpose(0, 2, 1)
-    rotation[seen.sum(axis=1) < _FEWEST_MARKERS] = np.eye(3)
+    rotation[seen.sum(axis=1) < FEWEST_MARKERS] = np.eye(3)
     origin = middle - np.einsum("nij,nj->ni", rotation, own_middle)
     return rotation, origin

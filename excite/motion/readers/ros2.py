@@ -19,6 +19,7 @@ from excite.formats.documents import check_content, read_yaml
 from excite.formats.file import MAX_NUMBERS, check_file, first_bytes, unreadable
 from excite.motion.content import BASE_ACCELERATION, BASE_POSE, BASE_TWIST
 from excite.motion.readers.reader import (
+    BEGINNING,
     MAX_FILE_BYTES,
     MotionReader,
     RawMotion,
@@ -128,8 +129,6 @@ def _base_columns(points: Sequence[Any]) -> dict[str, NDArray[Any]]:
 GOAL_FILE = "goal_{:03d}.yaml"
 """Names of several goals in a folder, by their number."""
 
-# Comments at the top may hold a verdict of some hundred violations.
-_BEGINNING = 1 << 18
 _MARK = re.compile(rb"^(trajectory:|joint_names:)", re.MULTILINE)
 # A minute of a humanoid of 30 joints at 200 Hz has 1.2 million numbers, 25 MB.
 _MOST_BYTES, _MOST_NODES = 128 * 1024 * 1024, 3_000_000
@@ -145,7 +144,7 @@ class Ros2YamlReader(MotionReader):
         """See :class:`MotionReader`."""
         if (path / GOAL_FILE.format(0)).is_file():
             return True
-        return path.suffix in {".yaml", ".yml"} and _MARK.search(first_bytes(path, _BEGINNING)) is not None
+        return path.suffix in {".yaml", ".yml"} and _MARK.search(first_bytes(path, BEGINNING)) is not None
 
     def read(self, path: Path, joints: Sequence[str]) -> RawMotion:
         """See :class:`MotionReader`."""

@@ -271,13 +271,19 @@ def _extreme_corners(corners: Array) -> Faces:
 
 
 def _build_polyhedron(corners: Array, stretch: Array, axes: Array, centre: Array) -> Hull:
+    points = corners * stretch @ axes + centre
+    used, faces = hull_faces(points)
+    return Hull(points[used], faces, float(stretch.max()))
+
+
+def hull_faces(points: Array) -> tuple[Indices, Faces]:
+    """Which points ``(n, 3)`` are corners of their convex hull, and its triangles as a :class:`Hull` has them."""
     from scipy.spatial import ConvexHull
 
-    hull = ConvexHull(corners * stretch @ axes + centre)
+    hull = ConvexHull(points)
     used = np.sort(hull.vertices)
     faces = np.searchsorted(used, hull.simplices).astype(np.int64)
-    vertices = hull.points[used]
-    a, b, c = (vertices[faces[:, i]] for i in range(3))
+    a, b, c = points[used][faces].transpose(1, 0, 2)
     inward = np.einsum("ij,ij->i", np.cross(b - a, c - a), hull.equations[:, :3]) < 0.0
     faces[inward] = faces[inward][:, [0, 2, 1]]
-    return Hull(vertices, faces, float(stretch.max()))
+    return used, faces
