@@ -57,7 +57,7 @@ def with_bodies(urdf: str, bodies: Mapping[str, Array], source: Path) -> Loaded:
             continue
         own = read_inertial(link, source)
         if own is not None:
-            body = body + own.parameters
+            body = body + own.ten_parameters
         for inertial in link.findall("inertial"):
             link.remove(inertial)
         found = pin.Inertia.FromDynamicParameters(body)

@@ -110,7 +110,7 @@ def _segment_members(robot: Robot, links: Mapping[str, Element], file: Path) -> 
             continue
         own: Array | None = None
         if link.find("inertial") is not None:
-            own = (read_inertial(link, file) or Inertial()).parameters
+            own = (read_inertial(link, file) or Inertial()).ten_parameters
             totals[joint - 1] += moved_pseudo(pseudo_inertia_matrices(own)[0], placement)
         inside = members[joint - 1]
         first = name == robot.segments[joint - 1].link

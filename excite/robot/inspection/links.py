@@ -159,7 +159,7 @@ class DescribedRobot:
         if text not in {fault.text for fault in self.faults}:
             self.faults.append(Finding(kind, text, {}, (place,), severity, remedy=remedy or ""))
 
-    def _read(self, read: Callable[..., Value], element: Element, *arguments: Any) -> Value | None:
+    def _read_part(self, read: Callable[..., Value], element: Element, *arguments: Any) -> Value | None:
         """What a strict reader reads below an element; None where that says a number is wrong, which is a finding."""
         try:
             return read(element, *arguments)
@@ -174,7 +174,7 @@ class DescribedRobot:
     def _read_joint(self, joint: Element) -> DescribedJoint:
         limit, name = joint.find("limit"), joint.get("name", "")
         stated = {
-            key: self._read(read_number, limit, key, self.path, f"joint {name!r}/limit")
+            key: self._read_part(read_number, limit, key, self.path, f"joint {name!r}/limit")
             for key in ("lower", "upper", "effort", "velocity")
             if limit is not None and key in limit.keys()
         }
@@ -182,7 +182,7 @@ class DescribedRobot:
         read = (
             None
             if axis is None
-            else self._read(read_numbers, axis, "xyz", 3, self.path, f"joint {name!r}/axis")
+            else self._read_part(read_numbers, axis, "xyz", 3, self.path, f"joint {name!r}/axis")
         )
         found = np.array(read or (1.0, 0.0, 0.0))
         direction = found / np.linalg.norm(found) if found.any() else np.eye(3)[0]
@@ -194,13 +194,16 @@ class DescribedRobot:
         pose: pin.SE3 | None = pin.SE3.Identity()
         for above in self.tree.above(name):
             joint = self._joints[above]
-            step = self._read(read_origin, joint, self.path, f"joint {above!r}")
+            step = self._read_part(read_origin, joint, self.path, f"joint {above!r}")
             pose = None if step is None or pose is None else step * pose
             body = body or (head if joint.get("type") != "fixed" else "")
             head = self.tree.ends[above][0]
         # A circle has no root.
         pose = None if head in self.tree.carriers else pose
-        own, written = self._read(read_inertial, link, self.path) or Inertial(), link.find("inertial/inertia")
+        own, written = (
+            self._read_part(read_inertial, link, self.path) or Inertial(),
+            link.find("inertial/inertia"),
+        )
         texts = [] if written is None else [written.get(key, "") for key in MOMENTS]
         steps = [_half_digit(text) for text, value in zip(texts, own.stated, strict=False) if value]
         return DescribedLink(
@@ -266,7 +269,7 @@ class DescribedRobot:
             found = self._solids[link, kind] = []
             for number, element in enumerate(self._elements[link].findall(kind)):
                 where = f"link {link!r}/{kind} {number}"
-                pose = self._read(read_origin, element, self.path, where)
+                pose = self._read_part(read_origin, element, self.path, where)
                 solid = next(element.iterfind("geometry/*"), None)
                 if pose is None or solid is None:
                     continue

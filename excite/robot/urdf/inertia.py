@@ -57,12 +57,7 @@ class Inertial:
         return float(np.abs(self.moments).max())
 
     @property
-    def radius(self) -> float:
-        """The radius over which the mass is spread, 0 without any [m]."""
-        return math.sqrt(self.size / self.mass) if self.mass else 0.0
-
-    @property
-    def parameters(self) -> Array:
+    def ten_parameters(self) -> Array:
         """Ten parameters about the link's frame, in pinocchio's order, ``(10,)``."""
         return np.asarray(pin.Inertia(self.mass, self.centre, self.moments).toDynamicParameters())
 
@@ -125,7 +120,8 @@ def inertial_faults(
         faults[name] = robot_error(path, f"link {name!r}/inertial{place}", what, remedy)
 
     for name, inertial in known.items():
-        radius = inertial.radius if inertial.size > least else 0.0
+        # The radius over which the mass is spread.
+        radius = math.sqrt(inertial.size / inertial.mass) if inertial.mass and inertial.size > least else 0.0
         fault = _describe_impossible(inertial.moments, strict=False)
         # Largest radius of gyration of a link [m]. Twice what the most careless of 1181 published models has, which put
         # in moments of 1 or 100 for want of better; the boom of a crane, 60 m, has 17. Moments in kg·mm² make it a

@@ -89,10 +89,7 @@ def read_number(
 
 
 def read_origin(element: ElementTree.Element, source: Path = Path(), where: str = "") -> pin.SE3:
-    """The pose that the ``<origin>`` below an element states, none where it has none; raises RobotError.
-
-    Arguments as for :func:`read_numbers`; of elements that were checked the last two are not needed.
-    """
+    """The pose that the ``<origin>`` below an element states, none where it has none; raises RobotError."""
     origin = element.find("origin")
     if origin is None:
         return pin.SE3.Identity()
