@@ -15,13 +15,7 @@ from excite.doctor.channel_mapping import Reading
 from excite.doctor.checks.values import of_unknown_unit
 from excite.doctor.doubt import Doubt
 from excite.doctor.inertial_prior import STRONG_ODDS
-from excite.doctor.mistakes.torques import (
-    ADDED,
-    OtherMachine,
-    best_load,
-    find_delay,
-    other_machine,
-)
+from excite.doctor.mistakes.torques import ADDED, OtherMachine, best_load, find_delay, other_machine
 from excite.doctor.samples import Mistake
 from excite.doctor.thresholds import THRESHOLD
 from excite.doctor.torque_samples import TorqueSamples
@@ -166,7 +160,8 @@ def _compare_bodies(samples: TorqueSamples, reading: Reading) -> OtherMachine | 
     A load that is no heavier than the robot is carried by it, and makes it no other one.
     """
     load, masses = best_load(samples, reading), samples.under(reading.gravity).phi[::10]
-    left = samples.unexplained(reading, None if load is None or load.mass > masses.sum() else load.parameters)
+    carried = 0.0 if load is None or load.mass > masses.sum() else samples.felt(reading) @ load.parameters
+    left = samples.unexplained(reading, carried)
     if left < THRESHOLD.in_place:
         return None
     likely = OtherMachine(samples.judged(reading).left, 1.0)

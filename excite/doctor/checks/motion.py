@@ -30,6 +30,12 @@ def _smooth_velocity(trial: Trial, cutoff_hz: float, settlings: int) -> Array | 
     return np.gradient(lowpass(trial.q, rate, cutoff), trial.time, axis=0)
 
 
+def _top_speeds(case: Case) -> Array:
+    """Largest speeds of joints in all trials that are long enough, ``(n_joints,)``."""
+    speeds = [v for trial in case.log.trials if (v := _smooth_velocity(trial, 10.0, 1)) is not None]
+    return np.asarray(np.max([np.abs(v).max(axis=0) for v in speeds], axis=0, initial=0.0))
+
+
 def find_standing(case: Case) -> None:
     """Trials in which nothing moves: they show gravity, not inertia."""
     still = tuple(trial.name for trial in case.log.trials if not _moves(trial))
@@ -221,9 +227,7 @@ def find_degrees(case: Case) -> None:
     inside = (np.radians(reach.low) >= reach.lower) & (np.radians(reach.high) <= reach.upper)
     furthest = np.maximum(np.abs(reach.low), np.abs(reach.high))
     manifold = furthest > THRESHOLD.manifold * np.maximum(np.abs(reach.lower), np.abs(reach.upper))
-    speeds = [v for trial in case.log.trials if (v := _smooth_velocity(trial, 10.0, 1)) is not None]
-    speed = np.max([np.abs(v).max(axis=0) for v in speeds], axis=0, initial=0.0)
-    fast = speed > THRESHOLD.manifold * case.robot.limits.velocity[case.columns]
+    fast = _top_speeds(case) > THRESHOLD.manifold * case.robot.limits.velocity[case.columns]
     degrees = turning & inside & reach.is_outside & (manifold | fast)
     # Most joints in degrees: all are that turn, also those that hardly moved. Else those alone that nothing else
     # explains.
@@ -250,9 +254,8 @@ def _turns_over(case: Case, which: NDArray[np.bool_]) -> bool:
     compared = velocity_ratios(case.log.trials)
     if compared is None:
         return False
-    return all(
-        is_near_one(ratio, THRESHOLD.same_velocity) for ratio in np.nan_to_num(compared[0][which], nan=1.0)
-    )
+    ratios = np.nan_to_num(compared[0][which], nan=1.0)
+    return all(is_near_one(ratio, THRESHOLD.same_velocity) for ratio in ratios)
 
 
 def _in_radians(trial: Trial, which: NDArray[np.bool_]) -> Trial:
@@ -272,13 +275,12 @@ def _in_radians(trial: Trial, which: NDArray[np.bool_]) -> Trial:
 
 def find_beyond_limits(case: Case) -> None:
     """Positions, speeds and torques beyond what the model allows, once channels are what the log calls them."""
-    torques = [trial.tau for trial in case.log.trials if trial.tau is not None]
-    speeds = [v for trial in case.log.trials if (v := _smooth_velocity(trial, 10.0, 1)) is not None]
-    for kind, what, values, limits, most, cause in (
+    torques = [np.abs(trial.tau).max(axis=0) for trial in case.log.trials if trial.tau is not None]
+    for kind, what, reached, limits, most, cause in (
         (
             "torque_size",
             "torques",
-            torques,
+            np.max(torques, axis=0, initial=0.0),
             case.robot.limits.torque,
             THRESHOLD.torque_beyond,
             "another unit (N·mm, currents), or the gear counted twice",
@@ -286,15 +288,13 @@ def find_beyond_limits(case: Case) -> None:
         (
             "too_fast",
             "speeds",
-            speeds,
+            _top_speeds(case),
             case.robot.limits.velocity,
             THRESHOLD.fastest_share,
             "another unit, a clock in another one, or limits of another robot",
         ),
     ):
-        if not values:
-            continue
-        share = np.max([np.abs(one).max(axis=0) for one in values], axis=0) / limits[case.columns]
+        share = reached / limits[case.columns]
         over = np.isfinite(share) & (share > most)
         if over.any():
             names, largest = case.joints(over), float(share[over].max())
