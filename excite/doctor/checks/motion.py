@@ -61,7 +61,9 @@ def find_whole_turns(case: Case) -> None:
             for j in turning:
                 # In radians, degrees or revolutions.
                 turns = (_TURN, 360.0, 1.0)
-                whole_ones = (without_seams(values[:, j], turn, within=turn == 1.0) for turn in turns)
+                whole_ones = (
+                    without_seams(values[:, j], turn, within=turn == 1.0, time=trial.time) for turn in turns
+                )
                 column = next((one for one in whole_ones if one is not None), None)
                 if column is not None:
                     values[:, j] = column
