@@ -248,7 +248,7 @@ class _Plates:
             is_far, loaded = miss > 5.0, np.isfinite(point[:, 0])
             # A free moment of a foot is a few N·m.
             twists = np.abs(free[loaded, 2]) if loaded.any() else np.zeros(1)
-            is_twisted = (np.max if is_far else np.median)(twists) > 200.0
+            is_twisted = bool((np.max if is_far else np.median)(twists) > 200.0)
             factors = np.where([is_far, is_twisted], 1e-3, 1.0)
             moment = np.cross(factors[0] * np.nan_to_num(point), plate.force) + factors[1] * free
             scaled = replace(plate, moment=moment)
@@ -413,7 +413,8 @@ class _Change:
     ) -> _Change:
         """Some of a file's own plates changed."""
         plates = [changed.get(i, one) for i, one in enumerate(own)]
-        return cls(plates, tuple(own[i].name for i in changed), *words, fitted=fitted)
+        kind, fault, cure = words
+        return cls(plates, tuple(own[i].name for i in changed), kind, fault, cure, fitted)
 
     def size(self) -> int:
         """How much is changed."""
