@@ -7,9 +7,8 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Flags
 from excite.doctor.thresholds import THRESHOLD
 from excite.errors import LogError
 from excite.logs.log import Log, Trial
@@ -190,7 +189,7 @@ class Predicted(NamedTuple):
     columns: Columns
 
 
-def remove_drives(sums: Array, free: NDArray[np.bool_] = ALL_FREE) -> tuple[Array, Array]:
+def remove_drives(sums: Array, free: Flags = ALL_FREE) -> tuple[Array, Array]:
     """Sums of columns beside those of the drive, and what of these is in each, by least squares.
 
     Args:

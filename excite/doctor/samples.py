@@ -115,7 +115,7 @@ class Samples(ABC):
         return self.mixed(pulls, lambda g: np.column_stack([1.0 - np.sum(g, axis=1), g]))
 
     @property
-    def sliding(self) -> NDArray[np.bool_]:
+    def sliding(self) -> Flags:
         """Which of ``joints`` slide: they have no quarter turns."""
         return np.array([is_prismatic(self.robot.model, int(place)) for place in self.places])
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Flags
 from excite.doctor.case import Case
 from excite.doctor.doubt import Doubt
 from excite.doctor.thresholds import THRESHOLD, is_near_one
@@ -105,7 +105,7 @@ def find_held_rows(case: Case) -> None:
         case.change_header(rate_hz=case.log.header.rate_hz * slower)
 
 
-def held_rows(time: Array, values: Array) -> NDArray[np.bool_]:
+def held_rows(time: Array, values: Array) -> Flags:
     """Rows that repeat the row before and would hardly do so had they been read anew, ``(n,)``.
 
     Two readings of a channel that changes by ``d`` from row to row, with noise of standard deviation ``s`` and a

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from excite.arrays import Array, assign_rows
+from excite.arrays import Array, Flags, assign_rows
 from excite.doctor.case import Case
 from excite.doctor.channel_mapping import Reading
 from excite.doctor.checks.clock import median_rate, velocity_ratios
@@ -67,7 +66,9 @@ def find_whole_turns(case: Case) -> None:
             for j in turning:
                 # In radians, degrees or revolutions.
                 turns = (_TURN, 360.0, 1.0)
-                whole_ones = (without_seams(values[:, j], turn, within=turn == 1.0) for turn in turns)
+                whole_ones = (
+                    without_seams(values[:, j], turn, within=turn == 1.0, time=trial.time) for turn in turns
+                )
                 column = next((one for one in whole_ones if one is not None), None)
                 if column is not None:
                     values[:, j] = column
@@ -210,12 +211,12 @@ class _Reach:
         return cls(low, high, lower - margin, upper + margin)
 
     @property
-    def is_outside(self) -> NDArray[np.bool_]:
+    def is_outside(self) -> Flags:
         """Which joints leave their limits."""
         return (self.low < self.lower) | (self.high > self.upper)
 
     @property
-    def is_counted(self) -> NDArray[np.bool_]:
+    def is_counted(self) -> Flags:
         """Which joints whole turns bring into their limits: an encoder counts on."""
         turns = _TURN * np.round(0.5 * (self.low + self.high - self.lower - self.upper) / _TURN)
         return np.asarray((self.low - turns >= self.lower) & (self.high - turns <= self.upper))
@@ -244,7 +245,7 @@ def find_degrees(case: Case) -> None:
     case.change_trials(lambda trial: _in_radians(trial, which))
 
 
-def _turns_over(case: Case, which: NDArray[np.bool_]) -> bool:
+def _turns_over(case: Case, which: Flags) -> bool:
     """Whether torques, or velocities where there are none, say of joints beyond their limits that these turn over."""
     if case.samples is not None:
         reading = Reading.as_stated(case.log)
@@ -258,7 +259,7 @@ def _turns_over(case: Case, which: NDArray[np.bool_]) -> bool:
     return all(is_near_one(ratio, THRESHOLD.same_velocity) for ratio in ratios)
 
 
-def _in_radians(trial: Trial, which: NDArray[np.bool_]) -> Trial:
+def _in_radians(trial: Trial, which: Flags) -> Trial:
     """Some joints' positions in radians; commands and velocities too, where that brings them nearer in size."""
     q = np.where(which, np.radians(trial.q), trial.q)
 

@@ -7,9 +7,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Flags
 from excite.display import span
 from excite.doctor.case import Case
 from excite.doctor.channel_errors import misreadings
@@ -303,7 +302,7 @@ def find_torque_ends(case: Case) -> None:
         case.ignore_torques(silent)
 
 
-def _mark_rows(trial: Trial, beyond: NDArray[np.bool_]) -> Trial:
+def _mark_rows(trial: Trial, beyond: Flags) -> Trial:
     return replace(trial, beyond=beyond if beyond.any() else None)
 
 

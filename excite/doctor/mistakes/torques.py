@@ -203,6 +203,12 @@ def find_missing_weight(samples: TorqueSamples, reading: Reading) -> Iterable[Co
     if not reading.gravity.any():
         return
     parts = parts_in(samples, reading)
+    if np.isfinite(parts.inertia).any() and (np.nan_to_num(parts.inertia, nan=-1.0) < -0.5).all():
+        # The weight, which tells their sign, is off torques that count the other way.
+        turned = reading.with_torque(range(len(samples.channels)), -1.0)
+        for one in _without_weight(samples, turned, parts_in(samples, turned), None, 0.0):
+            text = f"all torques have the opposite sign, and {one.text}"
+            yield replace(one, text=text, changes=2)
     if not reading.is_compensated:
         bare = take_weight(reading, reading.gravity)
         load = best_load(samples, bare)
@@ -225,7 +231,9 @@ def _without_weight(
     if not parts.lack_weight(0.5):
         # What a load that is still felt adds to the weights hides that none of the bodies' is there.
         parts = parts_in(samples, reading, load)
-        if load is None or not parts.lack_weight(THRESHOLD.next_to_nothing):
+        # A payload heavier than the robot is the weight of the robot itself.
+        heaviest = samples.under(reading.gravity).phi[::10].sum()
+        if load is None or load.mass > heaviest or not parts.lack_weight(THRESHOLD.next_to_nothing):
             return
         # A load beside the whole weight, or any scale of it, must not explain as much.
         if score > _left_beside(samples, reading, best_load(samples, reading)) - THRESHOLD.better_load:
@@ -450,7 +458,7 @@ def find_delay(samples: Samples, reading: Reading, late_s: float = THRESHOLD.lat
     if reading.late_s != 0.0 or not tells.any():
         return
 
-    def left(late: NDArray[np.floating]) -> Array:
+    def left(late: Array) -> Array:
         return np.array([samples.left(replace(reading, late_s=float(one)))[tells].sum() for one in late])
 
     def is_usual(early: float, late: float) -> bool:
