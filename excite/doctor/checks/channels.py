@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 
+from excite.arrays import Flags
 from excite.display import percent
 from excite.doctor.case import Case
 from excite.doctor.channel_errors import DELAY, OF_TORQUES, OF_WRENCHES, Misreading, misreadings, refine_zeros

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from excite.arrays import Array, Flags
@@ -458,7 +459,7 @@ def find_delay(samples: Samples, reading: Reading, late_s: float = THRESHOLD.lat
     if reading.late_s != 0.0 or not tells.any():
         return
 
-    def left(late: Array) -> Array:
+    def left(late: NDArray[np.floating]) -> Array:
         return np.array([samples.left(replace(reading, late_s=float(one)))[tells].sum() for one in late])
 
     def is_usual(early: float, late: float) -> bool:
