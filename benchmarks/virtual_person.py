@@ -16,7 +16,7 @@ from excite.arrays import Array
 from excite.atomic import atomic_path
 from excite.errors import UnknownNameError
 from excite.formats.number import check_number
-from excite.human.body import Body, BodyInertia, body_of, segment_box
+from excite.human.body import Body, body_of, segment_box
 from excite.human.markers.marker_set import landmark_place, read_marker_set
 from excite.human.measure import urdf_text
 from excite.human.recording import PlateRecording, Recording
@@ -120,7 +120,7 @@ def balance_pelvis(body: Body, time: Array, angles: Array, share: Array) -> Perf
     base[:, 6] = 1.0
     placed = place_segments(pose_of(base, angles), body.offsets)
     masses = np.array([b.mass for b in body.inertias])
-    centers = np.stack([b.center for b in body.inertias])
+    centers = np.stack([b.lever for b in body.inertias])
     points = placed.origin + np.einsum("nkij,kj->nki", placed.rotation, centers)
     com = np.einsum("k,nki->ni", masses / masses.sum(), points)
     feet = {side: placed.origin[:, NAMES.index(f"{side}_foot")] for side in ("right", "left")}
@@ -355,8 +355,8 @@ def draw_subject(
     masses *= subject.mass / masses.sum()
     inertias = []
     for b, mass in zip(body.inertias, masses, strict=True):
-        center = b.center * (1.0 + 0.05 * rng.standard_normal()) + 0.005 * rng.standard_normal(3)
-        inertias.append(BodyInertia(mass, center, b.inertia * mass / b.mass))
+        center = b.lever * (1.0 + 0.05 * rng.standard_normal()) + 0.005 * rng.standard_normal(3)
+        inertias.append(pin.Inertia(mass, center, b.inertia * mass / b.mass))
     body = replace(body, inertias=tuple(inertias))
     sites = read_marker_set(MARKERS).sites
     local, wobble = {}, {}

@@ -1,4 +1,4 @@
-"""The type of arrays that signatures name.
+"""The types of arrays that signatures name.
 
 A module of its own, free of other imports, so that filters and readers do not load the robot's libraries for a name.
 """
@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Indices = NDArray[np.int64]
 
 # Binary digits that a whole number of numpy's has room for.
 _DIGITS = 62
@@ -30,7 +32,7 @@ class Moved(NamedTuple):
     a: Array
 
 
-def distinct_rows(flags: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], NDArray[np.intp]]:
+def distinct_rows(flags: Flags) -> tuple[Flags, NDArray[np.intp]]:
     """Distinct rows of booleans ``(n, m)``, in rising order, and which of them each row is, ``(n,)``.
 
     Each row is made one number: numpy takes ten times as long to tell rows of an array apart.
@@ -43,11 +45,22 @@ def distinct_rows(flags: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], NDArray[
     return flags[first], member
 
 
-def widen_flags(flags: NDArray[np.bool_], around: int) -> NDArray[np.bool_]:
+def widen_flags(flags: Flags, around: int) -> Flags:
     """Rows of ``flags (n, …)`` with a flag among so many before and after, each column by itself, likewise."""
     padded = np.pad(flags, [(around + 1, around), *[(0, 0)] * (flags.ndim - 1)])
     count, width = np.cumsum(padded, axis=0), 2 * around + 1
     return np.asarray(count[width:] > count[:-width])
+
+
+def is_whole(values: Array) -> bool:
+    """Whether all numbers are whole."""
+    return bool((values == np.round(values)).all())
+
+
+def runs_of(flags: Flags) -> list[tuple[int, int]]:
+    """First place of each run of True in ``flags (n,)``, and the one behind its last."""
+    edges = np.flatnonzero(np.diff(flags, prepend=False, append=False))
+    return [(int(start), int(stop)) for start, stop in edges.reshape(-1, 2)]
 
 
 def assign_rows(costs: Array) -> NDArray[np.intp]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 
 from benchmarks.people.ground_reaction import GroundReaction, ReactionTable, ground_reactions
 from benchmarks.people.segment_table import SegmentTable, segment_table
@@ -13,7 +14,7 @@ from benchmarks.people.worn_weight import BELT_RADIUS, AddedMass, WornWeight, lo
 from excite.atomic import write_text
 from excite.display import Shown
 from excite.errors import InputError
-from excite.human.body import Body, BodyInertia
+from excite.human.body import Body
 from excite.human.measure import PLACES, ROBOT_FILE, MeasuredPerson, robot_yaml, urdf_text
 from excite.human.segments import NAMES
 from excite.human.skeleton import frame_turn
@@ -200,10 +201,10 @@ def wearing_body(body: Body, located: AddedMass) -> Body:
     best = located.best
     turn = frame_turn(NAMES.index(best.segment))
     inertia = best.mass * BELT_RADIUS**2 * np.eye(3)
-    return wearing(body, best.segment, BodyInertia(best.mass, turn.T @ np.array(best.place), inertia))
+    return wearing(body, best.segment, pin.Inertia(best.mass, turn.T @ np.array(best.place), inertia))
 
 
-def wearing(body: Body, segment: str, weight: BodyInertia) -> Body:
+def wearing(body: Body, segment: str, weight: pin.Inertia) -> Body:
     """The body with a weight on a segment, in the segment's frame."""
     inertias = list(body.inertias)
     inertias[NAMES.index(segment)] = inertias[NAMES.index(segment)] + weight

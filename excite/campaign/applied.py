@@ -18,21 +18,16 @@ from excite.diagnosis.answer.answer import Diagnosis
 from excite.diagnosis.answer.candidate import Applied, RobotChanges, in_words
 from excite.diagnosis.equations.units import unit_at
 from excite.errors import InputError, RobotError
+from excite.identification.inertia import ROUNDING
 from excite.logs.robot import is_bare
 from excite.robot.init_robot.description import draft_description
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.robot.urdf.converted import Said
 from excite.robot.urdf.inertia import read_inertial
+from excite.robot.urdf.writing import add_inertial
 
 # A URDF whose links have bodies more than its author knew of.
-
-_MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-_UPPER = ([0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2])
-
-
-# Share of a body's second moments that rounding may leave below zero, as where all its mass lies in a plane.
-_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -62,13 +57,14 @@ def with_bodies(urdf: str, bodies: Mapping[str, Array], source: Path) -> Loaded:
             continue
         own = read_inertial(link, source)
         if own is not None:
-            body = body + np.asarray(pin.Inertia(own.mass, own.centre, own.moments).toDynamicParameters())
+            body = body + own.ten_parameters
         for inertial in link.findall("inertial"):
             link.remove(inertial)
         found = pin.Inertia.FromDynamicParameters(body)
         there = _nearest_existing_body(found)
         raised += [] if there is found else [str(link.get("name"))]
-        link.insert(0, _build_inertial(there))
+        moments = np.asarray(there.inertia)[np.triu_indices(3)]
+        add_inertial(link, pin.SE3(np.eye(3), there.lever), there.mass, moments)
     return Loaded(ElementTree.tostring(root, encoding="unicode"), tuple(raised))
 
 
@@ -80,19 +76,10 @@ def _nearest_existing_body(body: pin.Inertia) -> pin.Inertia:
     """
     inertia = np.asarray(body.inertia)
     values, vectors = np.linalg.eigh(0.5 * np.trace(inertia) * np.eye(3) - inertia)
-    if values[0] >= -_ROUNDING * np.abs(values).max():
+    if values[0] >= -ROUNDING * np.abs(values).max():
         return body
     second = (vectors * np.maximum(values, 0.0)) @ vectors.T
     return pin.Inertia(body.mass, body.lever, np.trace(second) * np.eye(3) - second)
-
-
-def _build_inertial(body: pin.Inertia) -> ElementTree.Element:
-    inertial = ElementTree.Element("inertial")
-    ElementTree.SubElement(inertial, "origin", xyz=" ".join(repr(float(x)) for x in body.lever), rpy="0 0 0")
-    ElementTree.SubElement(inertial, "mass", value=repr(float(body.mass)))
-    values = zip(_MOMENTS, np.asarray(body.inertia)[_UPPER], strict=True)
-    ElementTree.SubElement(inertial, "inertia", {name: repr(float(v)) for name, v in values})
-    return inertial
 
 
 # The robot with the effects that a diagnosis found: its description and its URDF, for the next round.
@@ -143,7 +130,10 @@ def apply_effects(diagnosis: Diagnosis, robot: Robot, folder: Path) -> Applied:
         ) from error
     said = (
         *_describe_changes(changes, robot),
-        *map(_raise_link_origin, model.raised),
+        *(
+            f"{link}: no body has the moments of inertia found; it got the nearest that one can have"
+            for link in model.raised
+        ),
         *_list_doubts(diagnosis),
     )
     return Applied(path, said, tuple(changes.beyond))
@@ -157,10 +147,6 @@ def check_applicable(robot: Robot) -> None:
             field="--apply",
             remedy="diagnose it without --apply; augmented.xml has what a simulator can",
         )
-
-
-def _raise_link_origin(link: str) -> str:
-    return f"{link}: no body has the moments of inertia found; it got the nearest that one can have"
 
 
 def _render_description(content: Mapping[str, Any]) -> str:

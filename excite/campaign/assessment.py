@@ -20,6 +20,7 @@ from excite.results import Name, Seconds, Stated, named
 from excite.robot.load import RobotLike, as_robot
 from excite.robot.robot import Robot
 from excite.safety.check import check_motion
+from excite.safety.checks.motion import refuse_time_faults
 from excite.safety.parameter_set import stated_parameters
 from excite.safety.verdict import CheckReport, Verdict
 from excite.simulation.rehearsal import rehearsed_verdict
@@ -161,7 +162,7 @@ def rank(robot: RobotLike, motions: MotionsLike, *, progress: Progress = silent)
 
     Raises:
         InputError: no motions.
-        MotionError: a motion is not for this robot.
+        MotionError: a motion is not for this robot, or its samples are none that a controller could run.
     """
     robot = as_robot(robot)
     motions = as_motions(motions, robot)
@@ -170,6 +171,7 @@ def rank(robot: RobotLike, motions: MotionsLike, *, progress: Progress = silent)
     base = structural_base_parameters(robot)
     factors, ranked = [], []
     for done, motion in enumerate(motions, start=1):
+        refuse_time_faults(motion)
         factors.append(motion_factor(robot, motion))
         ranked.append(
             RankedMotion(motion.name, motion.duration, compute_conditioning(robot, factors[-1:], base))

@@ -122,7 +122,7 @@ def _planned_trial(robot: Robot, motion: Motion, rate_hz: float) -> Trial:
     sampled = interpolate_motion(motion, robot, motion.time[0] + np.arange(n) / rate_hz)
     # As a log has them: what follows from the motors is not recorded.
     motors = ~robot.passive
-    friction = _sharp_friction(robot, sampled.v)
+    friction = nominal_drives(robot).coulomb * np.sign(sampled.v[:, robot.n_base_v :])
     return Trial(
         name=motion.name,
         role="identification",
@@ -141,11 +141,6 @@ def _planned_imu(robot: Robot, motion: Motion) -> Array | None:
     if robot.description.sensors.imu is None or not robot.floating:
         return None
     return imu_readings(robot, motion)
-
-
-def _sharp_friction(robot: Robot, velocity: Array) -> Array:
-    """Coulomb friction of the declared drives, ``(n, n_joints)`` [N·m or N], at velocities ``(n, nv)``."""
-    return np.asarray(nominal_drives(robot).coulomb * np.sign(velocity[:, robot.n_base_v :]))
 
 
 # How many parameters will be certain enough after the motions at hand, and how much more motion the others

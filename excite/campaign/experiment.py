@@ -24,7 +24,7 @@ from excite.progress import Progress, silent
 from excite.results import FilePath, Name, Stated, UnboundedPositive, write_json
 from excite.robot.load import RobotLike, as_robot
 from excite.robot.robot import Robot
-from excite.safety.checks.motion import time_faults
+from excite.safety.checks.motion import refuse_time_faults
 from excite.simulation.effects.registry import inject_effects as inject_effects
 from excite.simulation.replay import Replay
 from excite.simulation.simulate import run_experiment
@@ -281,13 +281,7 @@ def _check_runs(robot: Robot, motion: Motion) -> None:
             field="robot",
             remedy="name the robot that it was made for",
         )
-    for fault in time_faults(motion):
-        raise MotionError(
-            f"cannot be run: {fault}",
-            source=motion.name,
-            field="time",
-            remedy="resample it evenly, 20 Hz or faster, without gaps",
-        )
+    refuse_time_faults(motion)
 
 
 def _without_injected(log: Log, injected: Sequence[Injected]) -> Log:

@@ -10,9 +10,8 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar, overload
 
 import numpy as np
-from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Indices
 from excite.errors import InputError
 from excite.excitation.conditioning import (
     MotionFactor,
@@ -162,7 +161,7 @@ def _pool_base_parameters(robot: Robot) -> BaseParameters:
 
 
 @lru_cache(maxsize=4)
-def _segment_columns(robot: Robot) -> dict[str, NDArray[np.int64]]:
+def _segment_columns(robot: Robot) -> dict[str, Indices]:
     return segment_columns(robot, measured_columns(robot), _pool_base_parameters(robot))
 
 

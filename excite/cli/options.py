@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import inspect
 import json
 import os
@@ -20,6 +19,7 @@ from typer.core import TyperCommand
 import excite
 from excite.campaign.searches import SEARCHES
 from excite.cli.output import command_line, print_document, progress_bars
+from excite.data_tables import read_rows
 from excite.errors import InputError
 from excite.export.registry import EXPORTERS, MODEL_FORMATS
 from excite.folder_lock import claim_folder
@@ -246,13 +246,8 @@ def stated_source(
     return Source(package_path=tuple(package_path or ()), arguments=arguments, limits=limits)
 
 
-def _read_rows(name: str) -> list[dict[str, str]]:
-    with Path(__file__).with_name(name).open(encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
-
-
 # By command and parameter; types and defaults are the functions' own. Rows without a command are for all of them.
-_TABLE = {(row["command"], row["parameter"]): row for row in _read_rows("options.csv")}
+_TABLE = {(row["command"], row["parameter"]): row for row in read_rows(__file__, "options.csv")}
 _COMPLETIONS = {name: _complete_words(words) for name, words in _WORDS.items()}
 _CHECKS = {"folder": _usable_folder, "jobs": _possible_jobs, "arguments": _named_arguments}
 # Options of every command, whether its work depends on them or not.
@@ -365,7 +360,7 @@ def _kept_arguments(arguments: Sequence[str]) -> Iterator[str]:
 # The lines tell one story, so that what one of them reads an earlier one has written.
 
 EXAMPLES: dict[str, list[tuple[str, str]]] = {}
-for _row in _read_rows("examples.csv"):
+for _row in read_rows(__file__, "examples.csv"):
     EXAMPLES.setdefault(_row["command"], []).append((_row["line"], _row["meaning"]))
 
 

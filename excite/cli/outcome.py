@@ -264,7 +264,8 @@ def of_unforeseen(error: BaseException, arguments: Sequence[str]) -> Failure:
 
 def _of_packages(name: str, unmet: list[Unmet]) -> Failure:
     """A package that cannot be loaded, beside what is not installed as excite asks for it."""
-    odd, remedy = ", ".join(one.text for one in unmet), pip_install(unmet)
+    odd = ", ".join(one.text for one in unmet)
+    remedy = "pip install " + " ".join(shlex.quote(one.asked) for one in unmet)
     what = f"installed packages: versions do not go together: {odd} ({name})"
     return Failure(EXIT_BAD_INPUT, what, remedy=remedy, line=f"{what}; {remedy}")
 
@@ -349,8 +350,3 @@ def unmet_requirements() -> list[Unmet]:
         if not fits:
             found.append(Unmet(wanted, f"{one.name} {version} (needs {one.specifier})"))
     return found
-
-
-def pip_install(unmet: list[Unmet]) -> str:
-    """The command that puts them right, for a shell."""
-    return "pip install " + " ".join(shlex.quote(one.asked) for one in unmet)

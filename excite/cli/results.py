@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from excite.export.models.model_format import Lost
     from excite.export.models.simulator_model import SimulatorModel
     from excite.export.models.subject import Change
-    from excite.identification.sessions import Sessions
     from excite.robot.robot import Robot
 
 
@@ -81,7 +80,11 @@ def identify_robot(
     if lag is not None:
         document["torque_delay"] = {"value_s": lag.lag_s, "std_s": lag.std_s}
         summary += f"\naligned: {lag.summary()}"
-    pooled = _pool_sessions(loaded, read, settings) if sessions else None
+    pooled = (
+        excite.identify_sessions(loaded, excite.split_sessions(read), problem_settings=settings)
+        if sessions
+        else None
+    )
     if pooled is not None:
         document["sessions"] = pooled.to_json()
         summary += f"\n\n{pooled.summary()}"
@@ -103,10 +106,6 @@ def identify_robot(
         else command_line("report", call.out)
     )
     call.emit_result(summary, document, then=then)
-
-
-def _pool_sessions(robot: excite.Robot, logs: list[excite.Log], settings: excite.ProblemSettings) -> Sessions:
-    return excite.identify_sessions(robot, excite.split_sessions(logs), problem_settings=settings)
 
 
 def _check_template(robot: excite.Robot, template: Path | None, out: Path | None) -> None:

@@ -82,11 +82,6 @@ class Question:
     torques: Mapping[str, str] = field(default_factory=dict)
     units: tuple[Mapping[str, str], ...] = ()
 
-    @property
-    def rate_is_told(self) -> bool:
-        """Whether a question for the rate has a number in its line."""
-        return "NUMBER" not in self.line
-
     def with_rate(self, rate: float, why: str) -> Question:
         """The question for the rate with a number in its line [Hz], and what tells it."""
         return replace(self, line=self.line.replace("NUMBER", f"{rate:g}") + why)

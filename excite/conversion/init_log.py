@@ -11,7 +11,7 @@ import numpy as np
 from excite.atomic import write_text
 from excite.errors import LogError
 from excite.formats.registry import column_suffixes, read_content
-from excite.logs.columns import BASE_POSE
+from excite.motion.content import BASE_POSE
 
 # Where a person has to write something.
 FILL_IN = "FILL IN"

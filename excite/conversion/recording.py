@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Flags, Indices
 from excite.errors import NothingThereError, RobotError
 from excite.formats.documents import MAX_XML_BYTES
 from excite.formats.file import read_text
@@ -77,7 +77,7 @@ class Stream:
         """Rows of the stream."""
         return len(self.columns[0].values) if self.columns else 0
 
-    def rows(self, chosen: slice | NDArray[np.bool_] | NDArray[np.int64]) -> Stream:
+    def rows(self, chosen: slice | Flags | Indices) -> Stream:
         """Some of the rows, or all in another order: of numbers, texts and times alike."""
         return replace(
             self,

@@ -7,9 +7,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Flags, is_whole
 from excite.conversion.columns.clock import Table, is_clock
 from excite.conversion.columns.units import BEYOND
 from excite.conversion.columns.words import read_clue
@@ -85,12 +84,12 @@ def whole_rows(table: Table, source: object) -> Table:
     return replace(table, columns=_select_rows(whole, columns), notes=tuple(notes))
 
 
-def _select_rows(rows: NDArray[np.bool_], columns: dict[str, Array]) -> dict[str, Array]:
+def _select_rows(rows: Flags, columns: dict[str, Array]) -> dict[str, Array]:
     """Columns in some rows; not copied where all are meant."""
     return dict(columns) if rows.all() else {name: values[rows] for name, values in columns.items()}
 
 
-def _silent_rows(columns: dict[str, Array]) -> NDArray[np.bool_]:
+def _silent_rows(columns: dict[str, Array]) -> Flags:
     """Rows before a driver's first message and after its last, in which all joints' values are the zeros of memory.
 
     A motion that begins at zero leaves it in steps; a stream that begins is there at once, by more than the noise of a
@@ -214,7 +213,7 @@ def _change_columns(
 
 
 def _counts(values: Array) -> bool:
-    return len(values) > 0 and values.min() >= 0.0 and bool((values == np.round(values)).all())
+    return len(values) > 0 and values.min() >= 0.0 and is_whole(values)
 
 
 def _signed(column: Column, *, jumps: bool) -> Array | None:
@@ -266,7 +265,7 @@ def _unwind_angle(column: Column) -> Array | None:
     # No seam is without a step of half a turn, which most channels never make.
     step = float(np.abs(np.diff(known)).max(initial=0.0))
     size = float(np.ptp(known)) if step else 0.0
-    counted = 0.0 < size < 2.0**53 and (known == np.round(known)).all()
+    counted = 0.0 < size < 2.0**53 and is_whole(known)
     turns = (*_TURNS, *([2.0 ** float(np.ceil(np.log2(size + 1.0)))] if counted else []))
     found = (
         without_seams(column.values, turn, within=turn not in _ANGLES) for turn in turns if step > 0.5 * turn

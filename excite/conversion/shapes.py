@@ -11,14 +11,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.arrays import Array
-from excite.conversion.columns.clock import Table, find_restarts, goes_evenly, is_clock
+from excite.arrays import Array, is_whole
+from excite.conversion.columns.clock import FEWEST_ROWS, Table, find_restarts, goes_evenly, is_clock
 from excite.conversion.columns.words import read_clue
 from excite.conversion.recording import Column, Recording, Stream, nothing_there
 from excite.conversion.sources.unitree import name_motors_of_tables
 
-# A trial has more rows than this, or what counts it counts something else.
-FEWEST_ROWS = 20
 # More names than a humanoid with hands has joints are no names of joints; texts of a row each are more.
 _MOST = 100
 _ARRAY = re.compile(r"\s*(?:(?:np\.|torch\.)?(?:array|tensor)\()?\s*[\[(]")
@@ -279,7 +277,7 @@ def _is_called(name: str, words: frozenset[str], *, some: bool = False) -> bool:
 
 
 def _is_count(values: Array) -> bool:
-    return bool(np.isfinite(values).all() and (values == np.round(values)).all())
+    return bool(np.isfinite(values).all()) and is_whole(values)
 
 
 def _stem(name: str) -> str:

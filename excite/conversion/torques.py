@@ -250,9 +250,8 @@ def _judge_units(log: Log, units: Sequence[Mapping[str, str]]) -> list[Judgement
         return None
     of_joint = [[one.get(f"q.{j}", one.get("q", "rad")) for j in log.header.joints] for one in units]
     sizes = np.array([[TO_SI[name] for name in names] for names in of_joint])
-    slides = np.array([samples.slides(joint) for joint in range(len(samples.joints))])
     reading = Reading.as_stated(log)
-    readings = [replace(reading, unit=np.where(slides, 1.0, size / sizes[0])) for size in sizes]
+    readings = [replace(reading, unit=np.where(samples.sliding, 1.0, size / sizes[0])) for size in sizes]
     first = samples.judged(readings[0])
     return [first, *(samples.judged(read, first.counts) for read in readings[1:])]
 
@@ -290,7 +289,7 @@ def _with_rate(question: Question, tried: Trial, stated: Map) -> Question:
     one looks like no rate at all. The rate is proposed where it has an end on both sides within what any misreading has
     to bring, and where the model then explains half of the torques' power.
     """
-    if question.rate_is_told:
+    if "NUMBER" not in question.line:
         return question
     rates = np.geomspace(SLOWEST_HZ, FASTEST_HZ, 200)
     at, which, near = len(rates) // 2, 0, np.arange(0)
@@ -307,10 +306,10 @@ def _with_rate(question: Question, tried: Trial, stated: Map) -> Question:
             reading = Reading.as_stated(log)
             reading = replace(reading, torque_factor=sign * reading.torque_factor)
             by_clock, counts = samples.by_clock(reading), samples.judged(reading).counts
-            left.append([float(counts @ by_clock(rates[at] / one)) / counts.sum() for one in rates])
+            left.append(by_clock(rates[at] / rates) @ counts / counts.sum())
         # The first trial's rate is a guess, by which its samples were taken.
         which, at = (int(k) for k in np.unravel_index(int(np.argmin(left)), np.shape(left)))
-        near = np.flatnonzero(np.array(left[which]) < left[which][at] + STRONG_ODDS / counts.sum())
+        near = np.flatnonzero(left[which] < left[which][at] + STRONG_ODDS / counts.sum())
         if near[0] == 0 or near[-1] == len(rates) - 1 or np.exp(2.0 * left[which][at]) > 0.5:
             return question
     rate, low, high = (float(f"{one:.2g}") for one in (rates[at], rates[near[0]], rates[near[-1]]))

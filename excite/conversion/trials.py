@@ -9,7 +9,7 @@ from fnmatch import fnmatchcase
 
 import numpy as np
 
-from excite.arrays import Array
+from excite.arrays import Array, runs_of
 from excite.conversion.columns.clock import Table
 from excite.conversion.columns.words import name_tokens
 from excite.conversion.explicit_mapping import TrialRules
@@ -132,10 +132,8 @@ def _between_pauses(columns: dict[str, Array], start: int, end: int, dt: float) 
         own |= speed(q) > _STANDS * most
         common |= speed(q) > _STANDS * max(fastest)
     moves = own & common
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], moves.astype(int), [0]])))
-    stretches = [[int(a), int(b)] for a, b in edges.reshape(-1, 2)]
     merged: list[list[int]] = []
-    for a, b in stretches:
+    for a, b in runs_of(moves):
         if merged and (a - merged[-1][1]) * dt < _PAUSE_S:
             merged[-1][1] = b
         else:

@@ -7,10 +7,11 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from excite.arrays import Flags
+from excite.data_tables import read_rows
 from excite.doctor.doubt import Doubt
-from excite.doctor.thresholds import THRESHOLD, read_table
+from excite.doctor.thresholds import THRESHOLD
 from excite.doctor.torque_samples import TorqueSamples, torque_samples
 from excite.finding import Finding
 from excite.logs.log import Log, Trial
@@ -24,7 +25,7 @@ KINDS: dict[str, dict[str, Any]] = {
         "repaired": row["repaired"] == "yes",
         "remedy": row["remedy"],
     }
-    for row in read_table("findings.csv")
+    for row in read_rows(__file__, "findings.csv")
 }
 """Of each kind of finding its severity, how sure it is, whether it is repaired, and the remedy, as a rule."""
 
@@ -71,7 +72,7 @@ class Case:
         """Take joints as such without a torque."""
         self.change_header(no_torque=tuple(dict.fromkeys((*self.log.header.no_torque, *joints))))
 
-    def joints(self, chosen: NDArray[np.bool_]) -> tuple[str, ...]:
+    def joints(self, chosen: Flags) -> tuple[str, ...]:
         """Names of some of the log's joints."""
         return tuple(np.array(self.log.header.joints)[chosen])
 
@@ -81,7 +82,7 @@ class Case:
         return [self.robot.joint_index(name) for name in self.log.header.joints]
 
     @property
-    def turning(self) -> NDArray[np.bool_]:
+    def turning(self) -> Flags:
         """Which of the log's joints turn; the others slide."""
         model, first = self.robot.model, self.robot.n_base_v
         return np.array([not is_prismatic(model, first + k) for k in self.columns])

@@ -13,13 +13,13 @@ from functools import partial
 from itertools import combinations, permutations, product
 
 import numpy as np
-from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Flags
 from excite.doctor.channel_mapping import Reading
 from excite.doctor.doubt import Doubt
 from excite.doctor.inertial_prior import STRONG_ODDS, Judgement
 from excite.doctor.mistakes.joints import (
+    exchange_places,
     find_base_frame,
     find_clock,
     find_exchanged_positions,
@@ -94,19 +94,19 @@ def misreadings(
         # Where hardly anything is left there is nothing to gain.
         spare = left.left - 0.5 * np.log(THRESHOLD.least_share)
         gainable = float(left.counts @ spare) + left.cost > STRONG_ODDS
-        believed: list[tuple[float, Correction, Mistake, Judgement]] = []
-        surprising: list[tuple[float, Correction, Mistake, Judgement]] = []
+        # Those that are believed come before those that only surprise.
+        chosen: list[tuple[bool, float, Correction, Mistake, Judgement]] = []
         tried, promising = _promising(samples, reading, [m for m in mistakes if gainable or m.may_surprise])
         for mistake, correction in promising:
             then = samples.judged(correction.reading, left.counts)
             merit = left.posterior(then, tried=tried, changes=correction.changes)
-            if merit > STRONG_ODDS and _explains(samples, correction, left, then):
-                believed.append((merit, correction, mistake, then))
-            elif correction.surprise is not None:
-                surprising.append((correction.surprise, correction, mistake, then))
-        if not believed and not surprising:
+            believed = merit > STRONG_ODDS and _explains(samples, correction, left, then)
+            size = merit if believed else correction.surprise
+            if size is not None:
+                chosen.append((believed, size, correction, mistake, then))
+        if not chosen:
             break
-        merit, correction, mistake, then = max(believed or surprising, key=lambda item: item[0])
+        _, merit, correction, mistake, then = max(chosen, key=lambda item: item[:2])
         found.append(Misreading.of(correction, mistake, left, then, merit))
         reading, left = correction.reading, samples.judged(correction.reading)
     return reading, tuple(found)
@@ -129,7 +129,7 @@ def refine_zeros(
         return reading, found
     before = samples.judged(reading)
     n = len(samples.joints)
-    turning = np.array([not samples.slides(j) for j in range(n)])
+    turning = ~samples.sliding
     off = np.isin(samples.joints, [place for one in mine for place in one.correction.places])
     usual, std, start = 0.5 * THRESHOLD.least_zero_rad, np.zeros(n), reading.zero
     for _ in range(8):
@@ -162,10 +162,9 @@ def _promising(
     """How many corrections there are, and the best of each mistake by the nominal bodies alone, which are quick."""
     chosen, tried = [], 0
     for mistake in mistakes:
-        scored = [
-            (-float(samples.left(item.reading).sum()), k, item)
-            for k, item in enumerate(mistake.corrections(samples, reading))
-        ]
+        corrections = list(mistake.corrections(samples, reading))
+        some = samples.thin_out(len(corrections))
+        scored = [(-float(some.left(item.reading).sum()), k, item) for k, item in enumerate(corrections)]
         tried += len(scored)
         chosen += [(mistake, item) for *_, item in sorted(scored, reverse=True)[:3]]
     return tried, chosen
@@ -181,7 +180,7 @@ def _explains(samples: Samples, correction: Correction, left: Judgement, then: J
     return explained(left.left, then.left, np.array(changed))
 
 
-def explained(before: Array, after: Array, changed: NDArray[np.bool_]) -> bool:
+def explained(before: Array, after: Array, changed: Flags) -> bool:
     """Whether channels are explained that gain by another reading or that it changes: by likely bodies, for the most.
 
     Args:
@@ -232,8 +231,7 @@ def find_wrench_maps(
 def find_wrench_order(samples: WrenchSamples, reading: Reading) -> Iterable[Correction]:
     """Two sensors' columns exchanged: the other foot's."""
     for i, j in combinations(range(len(samples.sensors)), 2):
-        order = np.arange(len(samples.sensors))
-        order[[i, j]] = j, i
+        order = exchange_places(np.arange(len(samples.sensors)), i, j)
         names = (samples.sensors[i], samples.sensors[j])
         text = f"wrenches of {names[0]} and {names[1]} are exchanged"
         other = replace(reading, sensor_of=reading.sensor_of[order], wrench_map=reading.wrench_map[order])

@@ -7,9 +7,8 @@ from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
-from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Indices
 from excite.logs.log import Log, Trial
 from excite.regressor.kernels import inverse_dynamics
 from excite.regressor.tree import KinematicTree
@@ -64,16 +63,16 @@ class Reading:
             off all torques [SI]; empty for none.
     """
 
-    position_of: NDArray[np.int64]
+    position_of: Indices
     position_sign: Array
     unit: Array
     zero: Array
-    torque_of: NDArray[np.int64]
+    torque_of: Indices
     torque_factor: Array
     tick: float
     late_s: float
     gravity: Array
-    sensor_of: NDArray[np.int64]
+    sensor_of: Indices
     wrench_map: Array
     wrench_added: Array
     taken: Array
@@ -111,7 +110,7 @@ class Reading:
         """Whether some of the weight, of bodies that are there or not, was taken off some torque."""
         return bool(self.taken.any() or self.absent.any())
 
-    def taken_weight(self, tree: KinematicTree, q: Array, columns: NDArray[np.int64]) -> Array:
+    def taken_weight(self, tree: KinematicTree, q: Array, columns: Indices) -> Array:
         """What a driver took off torques by the nominal model of ``tree``, ``(n, n_torques)`` [N·m or N].
 
         Args:
@@ -120,22 +119,13 @@ class Reading:
             columns: where in ``v`` the joints with a torque are.
         """
         still, weight = np.zeros((len(q), tree.nv)), np.zeros((len(q), len(columns)))
-        for pull in np.unique(self.taken[self.taken.any(axis=1)], axis=0):
-            own = inverse_dynamics(replace(tree, gravity=pull), q, still, still)[:, columns]
+        for pull in {tuple(row) for row in self.taken.tolist() if any(row)}:
+            own = inverse_dynamics(replace(tree, gravity=np.array(pull)), q, still, still)[:, columns]
             weight += own * (self.taken == pull).all(axis=1)
         if self.absent.any():
             absent = replace(tree, gravity=np.asarray(self.gravity), phi=self.absent)
             weight += inverse_dynamics(absent, q, still, still)[:, columns]
         return weight
-
-    def in_units(self, unit: float, slides: Sequence[bool]) -> Reading:
-        """Angles in another unit; joints that slide have none."""
-        return replace(self, unit=np.where(slides, self.unit, unit))
-
-    @property
-    def speed(self) -> Array:
-        """How fast joints are as they are read, per speed that was logged, ``(n_joints,)``."""
-        return self.unit / self.tick
 
     def motion_key(self) -> bytes:
         """Equal for readings that make the same motion of the same log."""
@@ -143,6 +133,10 @@ class Reading:
         taken = (self.taken, self.absent)
         parts = (self.position_of, self.position_sign, self.unit, rest, self.zero, self.gravity, *taken)
         return b"".join(np.asarray(part, dtype=float).tobytes() for part in parts)
+
+    def with_weight(self) -> Reading:
+        """Torques of which no driver has taken anything off."""
+        return replace(self, taken=np.zeros_like(self.taken), absent=np.zeros(0))
 
     def with_position(self, joint: int, sign: float = 1.0, zero: float = 0.0) -> Reading:
         """One joint's position turned, or moved by a constant."""

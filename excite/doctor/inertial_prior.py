@@ -7,14 +7,13 @@ explain, such as a torque with its sign turned, costs more than what it brings.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
-from excite.arrays import Array
+from excite.arrays import Array, Indices
 from excite.doctor.thresholds import THRESHOLD
 from excite.regressor.tree import KinematicTree
 
@@ -27,7 +26,7 @@ def half_log(shares: Array) -> Array:
     return np.asarray(0.5 * np.log(np.maximum(shares, THRESHOLD.least_share)))
 
 
-def count_effective_samples(residual: Array, trial: NDArray[np.int64]) -> Array:
+def count_effective_samples(residual: Array, trial: Indices) -> Array:
     """Samples that are as good as independent, ``(m,)``: n / (1 + 2 Σ ρ_k), at least one.
 
     The autocorrelations ρ_k are added in pairs of neighbouring lags while these are positive (initial positive
@@ -95,29 +94,24 @@ def likely_spread(tree: KinematicTree) -> Array:
     return np.column_stack([astray, *[astray * arm] * 3, inertias]).ravel()
 
 
-def normal_equations(
-    rows: Sequence[Array], places: Sequence[NDArray[np.int64]], target: Array, size: int
-) -> Callable[[Array], tuple[Array, Array]]:
-    """Matrix and right side of weighed least squares over channels, as a function of their weights ``(m,)``.
+def normal_equations(rows: Sequence[Array], places: Sequence[Indices]) -> Array:
+    """Mean products of all unknowns of channels, and of the channels themselves, ``(m, size + 1, size + 1)``.
 
     Args:
-        rows: of each channel ``(n, k)`` per unit of the unknowns that it has, ``places`` of those among all.
-        target: ``(n, m)`` the channels.
-        size: number of all unknowns.
+        rows: of each channel ``(k + 1, n)``, per unit of the unknowns that it has, and the channel.
+        places: ``(k + 1,)`` of these among all unknowns, the channel's after the last of them.
     """
-    parts = [
-        (place, part.T @ part / len(part), part.T @ channel / len(part))
-        for place, part, channel in zip(places, rows, target.T, strict=True)
-    ]
+    size = places[0][-1] + 1
+    sums = np.zeros((len(rows), size, size))
+    for channel, part, place in zip(sums, rows, places, strict=True):
+        channel[place[:, None], place] = part @ part.T / part.shape[1]
+    return sums
 
-    def weigh(weights: Array) -> tuple[Array, Array]:
-        matrix, right = np.zeros((size, size)), np.zeros(size)
-        for weight, (place, gram, side) in zip(weights, parts, strict=True):
-            matrix[place[:, None], place] += weight * gram
-            right[place] += weight * side
-        return matrix, right
 
-    return weigh
+def left_of_channels(rows: Sequence[Array], places: Sequence[Indices], x: Array) -> Array:
+    """What unknowns ``(size,)`` leave of channels, as :func:`normal_equations` has them, ``(n, m)``."""
+    unknowns = np.append(-x, 1.0)
+    return np.column_stack([unknowns[place] @ part for part, place in zip(rows, places, strict=True)])
 
 
 def judge_bodies(
@@ -125,7 +119,7 @@ def judge_bodies(
     body: Array,
     own: Array,
     target: Array,
-    trial: NDArray[np.int64],
+    trial: Indices,
     counts: Array | None,
     *,
     of_drives: bool,
@@ -144,7 +138,8 @@ def judge_bodies(
         of_drives: whether ``own`` is each channel's by itself, and free.
         precise: whether it is asked how well parameters are known, which takes a while.
     """
-    felt = np.abs(body).max(axis=0) * spread > 1e-9
+    columns = np.ascontiguousarray((body * spread).transpose(1, 2, 0))
+    felt = np.abs(columns).max(axis=2) > 1e-9
     used = np.flatnonzero(felt.any(axis=0))
     (_, m, k), first = own.shape, len(used)
     size = first + k * (m if of_drives else 1)
@@ -152,9 +147,9 @@ def judge_bodies(
     for j in range(m):
         # A joint feels the bodies beyond it alone, and forces do not feel inertias.
         mine = np.flatnonzero(felt[j])
-        rows.append(np.column_stack([body[:, j, mine] * spread[mine], own[:, j]]))
-        places.append(np.r_[np.searchsorted(used, mine), first + of_drives * k * j + np.arange(k)])
-    weigh = normal_equations(rows, places, target, size)
+        rows.append(np.concatenate([columns[j, mine], own[:, j].T, target[:, j, None].T]))
+        places.append(np.r_[np.searchsorted(used, mine), first + of_drives * k * j + np.arange(k), size])
+    sums = normal_equations(rows, places)
     # Unknowns that may be negative.
     priced = first if of_drives else size
     signed = np.arange(size) < priced
@@ -162,7 +157,8 @@ def judge_bodies(
     allowed, shares, x = np.ones(size, dtype=bool), np.full(m, 0.1), np.zeros(size)
     told = count_effective_samples(target, trial) if counts is None else counts
     for _ in range(3):
-        matrix, right = weigh(told / np.maximum(shares, THRESHOLD.least_share))
+        whole = np.tensordot(told / np.maximum(shares, THRESHOLD.least_share), sums, 1)
+        matrix, right = whole[:-1, :-1], whole[:-1, -1]
         np.fill_diagonal(matrix, (1.0 + THRESHOLD.ridge) * (1.0 + np.diag(matrix)))
         wrong = np.ones(size, dtype=bool)
         while wrong.any():
@@ -171,7 +167,7 @@ def judge_bodies(
             x[kept] = cho_solve(cho_factor(matrix[np.ix_(kept, kept)]), right[kept])
             wrong = (x < 0.0) & ~signed
             allowed &= ~wrong
-        rest = target - np.column_stack([part @ x[place] for part, place in zip(rows, places, strict=True)])
+        rest = left_of_channels(rows, places, x)
         shares = (rest**2).mean(axis=0)
         if counts is None:
             told = count_effective_samples(rest, trial)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from excite.arrays import Array
+from excite.arrays import Array, Flags
 from excite.doctor.thresholds import THRESHOLD
 from excite.errors import LogError
 from excite.logs.log import Log, Trial
@@ -99,7 +99,7 @@ def _compare_trial(
     model = smooth(inverse_dynamics(mechanics.model, k.q, k.v, k.a)[:, columns])
     # Behind the gear neither its friction nor the rotor is felt.
     v, a = k.v[:, columns], k.a[:, columns]
-    own = [np.ones_like(v), *(() if mended.header.torque == "link_side" else Drive.of(v, a))]
+    own = [np.ones_like(v), *(() if mended.header.torque == "link_side" else drive_columns(v, a))]
     drives = np.stack([smooth(values) for values in own], axis=2)
     for j, missing in enumerate((torques - model).T):
         model[:, j] += drives[:, j] @ np.linalg.lstsq(drives[:, j], missing, rcond=1e-10)[0]
@@ -120,28 +120,59 @@ def _compare_trial(
 # Width over which dry friction changes sign [rad/s]: slower motion is mostly noise of the encoder after filtering.
 WIDTH = 0.02
 
+ALL_FREE = np.ones(3, dtype=np.bool_)
+"""All columns of the drive."""
 
-class Drive(NamedTuple):
-    """Motion of measured joints, which their drives feel.
+
+def drive_columns(v: Array, a: Array, speed: float | Array = 1.0) -> Array:
+    """What drives of measured joints feel: velocities, their smooth signs, accelerations, ``(3, n, n_torques)``.
+
+    They are read as ``speed`` times what was logged. Dry friction changes its sign over the same rows whatever the
+    clock and the unit: its shape is not known well enough to tell how fast a joint is.
+    """
+    return np.stack([v, smooth_sign(v, WIDTH * speed), a])
+
+
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """Columns of torques about their means, with the sums of their products: what any least squares asks for.
+
+    Readings that scale torques, turn or shift them, and models that are mixtures of parts, are answered from the sums
+    without another pass over the samples. The first three columns are those of the drive.
 
     Attributes:
-        v: velocities ``(n, n_torques)``.
-        sign: of the velocities, smooth, likewise.
-        a: accelerations, likewise.
+        values: ``(…, m, k, n)`` of each of m torques; nought where a column is constant but for rounding.
+        sums: ``(…, m, k, k)``.
     """
 
-    v: Array
-    sign: Array
-    a: Array
+    values: Array
+    sums: Array
 
     @classmethod
-    def of(cls, v: Array, a: Array, speed: float | Array = 1.0) -> Drive:
-        """From velocities and accelerations that are read as ``speed`` times what was logged, all or each joint's.
+    def of(cls, drive: Array, *parts: Array) -> Columns:
+        """Those of the drive ``(3, n, m)``, and parts ``(n, m)``, or of several models ``(s, n, m)``."""
+        columns = np.broadcast_arrays(*drive, *parts)
+        values = _subtract_mean(np.stack([one.swapaxes(-1, -2) for one in columns], axis=-2))
+        return cls(values, values @ values.swapaxes(-1, -2))
 
-        Dry friction changes its sign over the same rows whatever the clock and the unit: its shape is not known well
-        enough to tell how fast a joint is.
-        """
-        return cls(v, smooth_sign(v, WIDTH * speed), a)
+    def sums_with(self, torque: Array) -> Array:
+        """The sums with those of torques ``(…, n, m)`` as the last column, ``(…, m, k + 1, k + 1)``."""
+        target = _subtract_mean(torque.swapaxes(-1, -2))[..., None]
+        both = self.values @ target
+        *shape, k, _ = both.shape
+        found = np.empty((*shape, k + 1, k + 1))
+        found[..., :k, :k], found[..., :k, k:], found[..., k:, :k] = self.sums, both, both.swapaxes(-1, -2)
+        found[..., k, k] = np.einsum("...ni,...ni", target, target)
+        return found
+
+
+def _subtract_mean(values: Array) -> Array:
+    """Values ``(…, n)`` less their means; nought where only filters' rounding is left."""
+    mean = values.mean(axis=-1)
+    centred = values - mean[..., None]
+    power = np.einsum("...n,...n", centred, centred)
+    centred[power <= THRESHOLD.dead_share * (power + values.shape[-1] * mean**2)] = 0.0
+    return np.asarray(centred)
 
 
 class Predicted(NamedTuple):
@@ -149,106 +180,81 @@ class Predicted(NamedTuple):
 
     Attributes:
         torque: of rigid bodies ``(n, n_torques)`` [N·m].
-        drive: motion of the joints.
+        drive: of :func:`drive_columns`.
+        columns: of the drive and the bodies.
     """
 
     torque: Array
-    drive: Drive
+    drive: Array
+    columns: Columns
 
 
-def shares_left(torque: Array, models: Array, drive: Drive, mixtures: Array | None = None) -> Array:
-    """Share of each torque's power that the model and the joint's own drive leave.
+def remove_drives(sums: Array, free: Flags = ALL_FREE) -> tuple[Array, Array]:
+    """Sums of columns beside those of the drive, and what of these is in each, by least squares.
+
+    Args:
+        sums: ``(…, k, k)``, those of the drive first.
+        free: ``(…, 3)`` which of the drive's columns there are.
+
+    Returns:
+        ``(…, k - 3, k - 3)``, and ``(…, 3, k - 3)``.
+    """
+    size = np.sqrt(np.maximum(np.einsum("...ii->...i", sums)[..., :3], 1e-300))
+    gram = sums[..., :3, :3] / size[..., None] / size[..., None, :]
+    one = np.eye(3)
+    kept = np.where(free[..., None] & free[..., None, :], gram + THRESHOLD.trace * one, one)
+    both = np.where(free[..., None], sums[..., :3, 3:] / size[..., None], 0.0)
+    found = np.linalg.solve(kept, both)
+    return sums[..., 3:, 3:] - both.swapaxes(-1, -2) @ found, found / size[..., None]
+
+
+def shares_left(sums: Array) -> Array:
+    """Share of torques' power that the model and the joint's own drive leave.
 
     The model's gain is free within bounds, an offset is free; friction takes power out and rotors are heavy: these
-    coefficients are not negative. So a torque with its sign turned is explained by nothing. Of the least squares of
-    four unknowns the best of all sets of bounds that hold is taken, so that no tolerance has to be chosen.
+    coefficients are not negative. So a torque with its sign turned is explained by nothing. Of least squares with each
+    set of the drive's columns, the gain at a bound where it would be beyond, the best that holds is taken: no tolerance
+    has to be chosen.
 
     Args:
-        torque: measured, ``(n, m)`` [N·m].
-        models: nominal, ``(n, m)`` [N·m]; or parts of it, ``(k, n, m)``, with ``mixtures``.
-        drive: motions of the joints, each ``(n, m)``.
-        mixtures: ``(r, k)`` weights of the parts in each of several models.
+        sums: ``(…, 5, 5)`` of velocity, its sign, acceleration, model and torque, as of :meth:`Columns.sums_with`.
 
     Returns:
-        ``(m,)``, or ``(r, m)`` with mixtures; one for a torque that never changes.
+        ``(…)``; one for a torque that never changes.
     """
-    parts = models[None] if mixtures is None else models
-    weights = np.ones((1, 1)) if mixtures is None else np.asarray(mixtures, dtype=float)
-    columns = np.concatenate([parts, np.stack([*drive, torque])])
-    columns = (columns - columns.mean(axis=1, keepdims=True)).transpose(2, 0, 1)
-    # Sums of products of the mixed model, velocity, its sign, acceleration and torque.
-    mix = np.zeros((len(weights), 1, 5, len(parts) + 4))
-    mix[:, 0, 0, : len(parts)] = weights
-    mix[:, 0, 1:, len(parts) :] = np.eye(4)
-    sums = mix @ (columns @ columns.transpose(0, 2, 1)) @ mix.swapaxes(2, 3)
-    low, high = THRESHOLD.least_model_gain, THRESHOLD.most_model_gain
-    scale = np.maximum(np.sqrt(np.maximum(np.diagonal(sums, axis1=2, axis2=3)[..., :4], 0.0)), 1e-150)
-    gram = sums[..., :4, :4] / scale[..., None] / scale[..., None, :]
-    right = (sums[..., :4, 4] - low * sums[..., :4, 0]) / scale
-    most = (high - low) * scale[..., 0]
-    # Each unknown free or zero, the gain at its upper bound besides: (24, r, m, 4).
-    states = np.array(list(product((0, 1, 2), (0, 1), (0, 1), (0, 1))))[:, None, None]
-    free = states == 1
-    fixed = np.where(states == 2, most[..., None], 0.0)
-    kept = np.where(free[..., None] & free[..., None, :], gram + THRESHOLD.trace * np.eye(4), np.eye(4))
-    target = np.where(free, right - (gram @ fixed[..., None])[..., 0], 0.0)
-    x = fixed + np.linalg.solve(kept, target[..., None])[..., 0]
-    gained = (2.0 * x * right - x * (gram @ x[..., None])[..., 0]).sum(axis=3)
-    holds = (x >= 0.0).all(axis=3) & (x[..., 0] <= most)
-    gain = np.where(holds, gained, -np.inf).max(axis=0)
-    power = sums[..., 4, 4]
-    rest = power - 2.0 * low * sums[..., 0, 4] + low**2 * sums[..., 0, 0] - gain
-    # A torque that never changes, filters' rounding aside, is explained by nothing.
-    dead = power <= THRESHOLD.dead_share * (torque**2).sum(axis=0)
-    shares = np.where(dead, 1.0, np.maximum(rest, 0.0) / np.maximum(power, 1e-300))
-    return np.asarray(shares[0] if mixtures is None else shares)
+    sets = np.array(list(product((True, False), repeat=3)))
+    rest, found = remove_drives(sums, sets.reshape(8, *(1,) * (sums.ndim - 2), 3))
+    power = np.maximum(sums[..., 4, 4], 1e-300)
+    model, both, torque = rest[..., 0, 0], rest[..., 0, 1], rest[..., 1, 1]
+    gain = both / np.maximum(model, 1e-300)
+    gain = np.clip(gain, THRESHOLD.least_model_gain, THRESHOLD.most_model_gain)
+    holds = (found[..., 1] - gain[..., None] * found[..., 0] >= 0.0).all(axis=-1)
+    left = np.where(holds, torque - 2.0 * gain * both + gain**2 * model, np.inf).min(axis=0)
+    return np.asarray(np.where(sums[..., 4, 4] > 0.0, np.maximum(left, 0.0) / power, 1.0))
 
 
-def shares_across(torque: Array, model: Array, drive: Drive) -> Array:
-    """Share of every torque's power that every joint's model and drive leave, of either sign the better.
+class PartsFit(NamedTuple):
+    """Parts of torques by least squares beside what drives make, of whatever sign.
 
-    Args:
-        torque: measured, ``(n, m)``; ``model`` nominal, ``(n, m)`` [N·m].
-        drive: motions of the joints.
-
-    Returns:
-        ``(m, m)``: of each joint as it explains each torque.
+    Attributes:
+        parts: ``(m, k)`` weights of the parts; ``drive``: ``(m, 3)`` of the drive's columns.
+        bare: ``(m, k + 1)`` power of the parts and of the torque without what the drive explains of it.
+        left: ``(m,)`` power that nothing explains; ``friction``: that of viscous and dry friction.
     """
-    found = []
-    for j in range(torque.shape[1]):
-        one, *moved = (np.repeat(values[:, [j]], torque.shape[1], axis=1) for values in (model, *drive))
-        either = [shares_left(turned, one, Drive(*moved)) for turned in (torque, -torque)]
-        found.append(np.minimum(*either))
-    return np.array(found)
+
+    parts: Array
+    drive: Array
+    bare: Array
+    left: Array
+    friction: Array
 
 
-def remove_drives(drive: Drive, *values: Array) -> list[Array]:
-    """Values without what each joint's offset, friction and rotor explain of them.
-
-    Args:
-        drive: motions of the joints.
-        values: ``(n, m)`` or ``(n, m, k)`` each.
-    """
-    columns = np.stack([np.ones_like(drive.v), *drive], axis=2).transpose(1, 0, 2)
-    size = np.maximum(np.linalg.norm(columns, axis=1, keepdims=True), 1e-300)
-    basis, _ = np.linalg.qr(columns / size)
-    found = []
-    for one in values:
-        part = one.reshape(*drive.v.shape, -1).transpose(1, 0, 2)
-        rest = part - basis @ (basis.transpose(0, 2, 1) @ part)
-        found.append(rest.transpose(1, 0, 2).reshape(one.shape))
-    return found
-
-
-def drive_fit(torque: Array, model: Array, v: Array, a: Array) -> tuple[Array, Array]:
-    """Least-squares weights of model, offset, viscous, dry friction and inertia ``(5,)``, what each makes ``(n, 5)``.
-
-    Args:
-        torque: measured, ``(n,)`` [N·m].
-        model: nominal, ``(n,)`` [N·m].
-        v: velocity of the joint, ``(n,)``; ``a`` its acceleration. The weights may have any sign.
-    """
-    columns = np.column_stack([model, np.ones_like(v), v, smooth_sign(v, WIDTH), a])
-    scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-    weights = np.linalg.lstsq(columns / scale, torque, rcond=1e-10)[0] / scale
-    return weights, columns * weights
+def fit_parts(sums: Array) -> PartsFit:
+    """Weights of k parts of torques beside the drive, by sums ``(m, k + 4, k + 4)`` of :meth:`Columns.sums_with`."""
+    rest, drives = remove_drives(sums)
+    both = rest[:, :-1, -1:]
+    parts = np.linalg.pinv(rest[:, :-1, :-1], rcond=THRESHOLD.dead_share, hermitian=True) @ both
+    drive = (drives[:, :, -1:] - drives[:, :, :-1] @ parts)[..., 0]
+    friction = np.einsum("jk,jkl,jl->j", drive[:, :2], sums[:, :2, :2], drive[:, :2])
+    left = np.maximum(rest[:, -1, -1] - (parts * both).sum(axis=(1, 2)), 0.0)
+    return PartsFit(parts[..., 0], drive, np.einsum("jkk->jk", rest), left, friction)

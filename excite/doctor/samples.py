@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from excite.arrays import Array, Moved
+from excite.arrays import Array, Flags, Indices, Moved
 from excite.doctor.channel_mapping import Reading
 from excite.doctor.doubt import Doubt
 from excite.doctor.inertial_prior import Judgement
@@ -20,6 +19,8 @@ from excite.logs.log import Log, Trial
 from excite.robot.prismatic import is_prismatic
 from excite.robot.robot import Robot
 from excite.rows.kinematics import TrialKinematics
+
+Made = TypeVar("Made")
 
 # Bodies beyond a joint turn with it, their first moments with the angle, their inertias with its double, and with these
 # every torque: trigonometric polynomials of second degree in the joint's angle, which five angles determine [rad].
@@ -49,13 +50,13 @@ class Samples(ABC):
 
     robot: Robot
     joints: tuple[str, ...]
-    places: NDArray[np.int64]
+    places: Indices
     logged: Array
-    rows: NDArray[np.int64]
-    first: NDArray[np.int64]
-    last: NDArray[np.int64]
+    rows: Indices
+    first: Indices
+    last: Indices
     rate_hz: float
-    _models: dict[bytes, Any] = field(default_factory=dict, init=False, repr=False)
+    _known: dict[str, dict[Hashable, Any]] = field(default_factory=dict, init=False, repr=False)
 
     @property
     @abstractmethod
@@ -63,7 +64,7 @@ class Samples(ABC):
         """What is predicted: joints with a torque, or components of the wrench on the base."""
 
     @abstractmethod
-    def tells(self, reading: Reading) -> NDArray[np.bool_]:
+    def tells(self, reading: Reading) -> Flags:
         """Which channels the model's bodies make a good share of, ``(n_channels,)``; the rest is friction."""
 
     @abstractmethod
@@ -91,6 +92,19 @@ class Samples(ABC):
             Function of the values, ``(k, n_channels)``.
         """
 
+    def keep_made(self, kind: str, key: Hashable, make: Callable[[], Made], most: int = 64) -> Made:
+        """What was made of a kind for a key; corrections change one thing at a time and come back to the same few."""
+        known: dict[Hashable, Made] = self._known.setdefault(kind, {})
+        if key not in known:
+            known[key] = make()
+            if len(known) > most:
+                del known[next(iter(known))]
+        return known[key]
+
+    def thin_out(self, readings: int) -> Samples:
+        """The same with less samples where this many readings are to be compared; those of wrenches are few."""
+        return self
+
     def by_zero(self, reading: Reading, joint: int) -> Callable[[Array], Array]:
         """What is left, as a function of angles added to a joint's zero ``(k,)`` [rad]: ``(k, n_channels)``."""
         return self.mixed([reading.with_position(joint, zero=float(t)) for t in TURNS], _weigh_turns)
@@ -100,9 +114,10 @@ class Samples(ABC):
         pulls = [replace(reading, gravity=pull) for pull in np.vstack([np.zeros(3), np.eye(3)])]
         return self.mixed(pulls, lambda g: np.column_stack([1.0 - np.sum(g, axis=1), g]))
 
-    def slides(self, joint: int) -> bool:
-        """Whether a joint, by its index among ``joints``, slides; it has no quarter turns."""
-        return is_prismatic(self.robot.model, int(self.places[joint]))
+    @property
+    def sliding(self) -> Flags:
+        """Which of ``joints`` slide: they have no quarter turns."""
+        return np.array([is_prismatic(self.robot.model, int(place)) for place in self.places])
 
     def read_motion(self, motion: Moved, reading: Reading) -> Moved:
         """``q (n, nq)``, ``v``, ``a (n, nv)`` with the joints as the reading has them."""
@@ -136,7 +151,7 @@ class TrialValues(NamedTuple):
 
     kinematics: Sequence[TrialKinematics]
     logged: Array
-    chosen: NDArray[np.bool_]
+    chosen: Flags
 
 
 def gather_samples(
@@ -176,10 +191,20 @@ def gather_samples(
     return joined, {"robot": robot, "joints": joints, "places": of_joints, **fields, **whole}
 
 
-def minimize_near(left: Callable[[float], float], best: float, step: float, within: float) -> float:
-    """The value within a step of the best of a grid at which least is left."""
+def minimize_near(left: Callable[[Array], Array], best: float, step: float, within: float) -> float:
+    """The value within a step of the best of a grid at which least is left.
+
+    Args:
+        left: what is left at values ``(k,)``, ``(k, n)`` of several channels.
+        best: of the grid; ``step``, ``within``: of the grid, and to which the value is known.
+    """
     bounds = (best - step, best + step)
-    found = minimize_scalar(left, bounds=bounds, method="bounded", options={"xatol": within})
+    found = minimize_scalar(
+        lambda value: float(left(np.array([value])).sum()),
+        bounds=bounds,
+        method="bounded",
+        options={"xatol": within},
+    )
     return float(found.x)
 
 

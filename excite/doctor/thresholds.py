@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import csv
-from importlib.resources import files
 from types import SimpleNamespace
 
+from excite.data_tables import read_rows
 
-def read_table(name: str) -> list[dict[str, str]]:
-    """Rows of a table that lies beside this module."""
-    text = (files("excite.doctor") / name).read_text(encoding="utf-8")
-    return list(csv.DictReader(text.splitlines()))
-
-
-THRESHOLD = SimpleNamespace(**{row["name"]: float(row["value"]) for row in read_table("thresholds.csv")})
+THRESHOLD = SimpleNamespace(
+    **{row["name"]: float(row["value"]) for row in read_rows(__file__, "thresholds.csv")}
+)
 
 
 def is_near_one(factor: float, within: float) -> bool:

@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from excite.arrays import Array, Moved
+from excite.arrays import Array, Flags, Indices, Moved
 from excite.doctor.channel_mapping import Reading
 from excite.doctor.inertial_prior import Judgement, half_log, judge_bodies, likely_spread
-from excite.doctor.model_comparison import Drive, Predicted, remove_drives, shares_across, shares_left
+from excite.doctor.model_comparison import (
+    Columns,
+    Predicted,
+    drive_columns,
+    fit_parts,
+    remove_drives,
+    shares_left,
+)
 from excite.doctor.samples import Samples, TrialValues, gather_samples
 from excite.doctor.thresholds import THRESHOLD
 from excite.logs.log import Log, Trial
@@ -26,9 +33,6 @@ from excite.rows.joint_rows import JointRows
 from excite.rows.kinematics import forces_on_grid, trial_kinematics
 from excite.rows.saturation import flags_at, reached_samples
 from excite.rows.settings import ProblemSettings
-
-# Motions whose torques are kept: corrections change one thing at a time and come back to the same few.
-_REMEMBERED = 64
 
 
 class Gains(NamedTuple):
@@ -61,7 +65,7 @@ class TorqueSamples(Samples):
 
     what: ClassVar[str] = "torques"
 
-    measured: NDArray[np.int64]
+    measured: Indices
     q: Array
     v: Array
     a: Array
@@ -81,51 +85,75 @@ class TorqueSamples(Samples):
 
     def predicted(self, reading: Reading) -> Predicted:
         """What the nominal model says of measured joints."""
-        key = reading.motion_key()
-        if key not in self._models:
+
+        def make() -> Predicted:
             q, v, a = self.motion(reading)
             columns = self.places[self.measured]
-            if len(self._models) >= _REMEMBERED:
-                del self._models[next(iter(self._models))]
-            drive = Drive.of(v[:, columns], a[:, columns], reading.speed[self.measured])
-            self._models[key] = Predicted(self._nominal(reading, q, v, a), drive)
-        found: Predicted = self._models[key]
-        return found
+            drive = drive_columns(v[:, columns], a[:, columns], (reading.unit / reading.tick)[self.measured])
+            torque = self._nominal(reading, q, v, a)
+            return Predicted(torque, drive, Columns.of(drive, torque))
+
+        return self.keep_made("torques", reading.motion_key(), make)
+
+    def body_columns(self, reading: Reading, *, still: bool = False) -> Columns:
+        """Columns of the drive and of ten inertial parameters of each body, ``values (n_segments, n_torques, 13, n)``.
+
+        What a driver has taken off torques does not change them; ``still``: of their weight alone.
+        """
+        whole = reading.with_weight()
+
+        def make() -> Columns:
+            felt = self.felt(reading, still=still)
+            each = felt.reshape(*felt.shape[:2], -1, 10).transpose(3, 2, 0, 1)
+            return Columns.of(self.predicted(whole).drive, *each)
+
+        # They take much room.
+        return self.keep_made("bodies", (whole.motion_key(), still), make, most=2)
 
     def measured_torque(self, reading: Reading) -> Array:
         """Torques as the reading has them, ``(n, n_torques)``."""
         return self.logged_late(reading)[:, reading.torque_of] * reading.torque_factor
 
-    def tells(self, reading: Reading) -> NDArray[np.bool_]:
+    def product_sums(self, reading: Reading) -> Array:
+        """Sums of products of drive, model and measured torque, ``(n_torques, 5, 5)``."""
+        return self.predicted(reading).columns.sums_with(self.measured_torque(reading))
+
+    def tells(self, reading: Reading) -> Flags:
         """Which torques the nominal bodies make a good share of, ``(n_torques,)``."""
-        model, torque = self.predicted(reading).torque, self.measured_torque(reading)
-        return np.asarray(model.var(axis=0) > THRESHOLD.telling_share * torque.var(axis=0))
+        sums = self.product_sums(reading)
+        return np.asarray(sums[:, 3, 3] > THRESHOLD.telling_share * sums[:, 4, 4])
 
     def left(self, reading: Reading) -> Array:
         """Half the logarithm of the share of each torque's power that nothing explains, ``(n_torques,)``."""
-        return half_log(shares_left(self.measured_torque(reading), *self.predicted(reading)))
+        return half_log(shares_left(self.product_sums(reading)))
 
     def mixed(
         self, readings: Sequence[Reading], weights: Callable[[Array], Array]
     ) -> Callable[[Array], Array]:
         """See :meth:`Samples.mixed`."""
-        torque, parts = self.measured_torque(readings[0]), [self.predicted(one) for one in readings]
-        models = np.stack([part.torque for part in parts])
-        return lambda values: half_log(shares_left(torque, models, parts[0].drive, weights(values)))
+        return self._mix_models(readings[0], [self.predicted(one).torque for one in readings], weights)
 
-    def by_clock(self, reading: Reading) -> Callable[[float], Array]:
-        """What is left, as a function of the factor by which a unit of the stamps grows: ``(n_torques,)``.
+    def by_clock(self, reading: Reading) -> Callable[[Array], Array]:
+        """What is left, as a function of factors by which a unit of the stamps grows ``(k,)``: ``(k, n_torques)``.
 
-        Weights stay; all else of the torques goes with the square of the speeds.
+        Weights stay; all else of the torques goes with the square of the speeds, and sizes of the drive are free.
         """
-        model, drive = self.predicted(reading)
         q, v, _ = self.motion(reading)
         weight = self._nominal(reading, q, np.zeros_like(v), np.zeros_like(v))
-        torque, parts = self.measured_torque(reading), np.stack([weight, model - weight])
+        parts = [weight, self.predicted(reading).torque - weight]
+        return self._mix_models(reading, parts, lambda f: np.power.outer(f, [0.0, -2.0]))
 
-        def left(factor: float) -> Array:
-            moved = Drive(drive.v / factor, drive.sign, drive.a / factor**2)
-            return half_log(shares_left(torque, parts, moved, np.array([[1.0, factor**-2]]))[0])
+    def _mix_models(
+        self, reading: Reading, models: list[Array], weights: Callable[[Array], Array]
+    ) -> Callable[[Array], Array]:
+        columns = Columns.of(self.predicted(reading).drive, *models)
+        sums = columns.sums_with(self.measured_torque(reading))
+
+        def left(values: Array) -> Array:
+            mix = np.zeros((len(values), 1, 5, sums.shape[-1]))
+            mix[:, 0, 3, 3:-1] = weights(values)
+            mix[:, 0, [0, 1, 2, 4], [0, 1, 2, -1]] = 1.0
+            return half_log(shares_left(mix @ sums @ mix.swapaxes(2, 3)))
 
         return left
 
@@ -135,13 +163,18 @@ class TorqueSamples(Samples):
         With ``zeros``, standard deviations of what the joints' zeros are off ``(n_joints,)`` [rad], these are free,
         too, to first order: the last of what has moved.
         """
+        told = pickle.dumps((reading, counts, zeros))
+        return self.keep_made("judgements", told, lambda: self._judge(reading, counts, zeros))
+
+    def _judge(self, reading: Reading, counts: Array | None, zeros: Array | None) -> Judgement:
         some = slice(None, None, max(1, int(len(self.q) / THRESHOLD.judged_samples)))
-        tree, (model, drive) = self.under(reading.gravity), self.predicted(reading)
+        tree, (model, drive, _) = self.under(reading.gravity), self.predicted(reading)
         torque = self.measured_torque(reading)[some]
         scale = np.maximum(torque.std(axis=0), 1e-12)
         q, v, a = (values[some] for values in self.motion(reading))
-        body = joint_torque_regressor(tree, q, v, a)[:, self.places[self.measured]] / scale[:, None]
-        own = np.stack([np.ones_like(torque), *(part[some] for part in drive)], axis=2)
+        body = joint_torque_regressor(tree, q, v, a)[:, self.places[self.measured]]
+        body /= scale[:, None]
+        own = np.stack([np.ones_like(torque), *drive[:, some]], axis=2)
         # Offset, friction and rotor in units of the torque's own deviation and the motion's are as good as free.
         unit = THRESHOLD.free_drive / np.maximum(np.sqrt((own**2).mean(axis=0)), 1e-12)
         own *= unit
@@ -161,40 +194,34 @@ class TorqueSamples(Samples):
 
     def across(self, reading: Reading) -> Array:
         """The same of every torque column taken for every joint's, ``(n_joints, n_columns)``, the better sign."""
-        return half_log(shares_across(self.measured_torque(reading), *self.predicted(reading)))
+        torque, columns = self.measured_torque(reading), self.predicted(reading).columns
+        every = np.broadcast_to(torque.T[:, :, None], (torque.shape[1], *torque.shape))
+        return half_log(np.minimum(*(shares_left(columns.sums_with(one)) for one in (every, -every)))).T
 
     def gains(self, reading: Reading) -> Gains:
         """Measured torques beside the modelled ones, both without what each joint's own drive explains."""
-        torque, (model, drive) = self.measured_torque(reading), self.predicted(reading)
-        y, x = remove_drives(drive, torque, model)
-        size, rest, both = ((a * b).sum(axis=0) for a, b in ((x, x), (y, y), (x, y)))
-        power = np.maximum(len(y) * torque.var(axis=0), 1e-300)
-        gain = both / np.maximum(size, 1e-300)
-        left = half_log(np.maximum(rest - gain * both, 0.0) / power)
-        return Gains(gain, gain * both / power, gain * both / np.maximum(rest, 1e-300), left)
+        sums = self.product_sums(reading)
+        fit, power = fit_parts(sums), np.maximum(sums[:, 4, 4], 1e-300)
+        explained, own = fit.bare[:, 1] - fit.left, np.maximum(fit.bare[:, 1], 1e-300)
+        return Gains(fit.parts[:, 0], explained / power, explained / own, half_log(fit.left / power))
 
-    def unexplained(self, reading: Reading, load: Array | None = None) -> float:
-        """Share of all torques' power beside offset, friction and rotor that the nominal bodies leave, or add to it.
-
-        With ``load``, what it adds to the inertial parameters ``(10·n_segments,)``, beside these.
-        """
-        torque, (model, drive) = self.measured_torque(reading), self.predicted(reading)
-        model = model if load is None else model + self.felt(reading) @ load
-        y, x = remove_drives(drive, torque, model)
-        return float(((y - x) ** 2).sum() / max((y**2).sum(), 1e-300))
+    def unexplained(self, reading: Reading, carried: Array | float = 0.0) -> float:
+        """Share of torques' power beside drives that nominal bodies and a load, ``(n, n_torques)``, leave or add."""
+        torque, (model, drive, _) = self.measured_torque(reading), self.predicted(reading)
+        rest, _ = remove_drives(Columns.of(drive, torque).sums_with(torque - model - carried))
+        return float(rest[:, 1, 1].sum() / max(rest[:, 0, 0].sum(), 1e-300))
 
     def unexplained_beside(self, reading: Reading, left: Array) -> float:
         """The same where other bodies leave so much of each torque, half its logarithm ``(n_torques,)``."""
-        torque = self.measured_torque(reading)
-        (bare,) = remove_drives(self.predicted(reading).drive, torque)
-        return float(len(torque) * np.exp(2.0 * left) @ torque.var(axis=0) / max((bare**2).sum(), 1e-300))
+        sums = self.product_sums(reading)
+        return float(np.exp(2.0 * left) @ sums[:, 4, 4] / max(fit_parts(sums).bare[:, 1].sum(), 1e-300))
 
-    def fewer(self, readings: int) -> TorqueSamples:
+    def thin_out(self, readings: int) -> TorqueSamples:
         """The same with less samples where this many readings are to be compared; an arm's keep all."""
-        most = max(1, int(len(self.q) / THRESHOLD.fewest_samples))
-        some = slice(None, None, min(max(1, int(readings / THRESHOLD.compared_readings)), most))
-        thinned = {name: getattr(self, name)[some] for name in ("q", "v", "a", "rows", "first", "last")}
-        return replace(self, **thinned)
+        most = int(len(self.q) / THRESHOLD.fewest_samples)
+        step = max(1, min(int(readings / THRESHOLD.compared_readings), most))
+        fields = ("q", "v", "a", "rows", "first", "last")
+        return self if step == 1 else replace(self, **{name: getattr(self, name)[::step] for name in fields})
 
     @cached_property
     def _tree(self) -> KinematicTree:

@@ -87,12 +87,9 @@ def find_scale(samples: TorqueSamples, reading: Reading) -> Scale | None:
     alike = spread < min(THRESHOLD.scales_agree, THRESHOLD.scale_stands_out * abs(np.log(factor)))
     if not alike or is_near_one(factor, THRESHOLD.scale_off):
         return None
-    cause = "currents, another unit, torques before the gear, or the model of a larger robot"
-    cause = (
-        cause
-        if factor < 1.0
-        else "another unit, a load that the model does not have, or the model of a smaller robot"
-    )
+    cause = "another unit, a load that the model does not have, or the model of a smaller robot"
+    if factor < 1.0:
+        cause = "currents, another unit, torques before the gear, or the model of a larger robot"
     return Scale(
         np.full(len(told), 1.0 / factor), np.array([factor]), cause, apart=False, far=most and outside
     )

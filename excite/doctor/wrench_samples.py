@@ -10,7 +10,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.arrays import Array, Moved
+from excite.arrays import Array, Flags, Moved
 from excite.doctor.channel_mapping import BasePose, Reading
 from excite.doctor.inertial_prior import Judgement, half_log, judge_bodies, likely_spread
 from excite.doctor.samples import Samples, TrialValues, gather_samples
@@ -24,9 +24,6 @@ from excite.regressor.tree import KinematicTree, read_tree
 from excite.robot.robot import Robot
 from excite.rows.kinematics import forces_on_grid, trial_kinematics
 from excite.rows.settings import ProblemSettings
-
-# Readings whose levers are kept.
-_KEPT = 64
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -51,7 +48,7 @@ class WrenchSamples(Samples):
         """Names of the contact sensors."""
         return tuple(sensor.name for sensor in self.robot.sensors)
 
-    def tells(self, reading: Reading) -> NDArray[np.bool_]:
+    def tells(self, reading: Reading) -> Flags:
         """All channels are made by bodies, ``(6,)``."""
         return np.ones(6, dtype=np.bool_)
 
@@ -63,11 +60,11 @@ class WrenchSamples(Samples):
         # The base is as much slower as its joints.
         return Moved(q, v * others / reading.tick, a * (others / reading.tick) ** 2)
 
-    def measured(self, reading: Reading, q: Array) -> Array:
-        """Wrench on the base that the sensors say, ``(n, 6)`` in the base frame, at configurations ``(n, nq)``."""
+    def measured(self, reading: Reading) -> Array:
+        """Wrench on the base that the sensors say, ``(n, 6)`` in the base frame."""
         logged = self.logged_late(reading)[:, reading.sensor_of]
         made = np.einsum("sij,nsj->nsi", reading.wrench_map, logged) + reading.wrench_added
-        return np.einsum("nsij,nsj->ni", self._levers(reading, q), made)
+        return np.einsum("nsij,nsj->ni", self._levers(reading), made)
 
     def left(self, reading: Reading) -> Array:
         """Half the logarithm of what the nominal bodies leave of each channel's power, ``(6,)``."""
@@ -88,11 +85,12 @@ class WrenchSamples(Samples):
 
     def _rest(self, reading: Reading) -> Array:
         """What sensors say less what the nominal bodies need, in units of the scale, ``(n, 6)``."""
-        key = reading.motion_key()
-        q, v, a = self.motion(reading)
-        if key not in self._models:
-            self._models[key] = inverse_dynamics(self._tree(reading), q, v, a)[:, :6]
-        return np.asarray((self.measured(reading, q) - self._models[key]) / self._scale)
+        needed = self.keep_made(
+            "wrenches",
+            reading.motion_key(),
+            lambda: inverse_dynamics(self._tree(reading), *self.motion(reading))[:, :6],
+        )
+        return np.asarray((self.measured(reading) - needed) / self._scale)
 
     def judged(self, reading: Reading, counts: Array | None = None) -> Judgement:
         """The same beside the likeliest bodies, biases of sensors and tilt, by so many effective samples."""
@@ -100,11 +98,11 @@ class WrenchSamples(Samples):
         q, v, a = self.motion(reading)
         body = base_link_regressor(tree, q, v, a) / self._scale[:, None]
         body[:, :, [10 * segment + i for segment in self._unmeasured for i in range(10)]] = 0.0
-        target = self.measured(reading, q) / self._scale - body @ tree.phi
+        target = self.measured(reading) / self._scale - body @ tree.phi
         still, tilt = np.zeros_like(v), THRESHOLD.tilt_rad
         leaning = [replace(tree, gravity=np.cross(tilt * axis, tree.gravity)) for axis in np.eye(3)]
         tilts = np.stack([inverse_dynamics(one, q, still, still)[:, :6] for one in leaning], axis=2)
-        others = np.concatenate([self._biases(reading, q), tilts / self._scale[:, None]], axis=2)
+        others = np.concatenate([self._biases(reading), tilts / self._scale[:, None]], axis=2)
         return judge_bodies(likely_spread(tree), body, others, target, self.first, counts, of_drives=False)
 
     def weight_ratio(self, reading: Reading) -> float:
@@ -115,12 +113,12 @@ class WrenchSamples(Samples):
         q, v, _ = self.motion(reading)
         still = np.zeros_like(v)
         weight = inverse_dynamics(self._tree(reading), q, still, still)[:, :3]
-        force = self.measured(reading, q)[:, :3]
+        force = self.measured(reading)[:, :3]
         return float((force * weight).sum() / max(float((weight**2).sum()), 1e-300))
 
     def best_constants(self, reading: Reading) -> Array:
         """What is to be added to each sensor for the nominal bodies to be carried, the smallest, ``(n_sensors, 6)``."""
-        lifts = self._biases(reading, self.motion(reading).q)
+        lifts = self._biases(reading)
         missing = -self._rest(reading)
         found = np.linalg.lstsq(lifts.reshape(-1, lifts.shape[2]), missing.ravel(), rcond=1e-6)[0]
         return np.asarray(found.reshape(-1, 6) * self._bias)
@@ -157,9 +155,9 @@ class WrenchSamples(Samples):
         """What the sensors carry, under the reading's gravity."""
         return replace(self._nominal, gravity=np.asarray(reading.gravity, dtype=float))
 
-    def _biases(self, reading: Reading, q: Array) -> Array:
+    def _biases(self, reading: Reading) -> Array:
         """Wrenches on the base per standard deviation of each sensor's bias, scaled, ``(n, 6, 6·n_sensors)``."""
-        lifts = self._levers(reading, q) * self._bias / self._scale[:, None]
+        lifts = self._levers(reading) * self._bias / self._scale[:, None]
         return np.concatenate(list(lifts.transpose(1, 0, 2, 3)), axis=2)
 
     @cached_property
@@ -170,35 +168,30 @@ class WrenchSamples(Samples):
         owners = np.searchsorted(model.idx_vs, self.places, side="right") - 1
         return np.flatnonzero(np.isin(owners, list(supports)))
 
-    @cached_property
-    def _known_levers(self) -> dict[bytes, Array]:
-        return {}
-
-    def _levers(self, reading: Reading, q: Array) -> Array:
+    def _levers(self, reading: Reading) -> Array:
         """What turns each sensor's wrench into that on the base, ``(n, n_sensors, 6, 6)`` in the base frame.
 
         One motion is asked for again and again while wrenches are read otherwise: those of readings that place the
         sensors alike are kept, whatever gravity, the clock, and joints elsewhere are.
         """
-        some, known = self._carrying, self._known_levers
+        some = self._carrying
         alike = {name: getattr(reading, name)[some] for name in ("position_of", "position_sign", "zero")}
         key = replace(reading, **alike, tick=1.0, gravity=np.zeros(3)).motion_key()
-        if key not in known:
-            if len(known) >= _KEPT:
-                known.clear()
-            poses = forward_kinematics(self._nominal, q)
-            back = poses.rotation[:, 1].transpose(0, 2, 1)
-            found = np.zeros((len(q), len(self.robot.sensors), 6, 6))
-            for s, sensor in enumerate(self.robot.sensors):
-                turn = back @ poses.rotation[:, sensor.joint] @ sensor.placement.rotation
-                away = poses.point(sensor.joint, sensor.placement.translation) - poses.translation[:, 1]
-                lever = np.einsum("nij,nj->ni", back, away)
-                found[:, s, :3, :3] = found[:, s, 3:, 3:] = turn
-                # As np.cross, which takes as long as all the rest, some hundred times a log.
-                for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-                    found[:, s, 3 + i, :3] = lever[:, j, None] * turn[:, k] - lever[:, k, None] * turn[:, j]
-            known[key] = found
-        return known[key]
+        return self.keep_made("levers", key, lambda: self._place_sensors(self.motion(reading).q))
+
+    def _place_sensors(self, q: Array) -> Array:
+        poses = forward_kinematics(self._nominal, q)
+        back = poses.rotation[:, 1].transpose(0, 2, 1)
+        found = np.zeros((len(q), len(self.robot.sensors), 6, 6))
+        for s, sensor in enumerate(self.robot.sensors):
+            turn = back @ poses.rotation[:, sensor.joint] @ sensor.placement.rotation
+            away = poses.point(sensor.joint, sensor.placement.translation) - poses.translation[:, 1]
+            lever = np.einsum("nij,nj->ni", back, away)
+            found[:, s, :3, :3] = found[:, s, 3:, 3:] = turn
+            # As np.cross, which takes as long as all the rest, some hundred times a log.
+            for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+                found[:, s, 3 + i, :3] = lever[:, j, None] * turn[:, k] - lever[:, k, None] * turn[:, j]
+        return found
 
 
 def wrench_samples(robot: Robot, log: Log) -> WrenchSamples | None:

@@ -12,7 +12,6 @@ from typing import Annotated, Any, Literal, TypeVar, Union, cast, get_args, get_
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, create_model, model_validator
 
 from excite.errors import InputError
-from excite.finding import Finding
 from excite.formats.documents import check_content, read_json
 from excite.results import FEW, Stated, sentence_of, stated_fields
 
@@ -52,11 +51,6 @@ Text = Annotated[str, Field(strict=True, max_length=_TEXT_LENGTH, pattern=r"^[^\
 FilePath = Annotated[str, Field(strict=True, max_length=4095, pattern=r"^[^\x00-\x1f\x7f]+$")]
 InnerPath = Annotated[FilePath, AfterValidator(_check_inside)]
 """Path of a file inside the document's folder."""
-Interval = Annotated[list[Maybe], Field(min_length=2, max_length=2)]
-Vector3 = Annotated[list[Maybe], Field(min_length=3, max_length=3)]
-Vector6 = Annotated[list[Maybe], Field(min_length=6, max_length=6)]
-Texts = Annotated[list[Text], Field(max_length=MOST_ENTRIES)]
-Names = Annotated[list[Name], Field(max_length=MOST_ENTRIES)]
 
 
 class Block(BaseModel):
@@ -215,16 +209,3 @@ def _content_kind(kind: Any) -> Any:
     if isinstance(kind, type) and issubclass(kind, Stated):
         return model_of(kind)
     return _KINDS.get(kind, kind)
-
-
-class _AsDocument:
-    """Of a result inside a model that is written out: what :func:`model_of` makes of it."""
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
-        return handler(_content_kind(source))
-
-
-AS_DOCUMENT = _AsDocument()
-NONE: Any = []
-"""Default of a list of results: a model holds what JSON does."""
-Findings = Annotated[tuple[Finding, ...], AS_DOCUMENT]

@@ -8,12 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Flags, Indices
 from excite.errors import InputError, MotionError, UnknownNameError
 from excite.motion.motion import Motion, closed_contacts
 from excite.regressor.base_parameters import (
@@ -23,7 +21,7 @@ from excite.regressor.base_parameters import (
     structural_base_parameters,
 )
 from excite.regressor.columns import Columns, measured_columns, regressor_rows
-from excite.results import ADDED, HIDDEN, Name, Stated, Unbounded, UnboundedPositive, finite
+from excite.results import ADDED, HIDDEN, Name, Stated, Unbounded, UnboundedPositive
 from excite.robot.robot import Robot
 
 # Sub-regressors: the columns of one segment, and their condition number (Jovic et al. 2015, II.B).
@@ -49,7 +47,7 @@ class SegmentCondition(Stated):
     n_columns: int = field(default=0, metadata=HIDDEN)
 
 
-def segment_columns(robot: Robot, columns: Columns, base: BaseParameters) -> dict[str, NDArray[np.int64]]:
+def segment_columns(robot: Robot, columns: Columns, base: BaseParameters) -> dict[str, Indices]:
     """Structurally independent columns of each segment, by name, for segments that have any.
 
     Raises:
@@ -67,9 +65,7 @@ def segment_columns(robot: Robot, columns: Columns, base: BaseParameters) -> dic
     return found
 
 
-def segment_conditions(
-    matrix: Array, columns: Mapping[str, NDArray[np.int64]]
-) -> tuple[SegmentCondition, ...]:
+def segment_conditions(matrix: Array, columns: Mapping[str, Indices]) -> tuple[SegmentCondition, ...]:
     """Condition number of each segment's sub-regressor.
 
     Args:
@@ -130,11 +126,6 @@ class ConditionNumbers(Stated):
     n_base_parameters: int
     rank: int = field(metadata=ADDED)
     segments: tuple[SegmentCondition, ...]
-
-    def to_json(self) -> dict[str, Any]:
-        """Numbers that are not finite become null."""
-        found: dict[str, Any] = finite(super().to_json())
-        return found
 
     def summary(self) -> str:
         """One line for a person."""
@@ -212,7 +203,7 @@ def motion_factor(
     return MotionFactor((motion.name,), columns, matrix, n_rows, rate_hz, std)
 
 
-def _holds_along_motion(base: BaseParameters, columns: Columns, closed: NDArray[np.bool_]) -> bool:
+def _holds_along_motion(base: BaseParameters, columns: Columns, closed: Flags) -> bool:
     """Whether base parameters hold along a motion: they were found with one foot in the air at most."""
     return base.names == columns.names and bool((closed.sum(axis=1) >= closed.shape[1] - 1).all())
 

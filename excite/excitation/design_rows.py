@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from excite.arrays import Array, Moved
+from excite.arrays import Array, Indices, Moved
 from excite.errors import InputError
 from excite.excitation.precision import row_noise
 from excite.motion.generators.generator import free_upper_body
@@ -66,7 +66,7 @@ class DesignRows(ABC):
     robot: Robot
     terms: tuple[str, ...] = DRIVE_TERMS
     is_weighted: bool = True
-    chosen: NDArray[np.int64] | None = None
+    chosen: Indices | None = None
 
     @cached_property
     def base(self) -> BaseParameters:
@@ -74,7 +74,7 @@ class DesignRows(ABC):
         return structural_base_parameters(self.robot, self.terms)
 
     @cached_property
-    def independent(self) -> NDArray[np.int64]:
+    def independent(self) -> Indices:
         """Columns that stand for the base parameters, ``(n_base,)``."""
         return self.base.independent if self.chosen is None else self.chosen
 
@@ -88,7 +88,7 @@ class DesignRows(ABC):
         return 1.0 / row_noise(self.robot) if self.is_weighted else np.ones(self.robot.n_equations)
 
     @cached_property
-    def _inertial(self) -> NDArray[np.int64]:
+    def _inertial(self) -> Indices:
         return measured_columns(self.robot, self.terms).inertial
 
     @property
@@ -244,7 +244,7 @@ class StandingRows(DesignRows):
         return np.flatnonzero(free_upper_body(self.robot))
 
     @cached_property
-    def _columns(self) -> NDArray[np.int64]:
+    def _columns(self) -> Indices:
         return self._inertial[self.independent]
 
     def regressor(self, q: Array, v: Array, a: Array) -> Array:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
-from excite.arrays import Array, Moved
+from excite.arrays import Array, Flags, Moved
 from excite.errors import InputError
 from excite.regressor.base_parameters import BaseParameters, r_factor
 from excite.regressor.columns import DRIVE_TERMS, Columns, measured_columns, regressor_rows
@@ -75,7 +74,7 @@ _SILENT = 1e-8
 _SHARE = 0.25
 
 
-def excitable_parameters(robot: Robot, base: BaseParameters, seed: int = 0) -> NDArray[np.bool_]:
+def excitable_parameters(robot: Robot, base: BaseParameters, seed: int = 0) -> Flags:
     """Whether some motion within joint limits, with a foot flat on the ground, shows each base parameter.
 
     Base parameters are those of free motion. Here the regressor is evaluated at random states that a robot on
@@ -100,7 +99,7 @@ def excitable_parameters(robot: Robot, base: BaseParameters, seed: int = 0) -> N
     columns, random = _columns_of(robot, base), np.random.default_rng(seed)
     n, count = 3 * len(columns.names) // robot.n_equations + 1, 1 + len(robot.feet)
 
-    def factor(foot: Foot | None, count: int, closed: NDArray[np.bool_] | None = None) -> Array:
+    def factor(foot: Foot | None, count: int, closed: Flags | None = None) -> Array:
         states = [_random_state(robot, foot, random) for _ in range(count)]
         q, v, a = (np.array([state[i] for state in states]) for i in range(3))
         rows = regressor_rows(robot, columns, q, v, a, closed)
@@ -121,7 +120,7 @@ def _columns_of(robot: Robot, base: BaseParameters) -> Columns:
     return columns
 
 
-def determined_columns(factor: Array, tol: float) -> NDArray[np.bool_]:
+def determined_columns(factor: Array, tol: float) -> Flags:
     """Which columns of a factor ``(m, n)`` its rows determine, ``(n,)``.
 
     Args:

@@ -8,10 +8,9 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
-from excite.arrays import Array
+from excite.arrays import Array, Indices
 from excite.errors import InputError, UnknownNameError
 from excite.excitation.conditioning import (
     RANK_TOLERANCE,
@@ -228,7 +227,7 @@ def _exchange_motions(
     return chosen
 
 
-def _most_promising(information: Information, gradient: Array, able: NDArray[np.int64]) -> NDArray[np.int64]:
+def _most_promising(information: Information, gradient: Array, able: Indices) -> Indices:
     """Those of ``able`` with the largest first-order gain, the earlier first of equals."""
     if not len(able):
         return able
@@ -268,7 +267,7 @@ class SegmentInformation:
 
 
 def segment_information(
-    factors: Sequence[MotionFactor], columns: Mapping[str, NDArray[np.int64]]
+    factors: Sequence[MotionFactor], columns: Mapping[str, Indices]
 ) -> SegmentInformation:
     """Information of candidates, each looked at once.
 

@@ -8,9 +8,8 @@ from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Indices
 from excite.errors import InputError, NoSolutionError, UnknownNameError
 from excite.excitation.design_rows import ArmRows
 from excite.motion.generators.curves import Curve, FourierCurve
@@ -163,7 +162,7 @@ class ExcitationTask:
     limits: Limits | None = None
     start: Array | None = None
     drives: tuple[str, ...] = ("viscous", "coulomb")
-    independent: NDArray[np.int64] | None = None
+    independent: Indices | None = None
     further: Callable[[Layout], Any] | None = None
     avoid_collisions: bool = True
 

@@ -10,9 +10,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Flags
 from excite.excitation.design_rows import ArmRows
 from excite.excitation.gradient_design import SEARCH_HZ
 from excite.motion.motion import Motion
@@ -44,7 +43,7 @@ class _States:
         speed = rng.uniform(0.0, 1.0, (count, n)) ** 0.3
         return np.hstack([rng.uniform(-1.0, 1.0, (count, n)), either[0] * speed, either[1]])
 
-    def weighted(self, states: Array) -> tuple[Array, NDArray[np.bool_]]:
+    def weighted(self, states: Array) -> tuple[Array, Flags]:
         """Weighted rows ``(m, n_joints, n_base)``, and which states the drives' torques allow, ``(m,)``."""
         q, v, a = self._split(states)
         full = joint_torque_regressor(self.rows.tree, q, v, a)

@@ -6,10 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
-from excite.arrays import Array
+from excite.arrays import Array, Flags
 from excite.errors import InputError, UnknownNameError
 from excite.excitation.precision import nominal_values
 from excite.regressor.base_parameters import BaseParameters
@@ -69,7 +68,7 @@ def asked_parameters(targets: Sequence[str], names: Sequence[str]) -> tuple[str,
     return tuple(dict.fromkeys(found))
 
 
-def wanted_parameters(robot: Robot, base: BaseParameters, targets: Sequence[str]) -> NDArray[np.bool_]:
+def wanted_parameters(robot: Robot, base: BaseParameters, targets: Sequence[str]) -> Flags:
     """Which base parameters targets ask for, ``(n_base,)``: without targets those whose value in the model counts."""
     names = asked_parameters(targets, base.labels)
     wanted = np.array([name in names for name in base.labels])

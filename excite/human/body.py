@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Literal, NamedTuple
 
 import numpy as np
+import pinocchio as pin
 
 from excite.arrays import Array
 from excite.errors import InputError, UnknownNameError
@@ -169,38 +170,8 @@ _MIRROR = np.diag([1.0, -1.0, 1.0])
 _FROM_ISB = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 
 
-@dataclass(frozen=True, eq=False)
-class BodyInertia:
-    """A rigid body in its segment's frame.
-
-    Attributes:
-        mass: [kg].
-        center: centre of mass ``(3,)`` [m].
-        inertia: about the centre of mass, axes of the segment ``(3, 3)`` [kg·m²].
-    """
-
-    mass: float
-    center: Array
-    inertia: Array
-
-    def __add__(self, other: BodyInertia) -> BodyInertia:
-        mass = self.mass + other.mass
-        center = (self.mass * self.center + other.mass * other.center) / mass
-        inertia = sum((part.inertia_about(center) for part in (self, other)), np.zeros((3, 3)))
-        return BodyInertia(mass, center, inertia)
-
-    def inertia_about(self, point: Array) -> Array:
-        """Inertia about another point, ``(3, 3)``."""
-        d = self.center - point
-        return self.inertia + self.mass * (d @ d * np.eye(3) - np.outer(d, d))
-
-    def mirror_body(self) -> BodyInertia:
-        """The body's image at the sagittal plane."""
-        return BodyInertia(self.mass, _MIRROR @ self.center, _MIRROR @ self.inertia @ _MIRROR)
-
-
-def body_inertias(subject: Subject, dimensions: Dimensions, table: Anthropometry) -> tuple[BodyInertia, ...]:
-    """The fifteen segments' inertial parameters, in the order of the segments.
+def body_inertias(subject: Subject, dimensions: Dimensions, table: Anthropometry) -> tuple[pin.Inertia, ...]:
+    """The fifteen segments' inertial parameters, each in its segment's frame, in the order of the segments.
 
     The table's percentages are scaled so that they add up to the subject's mass (de Leva's men add up to
     100.00 %, Dumas' to 100.2 and 99.9 %).
@@ -218,10 +189,11 @@ def body_inertias(subject: Subject, dimensions: Dimensions, table: Anthropometry
     build = _de_leva_inertia if table == "de_leva" else _dumas_inertia
     bodies = [build(subject, dimensions, segment.kind, segment.side or "right") for segment in SEGMENTS]
     factor = subject.mass / sum(body.mass for body in bodies)
-    scaled = [BodyInertia(body.mass * factor, body.center, body.inertia * factor) for body in bodies]
+    # The left half is the right one's image at the sagittal plane.
+    images = [_MIRROR if segment.side == "left" else np.eye(3) for segment in SEGMENTS]
     return tuple(
-        body.mirror_body() if segment.side == "left" else body
-        for segment, body in zip(SEGMENTS, scaled, strict=True)
+        pin.Inertia(body.mass * factor, image @ body.lever, image @ body.inertia @ image * factor)
+        for image, body in zip(images, bodies, strict=True)
     )
 
 
@@ -234,7 +206,7 @@ def _reference_length(dimensions: Dimensions, kind: str, side: str) -> float:
     return dimensions[f"{side}_{kind}"] if kind in _LIMBS else float(getattr(dimensions, kind))
 
 
-def _dumas_inertia(subject: Subject, dimensions: Dimensions, kind: str, side: str) -> BodyInertia:
+def _dumas_inertia(subject: Subject, dimensions: Dimensions, kind: str, side: str) -> pin.Inertia:
     row = DUMAS_TABLE[subject.sex][kind]
     length = _reference_length(dimensions, kind, side)
     xx, yy, zz = (np.array(row.diagonal) / 100.0) ** 2
@@ -245,7 +217,7 @@ def _dumas_inertia(subject: Subject, dimensions: Dimensions, kind: str, side: st
     child = {"pelvis": "torso", "torso": "head"}.get(kind)
     if child is not None:
         center = center + joint_offsets()[NAMES.index(child)] @ dimensions.values
-    return BodyInertia(mass, center, mass * length**2 * _FROM_ISB @ _possible_tensor(radii) @ _FROM_ISB.T)
+    return pin.Inertia(mass, center, mass * length**2 * _FROM_ISB @ _possible_tensor(radii) @ _FROM_ISB.T)
 
 
 def _possible_tensor(radii: Array) -> Array:
@@ -263,7 +235,7 @@ def _possible_tensor(radii: Array) -> Array:
     return diagonal
 
 
-def _de_leva_inertia(subject: Subject, dimensions: Dimensions, kind: str, side: str) -> BodyInertia:
+def _de_leva_inertia(subject: Subject, dimensions: Dimensions, kind: str, side: str) -> pin.Inertia:
     """De Leva's segments; the pelvis ends at the navel, as his lower trunk does.
 
     Parts of the trunk lie on the line from the middle of the hips to the cervicale.
@@ -283,7 +255,7 @@ def _de_leva_inertia(subject: Subject, dimensions: Dimensions, kind: str, side: 
             parts.append(_inertia_along(row, subject, top / np.linalg.norm(top) * height, row.length * scale))
         total = reduce(add, parts)
         origin = np.array([lumbar[0], 0.0, lumbar[1]]) if kind == "torso" else 0.0
-        return replace(total, center=total.center - origin)
+        return pin.Inertia(total.mass, total.lever - origin, total.inertia)
     row = rows["head to cervicale" if kind == "head" else kind]
     length = dimensions.foot_length if kind == "foot" else _reference_length(dimensions, kind, side)
     along = row.center / 100.0 * length
@@ -296,12 +268,12 @@ def _de_leva_inertia(subject: Subject, dimensions: Dimensions, kind: str, side: 
 
 def _inertia_along(
     row: DeLevaRow, subject: Subject, center: list[float] | Array, length: float, *, lying: bool = False
-) -> BodyInertia:
+) -> pin.Inertia:
     """A body whose long axis is z, or x where it lies (the foot, whose sagittal axis then is vertical)."""
     order = (row.longitudinal, row.transverse, row.sagittal)
     radii = np.array(order if lying else order[::-1]) / 100.0 * length
     mass = row.mass / 100.0 * subject.mass
-    return BodyInertia(mass, np.asarray(center, dtype=float), mass * np.diag(radii**2))
+    return pin.Inertia(mass, np.asarray(center, dtype=float), mass * np.diag(radii**2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -318,7 +290,7 @@ class Body:
     subject: Subject
     dimensions: Dimensions
     table: str
-    inertias: tuple[BodyInertia, ...]
+    inertias: tuple[pin.Inertia, ...]
 
     @property
     def offsets(self) -> Array:
@@ -355,7 +327,7 @@ class Body:
         shared = own * rest / max(float(own[~stated].sum()), 1e-9)
         wanted = [masses.get(name, float(shared[k])) for k, name in enumerate(NAMES)]
         inertias = [
-            BodyInertia(mass, b.center, b.inertia * mass / b.mass)
+            pin.Inertia(mass, b.lever, b.inertia * mass / b.mass)
             for b, mass in zip(self.inertias, wanted, strict=True)
         ]
         return replace(self, inertias=tuple(inertias))

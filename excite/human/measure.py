@@ -29,10 +29,8 @@ from excite.human.body import (
 )
 from excite.human.markers.marker_set import (
     MARKER_SETS,
-    Calibration,
     MarkerSet,
     MarkerSite,
-    calibrate_body,
     find_marker_set,
     read_marker_set,
 )
@@ -49,7 +47,7 @@ from excite.human.recording import (
 from excite.human.recording_files import paired_recordings
 from excite.human.segments import JOINT_NAMES, NAMES, PAIRS, PARENTS, SEGMENTS, Subject
 from excite.human.skeleton import base_pose, frame_turn, joint_angles, near_singular, place_segments
-from excite.human.trial_poses import TrialPoses, trial_poses
+from excite.human.trial_poses import Calibration, TrialPoses, calibrate_body, trial_poses
 from excite.logs.files import save_log
 from excite.logs.header_blocks import Role, SensorHeader, TrialHeader
 from excite.logs.log import Log, LogHeader, Trial
@@ -217,7 +215,7 @@ def _add_segment(robot: ElementTree.Element, body: Body, k: int) -> None:
     link, inertia = add_element(robot, "link", name=NAMES[k]), body.inertias[k]
     turn, box = pin.SE3(frame_turn(k), np.zeros(3)), segment_box(body, k)
     moments = turn.rotation @ inertia.inertia @ turn.rotation.T
-    centre = pin.SE3(np.eye(3), turn.rotation @ inertia.center)
+    centre = pin.SE3(np.eye(3), turn.rotation @ inertia.lever)
     add_inertial(link, centre, inertia.mass, moments[np.triu_indices(3)])
     for kind in ("visual", "collision"):
         add_solid(link, kind, turn * pin.SE3(np.eye(3), box.mean(axis=0)), "box", size=box[1] - box[0])

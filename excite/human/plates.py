@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import permutations, product
+from itertools import groupby, permutations, product
 from pathlib import Path
 
 import numpy as np
 
-from excite.arrays import Array
+from excite.arrays import Array, runs_of
 from excite.errors import LogError
 from excite.finding import Finding
 from excite.human.body import Body
 from excite.human.recording import PlateRecording, Recording
 from excite.human.segments import NAMES, SIDES
 from excite.human.skeleton import Placement
-from excite.human.trial_poses import runs_of
 from excite.logs.signals.butterworth import Derivatives, central_differences, lowpass, settling_samples
 
 # Centres of pressure, and how far from the feet they lie.
@@ -111,13 +110,15 @@ def plate_readings(
     feet = {side: foot_line(placement, side, body) for side in SIDES}
     judged = _Plates(recording.source, list(recording.plates), feet)
     judged.turn_upward()
-    judged.convert_forces(body.subject.mass * GRAVITY)
-    judged.leave_out_unloaded()
     judged.plates = [_at_times(plate, recording.time, cutoff_hz, recording.source) for plate in judged.plates]
-    judged.plates = [judged.in_metres(plate) for plate in judged.plates]
     rate = (len(recording.time) - 1) / float(recording.time[-1] - recording.time[0])
-    judged.turn_about_vertical(body.subject.mass, motion_of_center(body, placement, rate).second)
-    judged.exchange_places()
+    motion = motion_of_center(body, placement, rate)
+    needed = body.subject.mass * (motion.second + np.array([0.0, 0.0, GRAVITY]))
+    judged.convert_forces(needed[:, 2])
+    judged.leave_out_unloaded()
+    judged.plates = [judged.in_metres(plate) for plate in judged.plates]
+    vertical = np.sum([plate.force[:, 2] for plate in judged.plates], axis=0)
+    judged.balance_body(_Balance(needed, motion.value, vertical > 0.7 * needed[:, 2], judged.ground_height))
     return judged.assign_feet(), tuple(judged.findings)
 
 
@@ -160,29 +161,33 @@ class _Plates:
             text = f"vertical forces of {' and '.join(names)} point down: they are those on the plates; turned round"
             self.add_finding("reaction_sign", text, {"mean_n": mean}, *names)
 
-    def convert_forces(self, weight: float) -> None:
-        """Forces in newtons: of the units, one for each plate, that in which they carry the person's weight [N]."""
-        if len({len(plate.force) for plate in self.plates}) != 1 or not len(self.plates[0].force):
-            return
+    def convert_forces(self, needed: Array) -> None:
+        """Forces in newtons: of the units, one for each plate, that in which they carry the person.
+
+        Args:
+            needed: vertical force that moves the person, ``(n,)`` [N].
+        """
+        weight = float(needed.mean())
         vertical = np.column_stack([plate.force[:, 2] for plate in self.plates])
-        has_load = np.abs(vertical).max(axis=0) > 1e-3 * _UNLOADED_N
         units = (1.0, *_FORCE_UNITS)
-        choices = [units if one else units[:1] for one in has_load]
+        # A plate that somebody steps on carries some third of the weight for a while.
+        choices = [[k for k in units if k == 1.0 or k * most > 0.3 * weight] for most in vertical.max(axis=0)]
         few = len(choices) <= 4
-        factors = np.array(list(product(*choices)) if few else [(one,) * len(choices) for one in choices[0]])
-        # Share of the frames in which plates carry the weight, within a third as in walking, that a unit has to bring.
-        share = (np.abs(factors @ vertical.T - weight) < 0.3 * weight).mean(axis=1)
-        best = int(np.argmax(share))
-        if share[best] - share[0] < 0.25:
+        factors = np.array(list(product(*choices)) if few else [(k,) * len(choices) for k in units])
+        missed = np.minimum(np.abs(factors @ vertical.T - needed) / weight, 1.0)
+        best = int(np.argmin(missed.mean(axis=1)))
+        # Where more than a third of the weight is missing a foot stands beside the plates.
+        told = np.minimum(missed[0], missed[best]) < 0.3
+        first, least = (float(missed[k][told].mean()) if told.any() else 0.0 for k in (0, best))
+        if least > 0.5 * first or not first:
             return
         for i, factor in enumerate(factors[best].tolist()):
             plate = self.plates[i]
             self.plates[i] = replace(plate, force=factor * plate.force, moment=factor * plate.moment)
             if factor != 1.0:
                 text = (
-                    f"forces of {plate.name} are {_FORCE_UNITS[factor]}, in which the plates carry the person's "
-                    f"{weight:.0f} N in {100 * share[best]:.0f} % of the frames, and as newtons in "
-                    f"{100 * share[0]:.0f} %; converted"
+                    f"forces of {plate.name} are {_FORCE_UNITS[factor]}, in which the plates miss the person's "
+                    f"{weight:.0f} N by {100 * least:.0f} %, and as newtons by {100 * first:.0f} % or more; converted"
                 )
                 self.add_finding("units", text, {"factor": factor}, plate.name)
 
@@ -235,22 +240,26 @@ class _Plates:
 
     def in_metres(self, plate: PlateRecording) -> PlateRecording:
         """The plate in the unit of length of its moments in which its centre of pressure moves under a foot."""
-        if self.is_possible(plate):
-            return plate
         miss, sway = self.typical_miss(plate), self.typical_sway(plate)
         if plate.corners is None:
-            point = np.nan_to_num(pressure_center(plate.force, plate.moment, self.ground_height))
-            free = plate.moment - np.cross(point, plate.force)
+            point = pressure_center(plate.force, plate.moment, self.ground_height)
+            free = plate.moment - np.cross(np.nan_to_num(point), plate.force)
+            is_far, loaded = miss > 5.0, np.isfinite(point[:, 0])
             # A free moment of a foot is a few N·m.
-            factor = 1e-3 if np.abs(free[:, 2]).max() > 200.0 else 1.0
-            scaled = replace(plate, moment=np.cross(1e-3 * point, plate.force) + factor * free)
-            if miss > 5.0 and self.typical_miss(scaled) <= FAR:
+            twists = np.abs(free[loaded, 2]) if loaded.any() else np.zeros(1)
+            is_twisted = bool((np.max if is_far else np.median)(twists) > 200.0)
+            factors = np.where([is_far, is_twisted], 1e-3, 1.0)
+            moment = np.cross(factors[0] * np.nan_to_num(point), plate.force) + factors[1] * free
+            scaled = replace(plate, moment=moment)
+            if (is_far or is_twisted) and self.typical_miss(scaled) <= FAR:
+                what = "points of application of" if is_far else "torques about the vertical of"
                 text = (
-                    f"points of application of {plate.name} lie kilometres from the feet: they are millimetres; "
-                    "converted"
+                    f"{what} {plate.name} are a thousand times too large: they are in millimetres; converted"
                 )
                 self.add_finding("units", text, {"factor": 1e-3}, plate.name)
                 return scaled
+        if self.is_possible(plate):
+            return plate
         # Moments are about the laboratory's origin where the file has no plate's place.
         middle = np.zeros(3) if plate.corners is None else plate.corners.mean(axis=0)
         about = np.cross(middle, plate.force)
@@ -271,59 +280,38 @@ class _Plates:
             self.add_finding("moments", text, {"sway_m": sway}, plate.name)
         return plate
 
-    def turn_about_vertical(self, mass: float, acceleration: Array) -> None:
-        """Turn plates by quarters about the vertical where horizontal forces then accelerate the person as he moves.
+    def balance_body(self, balance: _Balance) -> None:
+        """Turn, mirror, exchange or move plates where their forces and moments then move the person as he moves."""
 
-        Plates with a place turn about their middle each, all of them about the laboratory's origin too.
+        def typical_miss(plates: Sequence[PlateRecording]) -> float:
+            return max(map(self.typical_miss, plates))
 
-        Args:
-            mass: of the person [kg].
-            acceleration: of the centre of mass, ``(n, 3)`` [m/s²].
-        """
-        own, origin = self.plates, np.zeros(3)
-        if len(own) > 3:
-            return
-        middles = [origin if one.corners is None else one.corners.mean(axis=0) for one in own]
-        carried = sum(one.force[:, 2] for one in own) > 0.7 * mass * (GRAVITY + acceleration[:, 2])
-        least, mended, chosen = np.inf, own, (0,) * len(own)
-        for turns, about in (
-            *((turns, middles) for turns in product(range(4), repeat=len(own))),
-            *(((k,) * len(own), [origin] * len(own)) for k in (1, 2, 3)),
-        ):
-            plates = [_turn_plate(*one) for one in zip(own, turns, about, strict=True)]
-            rest = np.sum([one.force for one in plates], axis=0) - mass * acceleration
-            left = float((rest[carried, :2] ** 2).sum())
-            if not any(turns):
-                least, first, miss = left, left, max(NEAR, *map(self.typical_miss, plates))
-            elif left < min(least, 0.5 * first) and max(map(self.typical_miss, plates)) < miss:
-                least, mended, chosen = left, plates, turns
-        for plate, k in zip(own, chosen, strict=True):
-            if k:
-                text = (
-                    f"{plate.name} is turned about the vertical: as it stands the plates' horizontal forces miss what "
-                    f"moves the person by {np.sqrt(first / least):.2g} times as much; turned by {90 * k}°"
-                )
-                self.add_finding("turned_plate", text, {"angle_rad": 0.5 * np.pi * k}, plate.name)
-        self.plates = mended
+        def misfit(plates: Sequence[PlateRecording]) -> float:
+            """Of forces, of moments, and of the feet, which are some centimetres wide."""
+            return float(np.prod([np.sqrt((rest**2).mean()) for rest in balance.rest(plates)])) * (
+                0.05 + typical_miss(plates)
+            )
 
-    def exchange_places(self) -> None:
-        """Give plates each other's places where that brings the centres of pressure under the feet."""
-        own, worst = self.plates, max(map(self.typical_miss, self.plates))
-        if worst < NEAR or any(one.corners is None for one in own) or not 2 <= len(own) <= 4:
-            return
-        orders = list(permutations(range(len(own))))
-        moved = [[_move_plate(own[i], own[j]) for i, j in enumerate(order)] for order in orders]
-        misses = [max(map(self.typical_miss, plates)) for plates in moved]
-        best = int(np.argmin(misses))
-        if misses[best] > 0.5 * worst or misses[best] > FAR:
-            return
-        self.plates = moved[best]
-        names = [own[i].name for i, j in enumerate(orders[best]) if i != j]
-        text = (
-            f"{' and '.join(names)} are swapped: their forces act {100 * worst:.0f} cm from any "
-            f"foot, and {100 * misses[best]:.0f} cm with each other's place; put back"
-        )
-        self.add_finding("swapped_plates", text, {"miss_m": worst, "mended_m": misses[best]}, *names)
+        while balance.carried.any() and len(self.plates) <= 4:
+            first = least = misfit(self.plates)
+            limit, chosen = max(NEAR, typical_miss(self.plates)), None
+            # More is taken to be wrong only where that halves what is left.
+            for _, alike in groupby(
+                sorted(_changed_poses(self.plates, balance), key=_Change.size), _Change.size
+            ):
+                possible = [one for one in alike if typical_miss(one.plates) < limit]
+                best = min(possible, key=lambda one: misfit(one.plates), default=None)
+                if best is not None and misfit(best.plates) < 0.5 * least:
+                    chosen, least = best, misfit(best.plates)
+            if chosen is None:
+                return
+            self.plates = chosen.plates
+            ratio = first / max(least, 1e-9)
+            text = (
+                f"{' and '.join(chosen.names)} {chosen.fault}: as it stands the plates' forces and moments miss what "
+                f"moves the person by {ratio:.2g} times as much; {chosen.cure}"
+            )
+            self.add_finding(chosen.kind, text, {"ratio": ratio}, *chosen.names)
 
     def assign_feet(self) -> tuple[PlateReading, ...]:
         """Each plate with the foot that stands on it; raises LogError where none does."""
@@ -369,6 +357,106 @@ class _Plates:
             if np.isfinite(point).any()
             else np.array([0.0, 0.0, self.ground_height])
         )
+
+
+@dataclass(frozen=True, eq=False)
+class _Balance:
+    """What moves the person: force ``(n, 3)`` [N] at the centre of mass ``(n, 3)`` [m]; the ground's height [m].
+
+    ``carried`` are the frames ``(n,)`` that tell.
+    """
+
+    needed: Array
+    center: Array
+    carried: Array
+    height: float
+
+    def rest(self, plates: Sequence[PlateRecording]) -> tuple[Array, Array]:
+        """Horizontal forces ``(m, 2)`` and moments about the centre of mass ``(m, 3)`` that nothing balances."""
+        force = np.sum([one.force for one in plates], axis=0)[self.carried]
+        moment = np.sum([one.moment for one in plates], axis=0)[self.carried]
+        return (force - self.needed[self.carried])[:, :2], moment - np.cross(self.center[self.carried], force)
+
+    def moved(
+        self, own: Sequence[PlateRecording], which: Mapping[int, PlateRecording]
+    ) -> tuple[dict[int, PlateRecording], Array]:
+        """Plates in place of some of a file's own, moved that moments balance best; by how much, ``(m, 3)`` [m]."""
+        axes = np.eye(3)[:2]
+        levers = [np.cross(axis, one.force[self.carried]).ravel() for one in which.values() for axis in axes]
+        moment = self.rest([which.get(i, one) for i, one in enumerate(own)])[1].ravel()
+        shifts = np.linalg.lstsq(np.column_stack(levers), -moment, rcond=None)[0].reshape(-1, 2) @ axes
+        return {i: _shift_plate(which[i], by) for i, by in zip(which, shifts, strict=True)}, shifts
+
+
+@dataclass(frozen=True, eq=False)
+class _Change:
+    """All plates with some of them changed; which, the finding's kind, what was wrong and what was done.
+
+    ``fitted`` counts places that were fitted besides.
+    """
+
+    plates: list[PlateRecording]
+    names: tuple[str, ...]
+    kind: str
+    fault: str
+    cure: str
+    fitted: int = 0
+
+    @classmethod
+    def of(
+        cls,
+        own: Sequence[PlateRecording],
+        changed: Mapping[int, PlateRecording],
+        *words: str,
+        fitted: int = 0,
+    ) -> _Change:
+        """Some of a file's own plates changed."""
+        plates = [changed.get(i, one) for i, one in enumerate(own)]
+        kind, fault, cure = words
+        return cls(plates, tuple(own[i].name for i in changed), kind, fault, cure, fitted)
+
+    def size(self) -> int:
+        """How much is changed."""
+        return len(self.names) + self.fitted
+
+
+def _changed_poses(own: Sequence[PlateRecording], balance: _Balance) -> Iterator[_Change]:
+    """Plates in other poses than they are said to have."""
+    n, origin = len(own), np.zeros(3)
+    middles = [origin if one.corners is None else one.corners.mean(axis=0) for one in own]
+    # Of a table forces may be turned whose points of application are right.
+    points = [np.nan_to_num(pressure_center(one.force, one.moment, balance.height)) for one in own]
+    apart = [(turns, about) for about in (middles, points) for turns in product(range(4), repeat=n) if n <= 3]
+    for turns, about in (*apart, *(((k,) * n, [origin] * n) for k in (1, 2, 3))):
+        turned = {i: _turn_plate(own[i], k, about[i]) for i, k in enumerate(turns) if k}
+        angles = " and ".join(f"{90 * k}°" for k in turns if k)
+        words = ("turned_plate", "is turned about the vertical", f"turned by {angles}")
+        yield _Change.of(own, turned, *words)
+        # A plate turns about its middle, which a table does not tell.
+        if turned and all(own[i].corners is None for i in turned):
+            yield _Change.of(own, balance.moved(own, turned)[0], *words, fitted=len(turned))
+    for order in permutations(range(n)):
+        exchanged = {
+            i: _move_plate(own[i], own[j])
+            for i, j in enumerate(order)
+            if i != j and own[j].corners is not None
+        }
+        yield _Change.of(own, exchanged, "swapped_plates", "are swapped", "put back")
+    for i, plate in enumerate(own):
+        mirrored = {i: replace(plate, moment=2.0 * np.cross(middles[i], plate.force) - plate.moment)}
+        yield _Change.of(own, mirrored, "moments", "has moments that count the other way", "turned round")
+    for which in list(product((False, True), repeat=n))[1:]:
+        moved, shifts = balance.moved(own, {i: own[i] for i in range(n) if which[i]})
+        by = " and ".join(f"({x:.2f}, {y:.2f}) m" for x, y, _ in shifts)
+        if (np.linalg.norm(shifts, axis=1) > NEAR).all():
+            words = ("plate_place", "stands elsewhere than the file says", f"moved by {by}")
+            yield _Change.of(own, moved, *words, fitted=len(moved))
+
+
+def _shift_plate(plate: PlateRecording, by: Array) -> PlateRecording:
+    """A plate's reading where it is moved by a vector ``(3,)`` [m]."""
+    corners = None if plate.corners is None else plate.corners + by
+    return replace(plate, corners=corners, moment=plate.moment + np.cross(by, plate.force))
 
 
 def _turn_plate(plate: PlateRecording, quarters: int, about: Array) -> PlateRecording:
@@ -440,7 +528,7 @@ class Support:
 def mass_center(body: Body, placement: Placement) -> Array:
     """Centre of mass of the whole body, ``(n, 3)`` [m]."""
     masses = np.array([inertia.mass for inertia in body.inertias])
-    centers = np.stack([inertia.center for inertia in body.inertias])
+    centers = np.stack([inertia.lever for inertia in body.inertias])
     points = placement.origin + np.einsum("nkij,kj->nki", placement.rotation, centers)
     return np.einsum("k,nki->ni", masses / masses.sum(), points)
 

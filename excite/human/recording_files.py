@@ -10,9 +10,8 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Indices
 from excite.errors import LogError
 from excite.finding import Finding
 from excite.formats.c3d import MAX_C3D_BYTES, read_c3d
@@ -230,7 +229,7 @@ def read_storage_file(path: Path) -> Recording:
     return Recording(path, time, {}, tuple(plates), tuple(findings))
 
 
-def _sampled_rows(channels: Sequence[Array], n: int) -> NDArray[np.int64]:
+def _sampled_rows(channels: Sequence[Array], n: int) -> Indices:
     """Rows in which channels were sampled: every k-th where those between are always empty, else all ``n``."""
     every = np.arange(n)
     if not channels:

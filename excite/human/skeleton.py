@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from excite.arrays import Array
+from excite.arrays import Array, Indices
 from excite.finding import Finding, list_names
 from excite.human.segments import JOINT_NAMES, NAMES, PARENTS, SEGMENTS, segment_ancestors
+from excite.logs.signals.base_pose import continuous_quaternions
 
 # Kinematics of the fifteen segments, many frames at a time.
 
@@ -89,7 +89,7 @@ class Placement:
     rotation: Array
     origin: Array
 
-    def locate_points(self, segment: NDArray[np.int64], local: Array) -> Array:
+    def locate_points(self, segment: Indices, local: Array) -> Array:
         """World positions of points ``local`` ``(m, 3)`` fixed to segments ``segment`` ``(m,)``: ``(n, m, 3)``."""
         turned = np.einsum("nmij,mj->nmi", self.rotation[:, segment], local)
         return self.origin[:, segment] + turned
@@ -112,7 +112,7 @@ def place_segments(pose: Pose, offsets: Array) -> Placement:
     return Placement(rotation, origin)
 
 
-def point_jacobian(placement: Placement, points: Array, segment: NDArray[np.int64]) -> Array:
+def point_jacobian(placement: Placement, points: Array, segment: Indices) -> Array:
     """Derivative of points on segments with respect to :meth:`Pose.take_step`'s step, ``(n, m, 3, 40)``.
 
     Args:
@@ -174,9 +174,7 @@ def joint_angles(pose: Pose) -> Array:
 def base_pose(pose: Pose) -> Array:
     """The pelvis' pose ``(n, 7)``: x y z [m], qx qy qz qw, signs continuous."""
     quaternion = Rotation.from_matrix(pose.rotation[:, 0]).as_quat()
-    flips = np.sign(np.einsum("ni,ni->n", quaternion[1:], quaternion[:-1]))
-    signs = np.concatenate([[1.0], np.cumprod(np.where(flips < 0.0, -1.0, 1.0))])
-    return np.hstack([pose.position, quaternion * signs[:, None]])
+    return np.hstack([pose.position, continuous_quaternions(quaternion)])
 
 
 def near_singular(angles: Array, source: str) -> tuple[Finding, ...]:

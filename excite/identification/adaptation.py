@@ -14,9 +14,8 @@ from typing import Any
 
 import numpy as np
 from numpy.linalg import LinAlgError
-from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Flags, Indices
 from excite.errors import InputError, NoSolutionError
 from excite.finding import Finding, list_names
 from excite.identification.estimators.conic import Adaptive, AdaptiveSettings
@@ -137,7 +136,7 @@ def with_shown_drives(
     return problem.with_drives({name for name in names if name in shown or not asked_of[name]})
 
 
-def evident_spreads(matrix: Array, target: Array, in_question: NDArray[np.bool_]) -> Array:
+def evident_spreads(matrix: Array, target: Array, in_question: Flags) -> Array:
     """Standard deviations of parameters about zero under which a measurement is most probable.
 
     ``target = matrix · x + noise`` of unit variance, ``x ~ N(0, diag(s²))`` with ``s = 1`` where nothing is in
@@ -426,7 +425,7 @@ def _block_triangles(problem: IdentificationProblem) -> Array:
     return factors
 
 
-def _assign_blocks(problem: IdentificationProblem) -> NDArray[np.int64]:
+def _assign_blocks(problem: IdentificationProblem) -> Indices:
     """Which block each row belongs to, ``(n_rows,)``."""
     place = np.empty(problem.n_rows, dtype=np.int64)
     place[np.lexsort((problem.time, problem.trial))] = np.arange(problem.n_rows)

@@ -8,10 +8,9 @@ from itertools import combinations
 from math import lgamma
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import qr
 
-from excite.arrays import Array
+from excite.arrays import Array, Indices
 from excite.identification.noise import NoiseModel, whitened_factor
 from excite.identification.regression import RANK_TOLERANCE, Regression, least_squares, prior_std
 from excite.results import HIDDEN, Name, Stated, Unbounded, UnboundedPositive
@@ -298,7 +297,7 @@ class _Search:
             value, std = value / (1.0 - value), std / (1.0 - value) ** 2
         return BesideTerm(name, value, float(std))
 
-    def _columns_of(self, key: tuple[int, ...]) -> NDArray[np.int64]:
+    def _columns_of(self, key: tuple[int, ...]) -> Indices:
         return np.concatenate([np.zeros(0, dtype=np.int64), *(self.places[c] for c in key)])
 
     def _solve_changes(self, key: tuple[int, ...]) -> tuple[Array, Array]:

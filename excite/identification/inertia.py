@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from excite.arrays import Array
+from excite.arrays import Array, Flags
 
 # Places of Ixx, Ixy, Iyy, Ixz, Iyz, Izz (pinocchio's order) in the symmetric 3×3 matrix.
 ROWS = np.array([0, 0, 1, 0, 1, 2])
@@ -44,6 +44,15 @@ def pseudo_inertia_matrices(parameters: Array) -> Array:
     pseudo[:, :3, 3] = pseudo[:, 3, :3] = ten[:, 1:4]
     pseudo[:, 3, 3] = ten[:, 0]
     return pseudo
+
+
+def are_no_bodies(parameters: Array) -> Flags:
+    """Which segments have parameters ``(10·n_segments,)`` that no rigid body has: a pseudo-inertia is not positive.
+
+    Rounding is relative to the body: a hand's inertia is a millionth of a trunk's.
+    """
+    eigenvalues = np.linalg.eigvalsh(pseudo_inertia_matrices(parameters))
+    return np.asarray(eigenvalues[:, 0] < -ROUNDING * np.abs(eigenvalues).max(axis=1))
 
 
 def parameters_of_pseudo_inertia(pseudo: Array) -> Array:

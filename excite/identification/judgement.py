@@ -15,6 +15,7 @@ from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.identified_parameters import IdentifiedParameters
 from excite.identification.inertia import (
     ROUNDING,
+    are_no_bodies,
     central_inertia_matrices,
     inertia_matrices,
     pseudo_inertia_matrices,
@@ -73,14 +74,12 @@ def check_consistency(parameters: Array, names: tuple[str, ...]) -> Consistency:
     principal[known] = np.linalg.eigvalsh(central[known])
     slack = principal[:, 0] + principal[:, 1] - principal[:, 2]
     pseudo = np.linalg.eigvalsh(pseudo_inertia_matrices(parameters))
-    # Rounding is relative to the body: a hand's inertia is a millionth of a trunk's.
-    bad = pseudo[:, 0] < -ROUNDING * np.abs(pseudo).max(axis=1)
     return Consistency(
         mass_positive=bool((masses > 0.0).all()),
         inertia_positive_definite=bool((inertia[:, 0] > 0.0).all()),
         triangle_inequality=bool(known.all() and (slack >= -ROUNDING * principal[:, 2]).all()),
         pseudo_inertia_min_eigenvalue=float(pseudo[:, 0].min()),
-        inconsistent=tuple(name for name, flag in zip(names, bad, strict=True) if flag),
+        inconsistent=tuple(name for name, flag in zip(names, are_no_bodies(parameters), strict=True) if flag),
     )
 
 

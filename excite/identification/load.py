@@ -7,11 +7,10 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.special import stdtrit
 
-from excite.arrays import Array
+from excite.arrays import Array, Flags, Indices
 from excite.errors import InputError, LogError
 from excite.identification.problem import IdentificationProblem, build_problem
 from excite.identification.regression import RANK_TOLERANCE, minimum_norm, square_factor
@@ -104,7 +103,7 @@ def load_runs(
     return LoadRuns(joints, np.array(factors), np.array(counts), len(own), len(loaded), np.array(signal))
 
 
-def _cut_stretches(problem: IdentificationProblem) -> list[NDArray[np.bool_]]:
+def _cut_stretches(problem: IdentificationProblem) -> list[Flags]:
     """Rows cut into stretches of time, trial by trial."""
     n = max(1, _BLOCKS // len(problem.trial_names))
     masks = []
@@ -119,8 +118,8 @@ def _cut_stretches(problem: IdentificationProblem) -> list[NDArray[np.bool_]]:
 
 def _joint_triangle(
     problem: IdentificationProblem,
-    rows: NDArray[np.bool_],
-    own: NDArray[np.int64],
+    rows: Flags,
+    own: Indices,
     joint: int,
     carried: Sequence[bool],
 ) -> Array:
@@ -236,7 +235,7 @@ class _Linear:
     rest: Array
     loads: Array
     columns: Array
-    free: NDArray[np.bool_]
+    free: Flags
 
     def seen(self) -> Array:
         """As of :class:`LoadSolution`; the search asks for a hundred solutions, and this of the last."""
@@ -303,8 +302,8 @@ class WeighedLoad:
 
     parameters: Array
     half_width_95: Array
-    seen: NDArray[np.bool_]
-    determined: NDArray[np.bool_]
+    seen: Flags
+    determined: Flags
     gains: Mapping[str, float]
     gains_source: str
     left: Mapping[str, float]

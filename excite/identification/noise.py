@@ -7,10 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 from scipy.fft import next_fast_len, rfft
 
-from excite.arrays import Array
+from excite.arrays import Array, Indices
 from excite.errors import InputError
 from excite.identification.problem import IdentificationProblem
 from excite.motion.motion import Motion, closed_contacts, interpolate_motion
@@ -168,7 +167,7 @@ def _transform_columns(
     columns: Array,
     std: Array,
     n_channels: int,
-    kept: NDArray[np.int64],
+    kept: Indices,
 ) -> Array:
     """Columns of a trial over the noise's ``std`` at some frequencies, ``(n_kept, n_channels, k)``, complex."""
     scale = std[problem.channel[grid.rows], None]
@@ -208,12 +207,12 @@ class TrialGrid:
         step_s: its step [s].
     """
 
-    rows: NDArray[np.int64]
-    sample: NDArray[np.int64]
+    rows: Indices
+    sample: Indices
     n_samples: int
     step_s: float = 1.0
 
-    def spread(self, values: Array, channel: NDArray[np.int64], n_channels: int) -> Array:
+    def spread(self, values: Array, channel: Indices, n_channels: int) -> Array:
         """Values of the trial's rows as ``(n_samples, n_channels, …)``, zero in gaps."""
         grid = np.zeros((self.n_samples, n_channels, *values.shape[1:]))
         grid[self.sample, channel[self.rows]] = values

@@ -6,10 +6,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import eigh, solve_triangular, svd
 
-from excite.arrays import Array
+from excite.arrays import Array, Indices
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import prior_std
 from excite.identification.statistics import BaseEstimate, BaseStatistics, relative_percent
@@ -135,7 +134,7 @@ class EssentialParameters:
         squares: sum of squares that they leave.
     """
 
-    kept: NDArray[np.int64]
+    kept: Indices
     removed: tuple[int, ...]
     values: Array
     std: Array

@@ -7,9 +7,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Flags, Indices
 from excite.errors import LogError
 from excite.logs.log import Log, Trial
 from excite.logs.robot import robot_in_log
@@ -75,11 +74,11 @@ class IdentificationProblem:
     Y: Array
     y: Array
     weights: Array
-    channel: NDArray[np.int64]
+    channel: Indices
     channel_names: tuple[str, ...]
     channel_units: tuple[str, ...]
     time: Array
-    trial: NDArray[np.int64]
+    trial: Indices
     trial_names: tuple[str, ...]
     parameter_names: tuple[str, ...]
     prior: Array
@@ -91,13 +90,13 @@ class IdentificationProblem:
     sampling_hz: float | None = None
     freedom: Array | None = None
 
-    def numbers(self, rows: NDArray[np.int64] | slice = slice(None)) -> Array:
+    def numbers(self, rows: Indices | slice = slice(None)) -> Array:
         """Independent numbers that some rows hold in each channel, ``(n_channels,)``."""
         weights = None if self.freedom is None else self.freedom[rows]
         return np.bincount(self.channel[rows], weights, minlength=len(self.channel_names)).astype(float)
 
     @property
-    def is_moving(self) -> NDArray[np.bool_]:
+    def is_moving(self) -> Flags:
         """Which parameters are free, ``(n_params,)``: all but those of segments that the sensors do not see."""
         free = np.ones(self.n_params, dtype=bool)
         for segment in self.unmeasured:
@@ -121,7 +120,7 @@ class IdentificationProblem:
         """Number of columns."""
         return int(self.Y.shape[1])
 
-    def with_rows(self, kept: NDArray[np.bool_]) -> IdentificationProblem:
+    def with_rows(self, kept: Flags) -> IdentificationProblem:
         """The problem with the rows of a mask ``(n_rows,)`` alone."""
         own = ("Y", "y", "weights", "channel", "time", "trial")
         parts = {name: getattr(self, name)[kept] for name in own}
@@ -145,7 +144,7 @@ class IdentificationProblem:
         """Measured minus predicted, ``(n_rows,)``, for ``parameters`` of shape ``(n_params,)``."""
         return self.y - self.Y @ parameters
 
-    def rows_of(self, channel: str) -> NDArray[np.bool_]:
+    def rows_of(self, channel: str) -> Flags:
         """Mask of the rows of a channel, ``(n_rows,)``."""
         return np.asarray(self.channel == self.channel_names.index(channel))
 

@@ -10,16 +10,15 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 import yaml
-from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.special import chdtrc, gammaincinv, ndtr, ndtri
 
-from excite.arrays import Array
+from excite.arrays import Array, Flags
 from excite.atomic import write_text
 from excite.display import Shown, span
 from excite.errors import InputError, LogError
 from excite.identification.estimators.settings import EstimatorSettings
-from excite.identification.inertia import COLUMNS, FILE_ORDER, ROUNDING, ROWS, pseudo_inertia_matrices
+from excite.identification.inertia import FILE_ORDER, ROUNDING, physical_parameters, pseudo_inertia_matrices
 from excite.identification.problem import NEVER_NEGATIVE, IdentificationProblem, build_problem
 from excite.identification.regression import (
     RANK_TOLERANCE,
@@ -79,7 +78,7 @@ class Pooled:
     next_interval: Array
     level: float
 
-    def varies(self, n_sessions: int) -> NDArray[np.bool_]:
+    def varies(self, n_sessions: int) -> Flags:
         """Which parameters' sessions lie further apart than their own intervals allow, ``(k,)``.
 
         Cochran's ``Q``, at the intervals' level for all parameters together (Bonferroni).
@@ -426,10 +425,8 @@ def _of_a_body(low: Array, middle: Array, high: Array) -> _Ends:
 
 def _link_quantities(ten: Array) -> Array:
     """Mass, centre of mass, and inertia about it, xx yy zz xy xz yz, ``(10,)``."""
-    center = ten[1:4] / ten[0]
-    shift = ten[0] * (float(center @ center) * np.eye(3) - np.outer(center, center))
-    central = ten[4:] - shift[ROWS, COLUMNS]
-    return np.concatenate([ten[:1], center, central[list(FILE_ORDER)]])
+    body = physical_parameters(ten)[0]
+    return np.concatenate([body[:4], body[4:][list(FILE_ORDER)]])
 
 
 def _of_drives(
@@ -521,7 +518,7 @@ class Sessions(Shown, Stated):
     left_out: Annotated[Mapping[Name, int], FEW] = field(default_factory=dict)
 
     @property
-    def varies(self) -> NDArray[np.bool_]:
+    def varies(self) -> Flags:
         """Which base parameters' sessions lie further apart than their own intervals allow, ``(n_base,)``."""
         return self.pooled.varies(len(self.names))
 

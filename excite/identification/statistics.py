@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import next_fast_len
 from scipy.linalg import solve_triangular
 from scipy.special import stdtrit
 
-from excite.arrays import Array
+from excite.arrays import Array, Flags, Indices
 from excite.identification.noise import (
     COLUMNS_AT_ONCE,
     FREQUENCIES_AT_ONCE,
@@ -135,7 +134,7 @@ def parameter_labels(problem: IdentificationProblem) -> tuple[str, ...]:
     return (*labels, *(f"{term}({joint})" for term, _, joint in drives))
 
 
-def _orthonormal_columns(matrix: Array, columns: NDArray[np.int64], weight: Array, factor: Array) -> Array:
+def _orthonormal_columns(matrix: Array, columns: Indices, weight: Array, factor: Array) -> Array:
     """``W X R⁻¹``, ``(n_rows, n_base)``, block by block so that there is only one copy."""
     q = np.empty((len(matrix), len(columns)))
     for rows in row_blocks(len(matrix)):
@@ -265,9 +264,7 @@ class _Moments:
         self.numbers = np.einsum("bbcd->bcd", self.spilled)
         self.freedom = np.maximum(np.einsum("bcc->bc", self.numbers - self.crossed), 1.0)
 
-    def _iterate_parts(
-        self, *, audible: bool = False
-    ) -> Iterator[tuple[int, TransformedTrial, NDArray[np.int64]]]:
+    def _iterate_parts(self, *, audible: bool = False) -> Iterator[tuple[int, TransformedTrial, Indices]]:
         """Band, trial, and places of some of its frequencies there: all, or those to learn from."""
         for trial, band in zip(self.trials, self.band, strict=True):
             for b in range(self.n_bands):
@@ -386,13 +383,13 @@ class Bins:
     """
 
     n_fft: int
-    kept: NDArray[np.int64]
+    kept: Indices
     relative: Array
     colour: Array
-    audible: NDArray[np.bool_]
+    audible: Flags
     weight: Array
 
-    def band(self, edges: Array) -> NDArray[np.int64]:
+    def band(self, edges: Array) -> Indices:
         """Band of each frequency, ``(n_kept,)``."""
         return np.clip(np.searchsorted(edges, self.relative, side="right") - 1, 0, len(edges) - 2)
 
@@ -520,7 +517,7 @@ def alike_bands(power: Array, counts: Array, taken: Array) -> Array:
     return np.array(best_bands(0, len(power))[1])
 
 
-def spilled_power(trial: TransformedTrial, band: NDArray[np.int64], n_bands: int) -> Array:
+def spilled_power(trial: TransformedTrial, band: Indices, n_bands: int) -> Array:
     """Power that noise of unit power in band b' has in the audible part of band b, per instant, ``(n_bands, n_bands)``.
 
     ``tr(W_b G_b')/n`` of the Toeplitz matrices of both: a record of finite length smears frequencies.
@@ -539,7 +536,7 @@ def spilled_power(trial: TransformedTrial, band: NDArray[np.int64], n_bands: int
     return np.asarray((np.fft.irfft(seen, bins.n_fft) * pairs) @ np.fft.irfft(given, bins.n_fft).T)
 
 
-def frequency_blocks(chosen: NDArray[np.bool_]) -> Iterator[NDArray[np.int64]]:
+def frequency_blocks(chosen: Flags) -> Iterator[Indices]:
     """Places of the chosen frequencies ``(n_kept,)``, a few at a time, so that columns need no second copy."""
     places = np.flatnonzero(chosen)
     for start in range(0, len(places), FREQUENCIES_AT_ONCE):

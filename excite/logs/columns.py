@@ -8,16 +8,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Flags
 from excite.errors import LogError
 from excite.logs.header_blocks import TrialHeader
 from excite.logs.log import Cleaning, LogHeader, Trial
 from excite.logs.quantisation import channel_noise, coarse_step
 from excite.logs.sampling import FEWEST_ROWS, SAME_S, check_span, check_stamps, in_seconds, missing_rows
+from excite.motion.content import BASE_POSE, unit_quaternions
 
-BASE_POSE = tuple(f"base.{name}" for name in ("px", "py", "pz", "qx", "qy", "qz", "qw"))
 IMU_AXES = tuple(f"imu.{name}" for name in ("gx", "gy", "gz", "ax", "ay", "az"))
 WRENCH_AXES = ("fx", "fy", "fz", "tx", "ty", "tz")
 _JOINT_CHANNELS = {
@@ -211,8 +210,7 @@ def _unit_quaternions(quaternions: Array, file: Path) -> Array:
             field="base.qw",
             remedy="log unit quaternions, x y z w",
         )
-    # Leave those alone that are unit to rounding, so that reading what was saved changes nothing.
-    return np.where(np.abs(norm - 1.0)[:, None] > 1e-9, quaternions / norm[:, None], quaternions)
+    return unit_quaternions(quaternions)
 
 
 # Finding and repairing what loggers do to samples: repeated, swapped and missing rows, clipping, steps.
@@ -303,7 +301,7 @@ def clean_columns(columns: dict[str, Array], path: Path) -> CleanColumns:
     return CleanColumns(cleaned, report)
 
 
-def _in_motion(positions: list[Array], n: int) -> NDArray[np.bool_]:
+def _in_motion(positions: list[Array], n: int) -> Flags:
     """Rows ``(n,)`` near which any position changes; all where there are no positions."""
     if not positions:
         return np.ones(n, dtype=bool)
@@ -334,7 +332,7 @@ _ROWS = 2
 _COARSEST = 0.1
 
 
-def clipped_samples(values: Array, step: float, noise: float, moving: NDArray[np.bool_]) -> int:
+def clipped_samples(values: Array, step: float, noise: float, moving: Flags) -> int:
     """Samples at the largest or smallest value of a channel, where that is the end of its range.
 
     A clipped channel is at its extreme much more often than next to it, and arrives there at speed. One that turns
@@ -355,7 +353,7 @@ def clipped_samples(values: Array, step: float, noise: float, moving: NDArray[np
     return sum(_at_the_top(sign * values, step, depth, moving) for sign in (1.0, -1.0))
 
 
-def _at_the_top(values: Array, step: float, depth: float, moving: NDArray[np.bool_]) -> int:
+def _at_the_top(values: Array, step: float, depth: float, moving: Flags) -> int:
     below = values.max() - values
     at = (below < 0.5 * step) if step else (below == 0.0)
     count = int(np.sum(at & moving))
@@ -377,7 +375,7 @@ def _at_the_top(values: Array, step: float, depth: float, moving: NDArray[np.boo
     return count if long > _STRAIGHT * short + 0.5 * np.sqrt(len(times)) else 0
 
 
-def _ways_out(below: Array, at: NDArray[np.bool_]) -> list[Array]:
+def _ways_out(below: Array, at: Flags) -> list[Array]:
     """Distances from the extreme, from the row after it on, until the channel is back or the record ends."""
     out = np.flatnonzero(at[:-1] & ~at[1:]) + 1
     back = np.flatnonzero(at)

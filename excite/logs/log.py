@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from excite.arrays import Array
+from excite.arrays import Array, Flags
 from excite.display import count
 from excite.logs.header_blocks import (
     MAX_NAMES,
@@ -159,12 +159,12 @@ class Trial:
     a: Array | None = None
     base: Array | None = None
     wrenches: Mapping[str, Array] = field(default_factory=dict)
-    contacts: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
+    contacts: Mapping[str, Flags] = field(default_factory=dict)
     imu: Array | None = None
     session: str | None = None
     start_s: float | None = None
     repeats: str | None = None
-    beyond: NDArray[np.bool_] | None = None
+    beyond: Flags | None = None
     cleaning: Cleaning = field(default_factory=Cleaning)
 
     def __repr__(self) -> str:
@@ -176,7 +176,7 @@ class Trial:
         """Number of samples."""
         return len(self.time)
 
-    def rows(self, which: NDArray[np.bool_] | NDArray[np.intp]) -> Trial:
+    def rows(self, which: Flags | NDArray[np.intp]) -> Trial:
         """The trial with some of its rows, by mask or in the order of their indices."""
 
         def take_rows(values: Array | None) -> Array | None:

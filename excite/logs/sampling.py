@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Indices
 from excite.errors import LogError
 from excite.logs.log import LogHeader, Trial
 
@@ -152,7 +152,7 @@ _LEVEL = 2
 _RARE = 0.1
 
 
-def missing_rows(time: Array) -> NDArray[np.int64]:
+def missing_rows(time: Array) -> Indices:
     """How many rows are missing in each step between stamps.
 
     Where a row is missing, all later stamps are a period further than their number lets one expect. That change
@@ -201,7 +201,7 @@ def _long_tailed(step: Array, period: float, window: int) -> bool:
     return between - 0.5 * len(step) * (tail[0] - tail[1]) > max(whole, _FEW)
 
 
-def _added_rows(step: Array, period: float, extra: NDArray[np.int64], window: int) -> NDArray[np.int64]:
+def _added_rows(step: Array, period: float, extra: Indices, window: int) -> Indices:
     """Rows missing in each step, from those found before and jumps of the level that they leave."""
     extra = extra.copy()
     for _ in range(_PASSES):
@@ -247,9 +247,7 @@ def _robust_deviation(values: Array) -> float:
     return 1.4826 * float(np.median(np.abs(values)))
 
 
-def _largest_near(
-    values: Array | NDArray[np.int64], places: NDArray[np.intp], reach: int
-) -> NDArray[np.intp]:
+def _largest_near(values: Array | Indices, places: NDArray[np.intp], reach: int) -> NDArray[np.intp]:
     """Where, up to ``reach`` places from each place, the largest value is."""
     near = np.clip(places[:, None] + np.arange(-reach, reach + 1), 0, len(values) - 1)
     return np.asarray(near[np.arange(len(places)), np.argmax(values[near], axis=1)])

@@ -12,7 +12,7 @@ import pinocchio as pin
 import scipy
 from numpy.typing import NDArray
 
-from excite.arrays import Array, Moved
+from excite.arrays import Array, Flags, Moved
 from excite.display import count
 from excite.errors import MotionError
 from excite.motion.setpoints import Curve, is_sparse
@@ -71,7 +71,7 @@ class Motion:
     q: Array
     v: Array
     a: Array
-    contacts: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
+    contacts: Mapping[str, Flags] = field(default_factory=dict)
     metadata: MotionMetadata = field(default_factory=MotionMetadata)
     curve: Curve = "quintic"
 
@@ -220,7 +220,7 @@ def jerk_peaks(time: Array, q: Array, v: Array, a: Array) -> Array:
     return np.asarray(np.max(at, axis=0) / h**3)
 
 
-def closed_contacts(robot: Robot, motion: Motion) -> NDArray[np.bool_]:
+def closed_contacts(robot: Robot, motion: Motion) -> Flags:
     """Contact flags in the order of ``robot.feet``, ``(n, n_feet)``; set where the motion says nothing of a foot."""
     every = np.ones(motion.n_samples, dtype=bool)
     flags = [motion.contacts.get(foot.name, every) for foot in robot.feet]

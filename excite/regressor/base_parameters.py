@@ -7,10 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
-from excite.arrays import Array
+from excite.arrays import Array, Indices
 from excite.errors import InputError
 from excite.regressor.columns import measured_columns, regressor_rows
 from excite.regressor.contact_forces import stance_flags
@@ -38,7 +37,7 @@ class BaseParameters:
     """
 
     names: tuple[str, ...]
-    independent: NDArray[np.int64]
+    independent: Indices
     matrix: Array
     expressions: tuple[str, ...]
     smallest_kept: float

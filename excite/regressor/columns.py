@@ -6,9 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Flags, Indices
 from excite.errors import InputError, UnknownNameError
 from excite.regressor.contact_forces import contact_elimination, motor_regressor
 from excite.regressor.kernels import base_link_regressor, forward_kinematics
@@ -31,17 +30,17 @@ class Columns:
     """
 
     names: tuple[str, ...]
-    segment: NDArray[np.int64]
-    parameter: NDArray[np.int64]
-    joint: NDArray[np.int64]
+    segment: Indices
+    parameter: Indices
+    joint: Indices
     drives: tuple[str, ...]
 
     @property
-    def inertial(self) -> NDArray[np.int64]:
+    def inertial(self) -> Indices:
         """Indices in ``phi`` of the inertial columns, in their order."""
         return self.parameter[self.parameter >= 0]
 
-    def only(self, kept: NDArray[np.int64]) -> Columns:
+    def only(self, kept: Indices) -> Columns:
         """Some of the columns, by index."""
         names = tuple(self.names[column] for column in kept)
         return replace(
@@ -52,7 +51,7 @@ class Columns:
             joint=self.joint[kept],
         )
 
-    def of_segment(self, segment: int) -> NDArray[np.int64]:
+    def of_segment(self, segment: int) -> Indices:
         """Columns of a segment, empty where no sensor sees it."""
         return np.flatnonzero(self.segment == segment)
 
@@ -93,7 +92,7 @@ def measured_columns(robot: Robot, drives: Sequence[str] = ("viscous", "coulomb"
 
 
 def regressor_rows(
-    robot: Robot, columns: Columns, q: Array, v: Array, a: Array, closed: NDArray[np.bool_] | None = None
+    robot: Robot, columns: Columns, q: Array, v: Array, a: Array, closed: Flags | None = None
 ) -> Array:
     """Regressor of what a robot measures: the base's wrench, or the joint torques less what contacts add to them.
 

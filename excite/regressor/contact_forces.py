@@ -11,9 +11,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from excite.arrays import Array, distinct_rows
+from excite.arrays import Array, Flags, distinct_rows
 from excite.regressor.kernels import Placements, forward_kinematics, inverse_dynamics, joint_torque_regressor
 from excite.regressor.tree import FREE_FLYER, PRISMATIC, KinematicTree, read_tree
 from excite.robot.joint_values import per_joint
@@ -26,7 +25,7 @@ _LENGTH = 0.3
 # line between them, to rounding; anything that contacts do transmit is far above.
 
 
-def contact_elimination(robot: Robot, q: Array, closed: NDArray[np.bool_]) -> Array:
+def contact_elimination(robot: Robot, q: Array, closed: Flags) -> Array:
     """Matrices that take generalised forces to joint torques without contact forces.
 
     Applied to ``Y φ`` and to ``[0; τ]`` alike they give equal sides, whatever the contact forces are. A robot that
@@ -57,7 +56,7 @@ def contact_elimination(robot: Robot, q: Array, closed: NDArray[np.bool_]) -> Ar
     return rows
 
 
-def stance_flags(robot: Robot, n: int) -> NDArray[np.bool_]:
+def stance_flags(robot: Robot, n: int) -> Flags:
     """Contact flags of ``n`` samples, ``(n, n_feet)``: in turn all feet down, and each of several in the air."""
     n_feet = len(robot.feet)
     patterns = np.vstack([np.ones((1, n_feet)), 1.0 - np.eye(n_feet) if n_feet > 1 else np.ones((1, n_feet))])

@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Indices
 from excite.errors import RobotError
 
 FREE_FLYER, REVOLUTE, REVOLUTE_UNBOUNDED, PRISMATIC = 0, 1, 2, 3
@@ -49,14 +49,14 @@ class KinematicTree:
     """
 
     names: tuple[str, ...]
-    kinds: NDArray[np.int64]
-    parents: NDArray[np.int64]
-    idx_q: NDArray[np.int64]
-    idx_v: NDArray[np.int64]
+    kinds: Indices
+    parents: Indices
+    idx_q: Indices
+    idx_v: Indices
     rotations: Array
     translations: Array
     axes: Array
-    aligned: NDArray[np.int64]
+    aligned: Indices
     gravity: Array
     phi: Array
     nq: int

@@ -14,7 +14,7 @@ from html import escape
 from importlib.resources import files
 from typing import Any
 
-from excite.results import finite
+from excite.results import plain
 
 
 @dataclass(frozen=True)
@@ -179,7 +179,7 @@ _SCRIPTS = {
 
 def data_island(identifier: str, content: Any, title: str = "") -> str:
     """Data of the page for its scripts: JSON in which no text can end the element."""
-    text = json.dumps(finite(content), ensure_ascii=False, separators=(",", ":"))
+    text = json.dumps(plain(content), ensure_ascii=False, separators=(",", ":"))
     for char in "<>&\u2028\u2029":
         text = text.replace(char, f"\\u{ord(char):04x}")
     named = f' data-title="{escape(title)}"' if title else ""

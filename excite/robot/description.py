@@ -14,6 +14,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from excite.errors import RobotError
 from excite.formats.documents import read_yaml
+from excite.formats.number import shorten_value
 from excite.results import Assumed
 from excite.robot.mechanisms.closures import CouplingBlock, LoopBlock, TieBlock, TransmissionBlock
 from excite.robot.quantities import (
@@ -399,10 +400,5 @@ def read_description(path: Path) -> RobotDescription:
         remedy = first.get("ctx", {}).get("remedy", "see `excite init-robot` for the expected form")
         said = first["msg"].removeprefix("Value error, ")
         # What several fields say together names them itself.
-        found = f", got {_shorten_value(first['input'])}" if field else ""
+        found = f", got {shorten_value(first['input'])}" if field else ""
         raise robot_error(path, field, f"{said}{found}{more}", str(remedy)) from error
-
-
-def _shorten_value(value: object) -> str:
-    text = " ".join(repr(value).split())
-    return text if len(text) <= 60 else text[:59] + "…"

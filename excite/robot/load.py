@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import asdict, dataclass, replace
 from functools import cache
 from hashlib import sha256
@@ -47,7 +48,7 @@ def load_robot(name_or_path: str | Path, source: Source | None = None) -> Robot:
     if described is not None and source.limits is None:
         return described
     # A model's path tells it from others of its name, and may be longer than a name of a folder.
-    folder = _temporary_folder().path / sha256(f"{path.resolve().as_posix()}{source}".encode()).hexdigest()
+    folder = _temporary_folder().path / sha256(f"{os.path.realpath(path)}{source}".encode()).hexdigest()
     if described is not None and source.limits is not None:
         text = limited_description(described, source.limits)
         return load_described(write_text(folder / "robot.yaml", text))

@@ -39,7 +39,7 @@ from excite.robot.refusal import robot_error, unknown_name
 from excite.robot.robot import Foot, Robot
 from excite.robot.shapes.collision import ground_is_assumed
 from excite.robot.urdf.inertia import check_weights
-from excite.robot.urdf.limits import assumed_limits, read_limits_file, with_tables
+from excite.robot.urdf.limits import LARGEST, assumed_limits, read_limits_file, tighter_limits, with_tables
 from excite.robot.urdf.numbers import read_number, read_origin
 from excite.robot.urdf.reading import Stated, read_mimic, read_urdf, urdf_model
 
@@ -174,17 +174,20 @@ def _assumed_choices(description: RobotDescription) -> Iterator[Assumed]:
             yield Assumed(f"{name} limits", value, consequence)
 
 
+# Limits that a robot.yaml calls otherwise than a URDF.
+_FIELDS = {"effort": "torque"}
+
+
 def _assumed_limits(
     description: RobotDescription, tightened: Mapping[str, Mapping[str, list[str]]]
 ) -> tuple[Assumed, ...]:
     """Limits of the model that stand elsewhere than in ``<limit>``, of joints of which the description says nothing."""
     block = description.limits
-    blocks = {"position": block.position, "velocity": block.velocity, "effort": block.torque}
     left = {}
     for said, changed in tightened.items():
         kept = {}
         for what, names in changed.items():
-            own = blocks.get(what)
+            own = getattr(block, _FIELDS.get(what, what))
             stated = {*description.locked_joints, *(own.joints if own is not None else ())}
             kept[what] = [name for name in names if name not in stated]
         left[said] = {what: names for what, names in kept.items() if names}
@@ -237,10 +240,9 @@ def limited_description(robot: Robot, file: Path) -> str:
     changed: dict[str, dict[str, Any]] = {}
     for name, stated in found.limits.items():
         index, margin = robot.joint_index(name), description.limits.position.margin
-        for what, value in stated.items():
-            own = "torque" if what == "effort" else what
-            if what != "position" and 0.0 < value < getattr(limits, own)[index]:
-                changed.setdefault(own, {})[name] = value
+        own = {key: float(getattr(limits, _FIELDS.get(key, key))[index]) for key in LARGEST}
+        for what, value in tighter_limits(stated, own).items():
+            changed.setdefault(_FIELDS.get(what, what), {})[name] = value
         low, high = float(limits.position_lower[index] - margin), float(limits.position_upper[index] + margin)
         lower, upper = stated.get("position", (low, high))
         kept = max(low, lower), min(high, upper)

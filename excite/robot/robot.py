@@ -8,9 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Flags
 from excite.display import count
 from excite.errors import UnknownNameError
 from excite.robot.description import FREE_BASES, RobotDescription
@@ -152,7 +151,7 @@ class Robot:
         return len(self.joint_names)
 
     @cached_property
-    def passive(self) -> NDArray[np.bool_]:
+    def passive(self) -> Flags:
         """Which joints no motor drives, ``(n_joints,)``; they follow from the others."""
         columns = () if self.mechanism is None else self.mechanism.passive - self.n_base_v
         return np.isin(np.arange(self.n_joints), columns)

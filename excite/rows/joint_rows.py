@@ -7,9 +7,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from excite.arrays import Array, widen_flags
+from excite.arrays import Array, Flags, widen_flags
 from excite.errors import LogError
 from excite.logs.log import LogHeader, Trial
 from excite.logs.signals.coupling import coupling_matrix, joint_torques
@@ -152,7 +151,7 @@ class JointRows:
             rows = replace(rows, freedom=self._row_freedom(rows, k, closed))
         return self._weigh_standing(away_from_changes(rows, k, closed), k)
 
-    def _of_offsets(self, samples: JointSamples, torque: Array, closed: NDArray[np.bool_]) -> Array:
+    def _of_offsets(self, samples: JointSamples, torque: Array, closed: Flags) -> Array:
         """Change of rows per unit of encoder offset, ``(m, n_channels, n_joints)``: contacts move with their legs.
 
         What takes contact forces out of the rows changes with the posture as well as the bodies' torques do, and it
@@ -171,7 +170,7 @@ class JointRows:
             columns.append((rows_left(q) - at_hand) / _TURN)
         return np.stack(columns, axis=2)
 
-    def _row_freedom(self, rows: TrialRows, k: TrialKinematics, closed: NDArray[np.bool_]) -> Array:
+    def _row_freedom(self, rows: TrialRows, k: TrialKinematics, closed: Flags) -> Array:
         """Share of each row that contacts leave it: the diagonal of what projects their forces out."""
         at = np.searchsorted(k.time, rows.time)
         out = self._contact_elimination_of(k.q[at], closed[at])[:, :, self._joints_of()]
@@ -207,7 +206,7 @@ class JointRows:
         rows = filtered_rows(rows_of, k, self.filters, self._usable_samples(trial, k, joints))
         return self._weigh_standing(away_from_changes(rows, k, closed), k)
 
-    def _contact_elimination_of(self, q: Array, closed: NDArray[np.bool_]) -> Array:
+    def _contact_elimination_of(self, q: Array, closed: Flags) -> Array:
         """What takes unmeasured contact forces out, ``(n, n_channels, nv)``; raises LogError if a torque is missing."""
         silent = [joint for joint in self.robot.driven_names if joint not in self.channel_names]
         if silent:
@@ -228,7 +227,7 @@ class JointRows:
     def _joints_of(self) -> list[int]:
         return [self.robot.n_base_v + self.robot.joint_index(name) for name in self.channel_names]
 
-    def _usable_samples(self, trial: Trial, k: TrialKinematics, joints: list[int]) -> NDArray[np.bool_]:
+    def _usable_samples(self, trial: Trial, k: TrialKinematics, joints: list[int]) -> Flags:
         """Samples inside the motion with known torques at which the joint moves: where it stands, stiction rules."""
         # What takes contact forces out of the rows mixes all joints.
         mixing = np.ones((len(joints),) * 2) if self.robot.floating and self.robot.feet else self.motors
@@ -313,7 +312,7 @@ CHANGE_S = 0.01
 """Rows this long before and after a change of contacts are left out: a strike is over, and flags are right [s]."""
 
 
-def closed_on_grid(robot: Robot, trial: Trial, grid: Array) -> NDArray[np.bool_]:
+def closed_on_grid(robot: Robot, trial: Trial, grid: Array) -> Flags:
     """Which feet carry, ``(n, n_feet)``: each flag as at the last sample before.
 
     Args:
@@ -337,7 +336,7 @@ def closed_on_grid(robot: Robot, trial: Trial, grid: Array) -> NDArray[np.bool_]
     return np.column_stack(flags) if flags else np.zeros((len(grid), 0), dtype=bool)
 
 
-def away_from_changes(rows: TrialRows, k: TrialKinematics, closed: NDArray[np.bool_] | None) -> TrialRows:
+def away_from_changes(rows: TrialRows, k: TrialKinematics, closed: Flags | None) -> TrialRows:
     """Rows less those about a change of contacts, where feet strike and flags come late.
 
     Args:
@@ -351,7 +350,7 @@ def away_from_changes(rows: TrialRows, k: TrialKinematics, closed: NDArray[np.bo
     return replace(rows, use=rows.use & ~near[:, None])
 
 
-def _near_change(closed: NDArray[np.bool_], samples: int) -> NDArray[np.bool_]:
+def _near_change(closed: Flags, samples: int) -> Flags:
     """Samples within ``samples`` of a change of any flag, ``(n,)``."""
     change = np.zeros(len(closed), dtype=bool)
     differ = (closed[1:] != closed[:-1]).any(axis=1)

@@ -8,9 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pinocchio as pin
 import scipy
-from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Flags
 from excite.logs.log import LogHeader, Trial
 from excite.logs.robot import base_offset, imu_placement
 from excite.logs.signals.base_pose import base_motion, continuous_quaternions
@@ -52,7 +51,7 @@ class TrialKinematics:
     q: Array
     v: Array
     a: Array
-    valid: NDArray[np.bool_]
+    valid: Flags
     moving: slice
 
     @property
@@ -61,7 +60,7 @@ class TrialKinematics:
         return bool(self.moving.start == self.moving.stop)
 
     @property
-    def in_motion(self) -> NDArray[np.bool_]:
+    def in_motion(self) -> Flags:
         """Valid samples between the first and the last at which a joint moves, ``(n,)``."""
         use = self.valid.copy()
         use[: self.moving.start] = use[self.moving.stop :] = False
@@ -243,7 +242,7 @@ class TrialRows:
 
     values: Array
     time: Array
-    use: NDArray[np.bool_]
+    use: Flags
     freedom: Array | None = None
 
 
@@ -251,9 +250,7 @@ RowSource = Callable[[slice], Array]
 """Rows ``(m, n_channels, n_params + 1)`` of a slice of samples, at full rate."""
 
 
-def filtered_rows(
-    source: RowSource, kinematics: TrialKinematics, filters: Filters, use: NDArray[np.bool_]
-) -> TrialRows:
+def filtered_rows(source: RowSource, kinematics: TrialKinematics, filters: Filters, use: Flags) -> TrialRows:
     """Filter regressor columns and measurement alike, then keep every k-th sample.
 
     As the filter is linear, ``F(Y) θ = F(τ)`` holds exactly where ``Y θ = τ`` does; filtering before the
@@ -293,7 +290,7 @@ def decimation_factor(rate_hz: float, filters: Filters) -> int:
     return decimation_step(rate_hz, filters.rate_hz)
 
 
-def _erode_rows(use: NDArray[np.bool_], valid: NDArray[np.bool_], settling: int) -> NDArray[np.bool_]:
+def _erode_rows(use: Flags, valid: Flags, settling: int) -> Flags:
     """Take away what the filter's transient reaches: all of it at the ends, half of it at gaps."""
     half = settling // 2
     if half:

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from excite.arrays import Array, widen_flags
+from excite.arrays import Array, Flags, widen_flags
 from excite.logs.log import Trial
 from excite.logs.signals.butterworth import settling_samples
 
@@ -15,9 +14,7 @@ from excite.logs.signals.butterworth import settling_samples
 # were.
 
 
-def beyond_on_grid(
-    trial: Trial, columns: Sequence[int], grid: Array, mixing: Array | None
-) -> NDArray[np.bool_]:
+def beyond_on_grid(trial: Trial, columns: Sequence[int], grid: Array, mixing: Array | None) -> Flags:
     """Which channels hold a torque that was beyond its range, ``(m, n_channels)``.
 
     Args:
@@ -33,14 +30,14 @@ def beyond_on_grid(
     return flags if mixing is None else np.asarray(flags @ np.abs(mixing) > 0.0)
 
 
-def flags_at(time: Array, flags: NDArray[np.bool_], grid: Array) -> NDArray[np.bool_]:
+def flags_at(time: Array, flags: Flags, grid: Array) -> Flags:
     """Flags ``(n, k)`` at other times, ``(m, k)``: set where a sample on either side is."""
     if grid is time:
         return flags
     return np.column_stack([np.interp(grid, time, column) > 0.0 for column in flags.T.astype(float)])
 
 
-def reached_samples(beyond: NDArray[np.bool_], rate_hz: float, cutoff_hz: float) -> NDArray[np.bool_]:
+def reached_samples(beyond: Flags, rate_hz: float, cutoff_hz: float) -> Flags:
     """Samples whose filtered torques hold some of those that were beyond their range, as ``beyond (n, …)``.
 
     As far as half of the filter's transient: what is left of a step there is less than a guess is off by.
@@ -48,7 +45,7 @@ def reached_samples(beyond: NDArray[np.bool_], rate_hz: float, cutoff_hz: float)
     return widen_flags(beyond, settling_samples(rate_hz, cutoff_hz) // 2)
 
 
-def bridge_torques(tau: Array, nominal: Array, beyond: NDArray[np.bool_]) -> Array:
+def bridge_torques(tau: Array, nominal: Array, beyond: Flags) -> Array:
     """Torques ``(n, n_joints)``, those beyond their range by the nominal model and what it is off by on both sides.
 
     A filter smears what stands there into its neighbours: that is to be no more than the model is wrong by.

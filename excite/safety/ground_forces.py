@@ -76,13 +76,12 @@ def distribute_wrench(wrench: Array, corners: Array, friction: Array) -> Contact
         The corners' forces and the relative residual.
     """
     n, m = corners.shape[:2]
-    cone = _cone(wrench, corners, friction)
-    weights, residual = np.empty((n, 4 * m)), np.empty(n)
-    _nearest_in_cones(cone.rays, cone.target, _REGULARISATION**2, weights, residual)
+    cone = _solve_cone(wrench, corners, friction)
+    residual = cone.residual
     for k in np.flatnonzero(~(residual <= RESIDUAL_TOLERANCE)):
         residual[k] = _distance_to_cone(cone.rays[k], cone.target[k])
     edges = friction_edges(friction)
-    forces = np.einsum("nme,mec->nmc", weights.reshape(n, m, 4), edges) * cone.scale[:, None, None]
+    forces = np.einsum("nme,mec->nmc", cone.weights.reshape(n, m, 4), edges) * cone.scale[:, None, None]
     return ContactForces(forces, residual)
 
 
@@ -103,14 +102,13 @@ def shares_of_wrench(wrench: Array, corners: Array, friction: Array, counts: Seq
         forces for the wrench itself. NaN where the forces could not be computed.
     """
     n, m = corners.shape[:2]
-    cone = _cone(wrench, corners, friction)
-    weights, residual = np.empty((n, 4 * m)), np.empty(n)
-    _nearest_in_cones(cone.rays, cone.target, _REGULARISATION**2, weights, residual)
-    carrying = np.where(weights > 0.0, cone.rays.transpose(2, 0, 1), 0.0).transpose(1, 2, 0)
+    cone = _solve_cone(wrench, corners, friction)
+    carrying = np.where(cone.weights > 0.0, cone.rays.transpose(2, 0, 1), 0.0).transpose(1, 2, 0)
     inner = carrying.transpose(0, 2, 1) @ carrying + _REGULARISATION**2 * np.eye(6)
     # From a wrench about the origin to the cone's target, and from the rays' weights to wrenches about the origin.
     to_target = np.tile(np.eye(6), (n, 1, 1))
-    to_target[:, 3:, :3] = -_crossing(corners.mean(axis=1))
+    # Rows of eⱼ × c are columns of what takes x to −c × x.
+    to_target[:, 3:, :3] = np.cross(np.eye(3), corners.mean(axis=1)[:, None]).transpose(0, 2, 1)
     to_target[:, 3:] /= _LENGTH
     of_weights = carrying @ np.linalg.solve(inner, to_target)
     edges = np.broadcast_to(friction_edges(friction), (n, m, 4, 3))
@@ -121,7 +119,7 @@ def shares_of_wrench(wrench: Array, corners: Array, friction: Array, counts: Seq
         for count, end in zip(counts, ends, strict=True)
     ]
     found = np.stack(shares, axis=1)
-    found[~np.isfinite(residual)] = np.nan
+    found[~np.isfinite(cone.residual)] = np.nan
     return found
 
 
@@ -151,14 +149,19 @@ def cone_facets(corners: Array, friction: Array) -> Array:
 
 
 class _Cone(NamedTuple):
-    """Rays ``(n, 4·m, 6)`` about the corners' middle, the wrench there as they are scaled, and its scale ``(n,)``."""
+    """Rays ``(n, 4·m, 6)`` about the corners' middle, the wrench there as they are scaled, and its scale ``(n,)``.
+
+    The rays' weights ``(n, 4·m)`` are those of the regularised problem, whose residual is ``(n,)``.
+    """
 
     rays: Array
     target: Array
     scale: Array
+    weights: Array
+    residual: Array
 
 
-def _cone(wrench: Array, corners: Array, friction: Array) -> _Cone:
+def _solve_cone(wrench: Array, corners: Array, friction: Array) -> _Cone:
     n, m = corners.shape[:2]
     scale = np.maximum(np.linalg.norm(wrench[:, :3], axis=1), 1e-9)
     edges = friction_edges(friction)
@@ -167,16 +170,9 @@ def _cone(wrench: Array, corners: Array, friction: Array) -> _Cone:
     target = np.hstack([wrench[:, :3], moment / _LENGTH]) / scale[:, None]
     arms = np.cross((corners - centre[:, None])[:, :, None], edges[None]) / _LENGTH
     rays = np.concatenate([np.broadcast_to(edges, arms.shape), arms], axis=3).reshape(n, 4 * m, 6)
-    return _Cone(rays, target, scale)
-
-
-def _crossing(vectors: Array) -> Array:
-    """Matrices ``(n, 3, 3)`` that take ``x`` to ``vectors × x``."""
-    found = np.zeros((len(vectors), 3, 3))
-    for row, column, axis, sign in ((0, 1, 2, -1), (0, 2, 1, 1), (1, 2, 0, -1)):
-        found[:, row, column] = sign * vectors[:, axis]
-        found[:, column, row] = -sign * vectors[:, axis]
-    return found
+    weights, residual = np.empty((n, 4 * m)), np.empty(n)
+    _nearest_in_cones(rays, target, _REGULARISATION**2, weights, residual)
+    return _Cone(rays, target, scale, weights, residual)
 
 
 def _distance_to_cone(rays: Array, target: Array) -> float:

@@ -391,15 +391,12 @@ def _body(body: pin.Inertia, com: float, inertia: float) -> Array:
         columns[:, 1 + k] = 0.5 * body.mass * com * moved
     moments, axes = np.linalg.eigh(body.inertia)
     for k in range(3):
-        columns[4:, 4 + k] = inertia * moments[k] * np.outer(axes[:, k], axes[:, k])[_ROWS, _COLUMNS]
+        square = np.outer(axes[:, k], axes[:, k])
+        # Pinocchio's order is xx, xy, yy, xz, yz, zz.
+        columns[4:, 4 + k] = inertia * moments[k] * square[np.tril_indices(3)]
     return columns
-
-
-# Where pinocchio's order xx, xy, yy, xz, yz, zz finds its entries.
-_ROWS, _COLUMNS = [0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]
 
 
 def _point_mass(at: Array) -> Array:
     """Parameters of one kilogram at a point ``(3,)``, ``(10,)``."""
-    second = (at @ at) * np.eye(3) - np.outer(at, at)
-    return np.concatenate([[1.0], at, second[_ROWS, _COLUMNS]])
+    return np.asarray(pin.Inertia(1.0, at, np.zeros((3, 3))).toDynamicParameters())

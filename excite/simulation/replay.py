@@ -7,9 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Flags, runs_of
 from excite.motion.motion import Motion, interpolate_motion
 from excite.regressor.kernels import forward_kinematics
 from excite.robot.robot import Robot
@@ -186,13 +185,13 @@ class FirstFault:
         self._bodies = np.array([foot.joint for foot in robot.feet])
         self._centres = np.array([foot.placement.translation for foot in robot.feet])[:, :, None]
         shape = (planned.n_samples, len(robot.feet))
-        self._starts: NDArray[np.bool_] = np.zeros(shape, dtype=bool)
-        self._counts: NDArray[np.bool_] = np.zeros(shape, dtype=bool)
+        self._starts: Flags = np.zeros(shape, dtype=bool)
+        self._counts: Flags = np.zeros(shape, dtype=bool)
         for number, phases in enumerate(standing_phases(robot, planned).values()):
             for start, end in phases:
                 self._starts[start, number], self._counts[start:end, number] = True, True
         self._stood = np.zeros((len(robot.feet), 2))
-        self._looked: NDArray[np.bool_] = np.asarray(self._starts.any(axis=1))
+        self._looked: Flags = np.asarray(self._starts.any(axis=1))
         self._looked[:: max(1, round(_LOOK_S * robot.description.sensors.rate_hz))] = True
         if math.isinf(slip_m):
             self._looked[:] = False
@@ -220,7 +219,7 @@ def standing_phases(robot: Robot, planned: Motion) -> dict[str, list[tuple[int, 
     found = {}
     for foot in robot.feet:
         flags = planned.contacts.get(foot.name, np.ones(planned.n_samples, dtype=bool))
-        phases = [(start + settle if start > 0 else 0, end) for start, end in _true_runs(flags)]
+        phases = [(start + settle if start > 0 else 0, end) for start, end in runs_of(flags)]
         found[foot.name] = [(start, end) for start, end in phases if end > start]
     return found
 
@@ -229,9 +228,3 @@ def vertical_axis(quaternions: Array) -> Array:
     """The body's z axis in the world for quaternions x y z w, ``(n, 3)``."""
     x, y, z, w = quaternions.T
     return np.column_stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x**2 + y**2)])
-
-
-def _true_runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Half-open index ranges over which ``flags`` is True."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
-    return [(int(start), int(end)) for start, end in zip(edges[::2], edges[1::2], strict=True)]

@@ -7,9 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 import pinocchio as pin
 import scipy
-from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Flags
 from excite.logs.header_blocks import ImuHeader, TrialHeader
 from excite.logs.log import LogHeader, Trial
 from excite.logs.robot import foot_headers, sensor_headers
@@ -99,7 +98,7 @@ def imu_readings(robot: Robot, recording: Recording | Motion) -> Array:
     return np.hstack([angular, acceleration + np.cross(angular, linear) - gravity @ turn])
 
 
-def contact_flags(robot: Robot, recording: Recording) -> dict[str, NDArray[np.bool_]]:
+def contact_flags(robot: Robot, recording: Recording) -> dict[str, Flags]:
     """Whether the ground presses on each foot, as a switch in it would say, ``(n,)`` by foot name."""
     threshold = CONTACT_SHARE * robot.mass * float(np.linalg.norm(robot.description.gravity))
     return {foot.name: recording.contacts[foot.name][:, 2] > threshold for foot in robot.feet}

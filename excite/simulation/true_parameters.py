@@ -200,7 +200,8 @@ def _segment_places(robot: Robot) -> _Places:
         end = next((index for index in path if carried[index] >= _LIGHTEST_END), path[-1])
         if end not in ends:
             ends.append(end)
-    heads = [end for end in ends if _is_head(robot.segments[end].name + robot.segments[end].link)]
+    names = {end: (robot.segments[end].name + robot.segments[end].link).lower() for end in ends}
+    heads = [end for end, name in names.items() if "head" in name or "neck" in name]
     hands = [end for end in ends if end not in heads]
     if not hands:
         raise InputError(f"{robot.name} has no hands to put anything into", remedy="use scattered_parameters")
@@ -208,10 +209,6 @@ def _segment_places(robot: Robot) -> _Places:
     if not shared:
         raise InputError(f"{robot.name} has no trunk to put anything into", remedy="use scattered_parameters")
     return _Places(hands, heads, max(shared))
-
-
-def _is_head(name: str) -> bool:
-    return "head" in name.lower() or "neck" in name.lower()
 
 
 def _path_to_base(parents: list[int], index: int) -> list[int]:

@@ -7,9 +7,8 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Flags, Indices
 from excite.results import Name, Stated
 from excite.robot.robot import Robot
 from excite.simulation.mjcf import World
@@ -60,7 +59,7 @@ class Recording:
     q_cmd: Array
     tau_motor: Array
     tau_link: Array
-    clipped: NDArray[np.bool_]
+    clipped: Flags
     contacts: Mapping[str, Array]
     wrenches: Mapping[str, Array]
     touches: Array
@@ -112,8 +111,8 @@ class Plant:
     drives: Drives
     session_s: float = 0.0
     memory: dict[Any, Any] = field(default_factory=dict)
-    qpos: NDArray[np.int64] = field(init=False)
-    dof: NDArray[np.int64] = field(init=False)
+    qpos: Indices = field(init=False)
+    dof: Indices = field(init=False)
     friction: Array = field(init=False)
     damping: Array = field(init=False)
     torque: Array = field(init=False)
@@ -138,7 +137,7 @@ class Plant:
         self.force = np.zeros((m.nbody, 6))
 
     @property
-    def joint_dof(self) -> NDArray[np.int64]:
+    def joint_dof(self) -> Indices:
         """Index of each actuated joint in ``data.qvel``, ``(n_joints,)``."""
         return self.dof[self.robot.n_base_v :]
 

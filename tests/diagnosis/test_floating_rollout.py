@@ -27,8 +27,8 @@ from excite.diagnosis.floating.simulator import (
     standing_model,
 )
 from excite.diagnosis.floating.state import State
-from excite.logs.columns import BASE_POSE
 from excite.logs.files import load_log
+from excite.motion.content import BASE_POSE
 
 # TALOS over plates and on foot sensors, nominal inertials given and right; of the second, a length is wrong.
 _PLATES, _FEET = "case_013", "case_002"

@@ -275,6 +275,24 @@ def test_a_joint_that_counts_whole_turns_is_not_in_degrees(panda, log):
     assert "degrees" not in {item.kind for item in examine(panda, wound).findings}
 
 
+def test_a_seam_at_which_rows_are_lost_is_one(panda, log):
+    """Over a gap a joint goes further than from row to row."""
+
+    def wrapped(trial):
+        low = np.median(trial.q[:, :2], axis=0)
+        q = np.column_stack([low + (trial.q[:, :2] - low) % (2.0 * np.pi), trial.q[:, 2:]])
+        seams = np.flatnonzero((np.abs(np.diff(q, axis=0)) > np.pi).any(axis=1))
+        lost = (np.abs(np.arange(len(q))[:, None] - seams) < 4).any(axis=1)
+        return replace(trial, q=q, q_cmd=None).rows(~lost)
+
+    chart = examine(panda, changed(log, wrapped))
+    kinds = {one.kind for one in chart.findings if one.severity != "note"}
+    assert kinds <= {"whole_turns", "missing_rows"} and "whole_turns" in kinds
+    for mended, trial in zip(chart.log.trials, log.trials, strict=True):
+        turns = (np.interp(mended.time, trial.time, trial.q[:, 0]) - mended.q[:, 0]) / (2.0 * np.pi)
+        assert np.ptp(turns) < 0.02 and abs(turns[0] - np.round(turns[0])) < 0.02
+
+
 def test_positions_alone_tell_nothing(panda, log):
     """A bag of joint states without efforts; with commands, or of a robot on sensors, it would tell something."""
     header = log.header.model_copy(update={"torque": "none"})

@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import lsq_linear
 
 from excite.doctor.channel_mapping import Reading
-from excite.doctor.model_comparison import WIDTH, Drive, shares_left
+from excite.doctor.model_comparison import WIDTH, Columns, drive_columns, shares_left
 from excite.doctor.torque_samples import TorqueSamples, torque_samples
 from excite.robot.loading import load_robot
 from tests.identification.practice_log import arm_log
@@ -47,7 +47,7 @@ def test_torques_follow_gravity(samples: TorqueSamples, reading: Reading) -> Non
 def test_torques_follow_the_clock(samples: TorqueSamples, reading: Reading, factor: float) -> None:
     slow = replace(reading, tick=1.3)
     alone = samples.left(replace(slow, tick=1.3 * factor))
-    np.testing.assert_allclose(samples.by_clock(slow)(factor), alone, atol=1e-9)
+    np.testing.assert_allclose(samples.by_clock(slow)(np.array([factor]))[0], alone, atol=1e-9)
 
 
 def test_shares_are_those_of_bounded_least_squares() -> None:
@@ -58,7 +58,7 @@ def test_shares_are_those_of_bounded_least_squares() -> None:
         weights[0] * model + weights[1] * v + weights[2] * np.tanh(v / WIDTH) + weights[3] * a + 0.3 * noise
     )
     torque[:, 0] = 2.0
-    found = shares_left(torque, model, Drive.of(v, a))
+    found = shares_left(Columns.of(drive_columns(v, a), model).sums_with(torque))
     for j in range(40):
         columns = np.column_stack([model[:, j], v[:, j], np.tanh(v[:, j] / WIDTH), a[:, j]])
         columns, y = columns - columns.mean(axis=0), torque[:, j] - torque[:, j].mean()

@@ -51,6 +51,21 @@ def test_a_driver_that_takes_the_weight_off_is_named(name, side, share):
     assert inertia and np.abs(np.array(inertia) - 1.0).max() < 0.2
 
 
+@pytest.mark.parametrize("name", ["panda", "iiwa14", "jaco2"])
+def test_the_sign_of_torques_without_weight_is_told_with_it(name):
+    """Without the weight neither the sign nor the missing weight is told alone where inertial forces are small."""
+    robot = load_robot(name)
+    log = arm_log(robot, 3, torque="link_side", trials=2)
+    chart = examine(robot, changed(log, lambda t: replace(t, tau=weight(robot, t.q) - t.tau)))
+    found = {one.kind: one for one in chart.findings if one.severity != "note"}
+    assert found.keys() <= {"compensated", "torque_sign", "weak_torque"} and found["compensated"].repaired
+    assert "torque_sign" in found or "opposite sign" in found["compensated"].text
+    own = chart.log.trials[0].tau[:, 1] + weight(robot, log.trials[0].q)[:, 1] * (
+        not any(chart.log.header.gravity)
+    )
+    np.testing.assert_allclose(own, log.trials[0].tau[:, 1], atol=1e-9)
+
+
 @pytest.mark.parametrize("friction", [0.0, 1.0])
 def test_what_a_driver_left_of_friction_and_payload_is_said(friction):
     """A load of 2 kg in the hand that the driver knows nothing of, and friction that it takes off or leaves."""

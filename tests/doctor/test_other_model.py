@@ -76,3 +76,21 @@ def test_mistakes_that_no_bodies_explain_are_believed_however_many(arm: Robot, l
 
     kinds = {item.kind for item in examine(arm, changed(log, spoilt)).findings if item.severity == "spoils"}
     assert "torque_sign" in kinds and "other_model" not in kinds
+
+
+def test_weights_are_not_put_back_beside_a_payload_heavier_than_the_robot(arm: Robot, log: Log) -> None:
+    """A UR10 by the model of a robot of half its masses and seven tenths of its lengths."""
+    found = {one.kind for one in examine(smaller(arm, 0.7, 0.5), log).findings if one.severity != "note"}
+    assert found and found <= {"torque_scale", "clock", "other_model"}
+
+
+def test_zeros_that_no_joint_of_the_model_can_have_are_not_moved() -> None:
+    """An iiwa's log with the model of a Panda, of much the same masses, whose last axes point elsewhere."""
+    iiwa, panda = load_robot("iiwa14"), load_robot("panda")
+    recorded = arm_log(iiwa, 3, torque="link_side", trials=2)
+    names = dict(zip(iiwa.joint_names, panda.joint_names, strict=True))
+    header = recorded.header.model_copy(
+        update={"joints": tuple(map(names.get, recorded.header.joints)), "controller": None}
+    )
+    found = {one.kind for one in examine(panda, replace(recorded, header=header)).findings}
+    assert found & {"other_model", "beyond_limits"} and "zero_position" not in found

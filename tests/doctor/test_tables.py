@@ -7,16 +7,16 @@ from pathlib import Path
 from typing import get_args
 
 import excite
+from excite.data_tables import read_rows
 from excite.doctor.case import KINDS
 from excite.doctor.examine import FOUND
-from excite.doctor.thresholds import read_table
 from excite.finding import Severity
 
 ROOM = Path(excite.__file__).parent / "doctor"
 
 
 def test_every_threshold_is_used_and_says_what_set_it() -> None:
-    rows = read_table("thresholds.csv")
+    rows = read_rows(str(ROOM / "thresholds.py"), "thresholds.csv")
     names = [row["name"] for row in rows]
     source = "".join(path.read_text(encoding="utf-8") for path in ROOM.rglob("*.py"))
     assert set(re.findall(r"THRESHOLD\.(\w+)", source)) == set(names) and len(set(names)) == len(names)

@@ -230,6 +230,111 @@ def test_plates_turned_about_the_vertical_are_turned_back(session, person, turne
             np.testing.assert_allclose(wrench, b.wrenches[name], rtol=1e-6, atol=1e-3)
 
 
+def split_in_three(plates):
+    """The second plate as one below the heel and one below the toes, each with its part of every wrench."""
+    first, second = plates
+    middle = second.corners.mean(axis=0)
+    vertical = np.where(second.force[:, 2] > 30.0, second.force[:, 2], np.inf)
+    x, y = -second.moment[:, 1] / vertical, second.moment[:, 0] / vertical
+    share = np.clip((x - middle[0]) / 0.12 + 0.5, 0.0, 1.0)
+    halves = []
+    for side, part in ((-1.0, 1.0 - share), (1.0, share)):
+        point = np.column_stack([np.full_like(x, middle[0] + 0.06 * side), y, 0.0 * y])
+        force = part[:, None] * second.force
+        halves.append([point, force, part])
+    rest = second.moment - sum(np.cross(point, force) for point, force, _ in halves)
+    made = [first]
+    for name, side, (point, force, part) in zip(("heel", "toes"), (-1.0, 1.0), halves, strict=True):
+        inner = side * (second.corners[:, 0] - middle[0]) < 0.0
+        corners = second.corners.copy()
+        corners[inner, 0] = middle[0]
+        made.append(
+            replace(
+                second,
+                name=name,
+                force=force,
+                moment=np.cross(point, force) + part[:, None] * rest,
+                corners=corners,
+            )
+        )
+    return made
+
+
+def posed(plate, turn=((1, 0, 0), (0, 1, 0), (0, 0, 1)), force=1.0, lever=1.0, by=(0.0, 0.0, 0.0)):
+    """A plate as it reads that is turned about its middle, in other units, or stands elsewhere than is said."""
+    middle, turned = plate.corners.mean(axis=0), force * plate.force @ np.transpose(turn)
+    moment = force * lever * (plate.moment - np.cross(middle, plate.force)) @ np.transpose(turn)
+    about = np.cross(middle + by, turned)
+    return replace(plate, force=turned, moment=moment + about, corners=plate.corners + by)
+
+
+QUARTER = ((0, -1, 0), (1, 0, 0), (0, 0, 1))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("index", [0, 1, 2])
+@pytest.mark.parametrize(
+    ("fault", "kind", "with_places"),
+    [
+        # Moments of a table are about the origin, and not in a unit of the plate's own.
+        ({"lever": 1e3}, "units", True),
+        *(
+            (fault, kind, with_places)
+            for fault, kind in (
+                ({"turn": QUARTER}, "turned_plate"),
+                ({"force": 1.0 / 4.4482216152605}, "units"),
+                ({"by": (0.5, 0.0, 0.0)}, "plate_place"),
+                ({"by": (0.0, -0.5, 0.0)}, "plate_place"),
+            )
+            for with_places in (True, False)
+        ),
+    ],
+)
+def test_one_plate_of_three_is_mended(session, fault, kind, index, with_places):
+    """In C3D plates have places; tables have none."""
+    own = split_in_three(session.trial.plates)
+    plates = [posed(one, **fault) if i == index else one for i, one in enumerate(own)]
+    if not with_places:
+        own, plates = ([replace(one, corners=None) for one in some] for some in (own, plates))
+    healthy, found = (measured(session, replace(session.trial, plates=tuple(some))) for some in (own, plates))
+    known = {one.kind for one in healthy.findings} | {"shared_plate"}
+    said = {(one.kind, *one.places) for one in found.findings if one.kind not in known}
+    assert said == {(kind, own[index].name)}
+    for a, b in zip(found.log.trials, healthy.log.trials, strict=True):
+        for name, wrench in a.wrenches.items():
+            np.testing.assert_allclose(wrench[:, :3], b.wrenches[name][:, :3], rtol=1e-6, atol=1e-3)
+    assert found.trials[0].plates_kg == pytest.approx(healthy.trials[0].plates_kg, rel=1e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("index", [0, 1])
+def test_moments_that_count_the_other_way_are_turned_round(session, person, index):
+    plates = [posed(one, lever=-1.0) if i == index else one for i, one in enumerate(session.trial.plates)]
+    found = measured(session, replace(session.trial, plates=tuple(plates)))
+    assert plates[index].name in kinds(found)["moments"]
+    for a, b in zip(found.log.trials, person.log.trials, strict=True):
+        for name, wrench in a.wrenches.items():
+            np.testing.assert_allclose(wrench, b.wrenches[name], rtol=1e-6, atol=1e-3)
+
+
+@pytest.mark.slow
+def test_horizontal_forces_of_a_table_are_turned_about_their_points_of_application(session, person, tmp_path):
+    up = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
+    plates = list(read_recording(write_mot(session.trial, tmp_path / "a.mot")).turn_axes(up).plates)
+    vertical = np.where(plates[0].force[:, 2] > 5.0, plates[0].force[:, 2], np.inf)
+    point = np.column_stack(
+        [-plates[0].moment[:, 1] / vertical, plates[0].moment[:, 0] / vertical, np.zeros(len(vertical))]
+    )
+    free = plates[0].moment - np.cross(point, plates[0].force)
+    force = plates[0].force @ np.transpose(QUARTER)
+    turned = replace(plates[0], force=force, moment=np.cross(point, force) + free)
+    twisted = replace(plates[0], moment=np.cross(point, plates[0].force) + 1e3 * free)
+    for wrong, kind in ((turned, "turned_plate"), (twisted, "units")):
+        found = measured(session, replace(session.trial, plates=(wrong, plates[1])))
+        assert {one.places for one in found.findings if one.kind == kind} == {(plates[0].name,)}
+        assert found.trials[0].plates_kg == pytest.approx(person.trials[0].plates_kg, rel=1e-3)
+
+
 @pytest.mark.slow
 def test_moments_about_the_laboratory_are_judged_as_well(session):
     """Tables without the plates' places have them about the origin."""

@@ -55,7 +55,7 @@ def test_pinocchio_and_the_skeleton_agree(tmp_path):
             assert np.allclose(frame.rotation @ frame_turn(k), placed.rotation[i, k], atol=1e-9)
         center = pin.centerOfMass(robot.model, data, q)
         masses = np.array([b.mass for b in BODY.inertias])
-        points = [placed.origin[i, k] + placed.rotation[i, k] @ b.center for k, b in enumerate(BODY.inertias)]
+        points = [placed.origin[i, k] + placed.rotation[i, k] @ b.lever for k, b in enumerate(BODY.inertias)]
         assert center == pytest.approx(masses @ np.array(points) / 70.0, abs=1e-9)
 
 

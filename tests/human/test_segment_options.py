@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from typer.testing import CliRunner
 
@@ -12,7 +13,7 @@ from benchmarks.people.identified import wearing
 from benchmarks.virtual_person import perform_exercise, record_performance
 from excite.cli.main import app
 from excite.errors import InputError, UnknownNameError
-from excite.human.body import BodyInertia, body_of
+from excite.human.body import body_of
 from excite.human.measure import write_person
 from excite.human.segments import NAMES, Subject
 from tests.human.recordings import write_c3d
@@ -46,14 +47,13 @@ def test_masses_by_hand_leave_the_rest_in_proportion():
 
 def test_a_worn_weight_adds_its_steiner_term():
     body = body_of(Subject(70.0, 1.82, "male"))
-    weight = BodyInertia(2.0, np.array([0.0, 0.0, -0.1]), np.zeros((3, 3)))
+    weight = pin.Inertia(2.0, np.array([0.0, 0.0, -0.1]), np.zeros((3, 3)))
     k = NAMES.index("right_hand")
     hand, worn = body.inertias[k], wearing(body, "right_hand", weight).inertias[k]
     assert worn.mass == pytest.approx(hand.mass + 2.0)
-    assert worn.mass * worn.center == pytest.approx(hand.mass * hand.center + 2.0 * weight.center)
-    origin = np.zeros(3)
-    assert worn.inertia_about(origin) == pytest.approx(
-        hand.inertia_about(origin) + 2.0 * 0.01 * np.diag([1.0, 1.0, 0.0])
+    assert worn.mass * worn.lever == pytest.approx(hand.mass * hand.lever + 2.0 * weight.lever)
+    assert worn.matrix()[3:, 3:] == pytest.approx(
+        hand.matrix()[3:, 3:] + 2.0 * 0.01 * np.diag([1.0, 1.0, 0.0])
     )
 
 

@@ -62,7 +62,7 @@ def test_dumas_masses_of_the_mean_man():
     assert body.dimensions["right_thigh"] == pytest.approx(0.432)
     thigh = body.inertias[NAMES.index("right_thigh")]
     # X forward, Y up, Z right: (-4.1, -42.9, 3.3) % of 432 mm; outwards is to the right, y counts to the left.
-    assert thigh.center == pytest.approx(0.432 * np.array([-0.041, -0.033, -0.429]))
+    assert thigh.lever == pytest.approx(0.432 * np.array([-0.041, -0.033, -0.429]))
     assert thigh.inertia[2, 2] == pytest.approx(thigh.mass * (0.15 * 0.432) ** 2)
     assert thigh.inertia[1, 2] == pytest.approx(thigh.mass * (0.07 * 0.432) ** 2)
 
@@ -76,5 +76,5 @@ def test_every_segment_can_exist_and_both_sides_mirror(table, sex):
         moments = np.linalg.eigvalsh(inertia.inertia)
         assert moments[0] > 0.0 and moments[0] + moments[1] > moments[2], name
     right, left = (body.inertias[NAMES.index(f"{side}_thigh")] for side in ("right", "left"))
-    assert left.center == pytest.approx(right.center * [1, -1, 1])
+    assert left.lever == pytest.approx(right.lever * [1, -1, 1])
     assert left.inertia[0, 1] == pytest.approx(-right.inertia[0, 1])

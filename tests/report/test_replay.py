@@ -9,8 +9,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from excite.logs.columns import BASE_POSE
 from excite.motion.collection import load_motions
+from excite.motion.content import BASE_POSE
 from excite.report.replay.scene import (
     CELLS,
     joint_tree,

@@ -30,11 +30,6 @@ SOLE = np.array([[0.1, 0.05, 0.0], [-0.1, 0.05, 0.0], [-0.1, -0.05, 0.0], [0.1, 
 MASS, GRAVITY = 10.0, 9.81
 
 
-def phases(contacts: np.ndarray) -> list:
-    """Samples by set of feet in contact."""
-    return Sweep.contact_phases(SimpleNamespace(contacts=contacts))  # type: ignore[arg-type]
-
-
 def standing(**changes: object) -> SimpleNamespace:
     """A sweep of ten kilograms over one foot, the zero-moment point in its middle."""
     n = len(TIME)
@@ -47,14 +42,14 @@ def standing(**changes: object) -> SimpleNamespace:
         "dynamics": SimpleNamespace(com=np.zeros((n, 3))),
         "fine": SimpleNamespace(time=TIME),
         "robot": SimpleNamespace(
-            feet=(SimpleNamespace(name="left"),),
+            feet=(SimpleNamespace(name="left", sole=SOLE, friction=0.5),),
             mass=MASS,
             model=SimpleNamespace(gravity=SimpleNamespace(linear=np.array([0.0, 0.0, -GRAVITY]))),
         ),
         **changes,
     }
     sweep = SimpleNamespace(**values)
-    sweep.contact_phases = lambda: phases(sweep.contacts)
+    sweep.on_feet = lambda samples: Sweep.on_feet(sweep, samples)  # type: ignore[arg-type]
     return sweep
 
 
@@ -261,7 +256,9 @@ def test_phases_are_told_apart_by_their_feet() -> None:
         dynamics=SimpleNamespace(com=np.zeros((n, 3))),
         fine=SimpleNamespace(time=np.arange(n) * 0.1),
     )
-    sweep.robot.feet = (SimpleNamespace(name="left"), SimpleNamespace(name="right"))
+    sweep.robot.feet = tuple(
+        SimpleNamespace(name=side, sole=SOLE, friction=0.5) for side in ("left", "right")
+    )
     sweep.dynamics.com[:] = [0.0, 0.1, 0.0]
     assert judge_centre_of_mass(sweep).violations == ()
     sweep.dynamics.com[[3, 6], 1] = -0.1

@@ -200,9 +200,10 @@ def test_contact_phases_are_sets_of_feet(humanoid: Robot, squatting: Motion) -> 
     flags = {name: np.ones(squatting.n_samples, bool) for name in (left, right)}
     flags[left][100:200] = False
     sweep = Sweep(humanoid, replace(squatting, contacts=flags))
-    found = {tuple(feet.tolist()): samples for feet, samples in sweep.contact_phases()}
+    every = np.arange(sweep.fine.n_samples)
+    found = {tuple(standing.feet.tolist()): standing.rows for standing in sweep.on_feet(every)}
     assert set(found) == {(0, 1), (1,)}
-    assert np.array_equal(np.sort(np.concatenate(list(found.values()))), np.arange(sweep.fine.n_samples))
+    assert np.array_equal(np.sort(np.concatenate(list(found.values()))), every)
     assert not sweep.contacts[found[1,], 0].any()
 
 

@@ -7,9 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Indices, is_whole
 from excite.conversion.columns.units import derivative_of
 from excite.conversion.columns.vocabulary import OF_WORD
 from excite.conversion.columns.words import Clue
@@ -24,7 +23,7 @@ SLOWEST_HZ, FASTEST_HZ = 4.0, 20_000.0
 # to there. Steps of rows in days are those of no other unit.
 _SERIAL_DATES = ((20_000.0, 80_000.0), (714_000.0, 774_000.0))
 # A run has more rows than this.
-_FEWEST_ROWS = 20
+FEWEST_ROWS = 20
 
 
 def is_clock(values: Array) -> bool:
@@ -51,7 +50,7 @@ def goes_evenly(values: Array) -> bool:
     return bool(fit[0] > 0.0 and (known - np.polyval(fit, rows)).std() < 0.05 * np.ptp(known))
 
 
-def find_restarts(values: Array) -> NDArray[np.int64]:
+def find_restarts(values: Array) -> Indices:
     """Rows in which a clock begins anew: it steps back by more rows than buffers hold that mix them."""
     steps = np.diff(values)
     forward = steps[steps > 0.0]
@@ -63,7 +62,7 @@ def _is_clock_of_runs(values: Array) -> bool:
     """Whether numbers are times of several runs, or of rows that do not stand in their order."""
     values = values[np.isfinite(values)]
     edges = [0, *find_restarts(values).tolist(), len(values)]
-    if len(values) < _FEWEST_ROWS * (len(edges) - 1) or (np.diff(values) < 0.0).mean() > 0.4:
+    if len(values) < FEWEST_ROWS * (len(edges) - 1) or (np.diff(values) < 0.0).mean() > 0.4:
         return False
     return all(is_clock(np.sort(values[start:end])) for start, end in itertools.pairwise(edges))
 
@@ -97,7 +96,7 @@ def clock_column(stream: Stream, clues: Mapping[str, Clue]) -> tuple[str, str] |
 def _counts_rows(values: Array) -> bool:
     """Whether numbers go up by one from row to row, but for rows that are missing."""
     steps = np.diff(values[np.isfinite(values)])
-    return bool(len(steps)) and bool((steps == np.round(steps)).all()) and float(np.median(steps)) == 1.0
+    return bool(len(steps)) and is_whole(steps) and float(np.median(steps)) == 1.0
 
 
 def clock_pace(values: Array, unit: str, rate: float | None) -> tuple[float | None, str]:
@@ -156,7 +155,7 @@ def rate_by_velocities(positions: Array, velocities: Array) -> float | None:
         positions: ``(n, m)``, of the joints.
         velocities: ``(n, m)``, the same angles or lengths a second.
     """
-    if len(positions) < _FEWEST_ROWS:
+    if len(positions) < FEWEST_ROWS:
         return None
     slopes = [derivative_of(q, v, 1.0) for q, v in zip(positions.T, velocities.T, strict=True)]
     # What is regressed on the slope, as encoders have less noise than the velocities of drives.

@@ -7,9 +7,8 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Flags, is_whole
 from excite.conversion.columns.clock import row_seconds
 from excite.conversion.columns.units import (
     BEYOND,
@@ -226,7 +225,7 @@ class Scaling:
         if channel == "q" and unit == "deg" and not named and self._may_be_shares(items, values):
             self.found.ask("shares or degrees", column=items[0].source)
         if not unit:
-            counted = bool((values == np.round(values)).all())
+            counted = is_whole(values)
             self.found.ask(
                 "unit of positions",
                 {"units": ({channel: "rad"}, {channel: "deg"}) if channel == "q" and told.either else ()},
@@ -326,7 +325,7 @@ class Scaling:
         unit_of = {position.source: positions[position.target].unit for position, _ in pairs}
         found = self._slopes(pairs, unit_of) if all(unit in TO_SI for unit in unit_of.values()) else None
         values = self.values(items)
-        counted = angle in COUNTS and bool((values == np.round(values))[np.isfinite(values)].all())
+        counted = angle in COUNTS and is_whole(values[np.isfinite(values)])
         sizes = COUNT_RATES if counted else _RATES[slides] | ({named: TO_SI[named]} if named in TO_SI else {})
         unit = None
         if found is not None and np.isfinite(found.ratio):
@@ -389,7 +388,7 @@ class Scaling:
     def _without_unit(self, items: list[Mapped]) -> str:
         """What is said of columns whose unit nothing states: servos report currents in counts of a few milliamperes."""
         known = (values := self.values(items))[np.isfinite(values)]
-        if items[0].channel == "i" and len(known) and (known == np.round(known)).all():
+        if items[0].channel == "i" and len(known) and is_whole(known):
             return "no unit stated; whole numbers, so counts of a drive or mA: torque constants are per one of them"
         return "no unit stated"
 
@@ -423,7 +422,7 @@ class _Slope(NamedTuple):
     alike: float
 
 
-def _in_degrees(values: Array, lower: Array, upper: Array) -> NDArray[np.bool_] | None:
+def _in_degrees(values: Array, lower: Array, upper: Array) -> Flags | None:
     """Which columns are degrees, the others looking like radians, by their ranges; None where none contradict.
 
     Args:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from excite.arrays import Array
+from excite.arrays import Array, is_whole
 from excite.conversion.columns.vocabulary import COMMANDED, MEASURED, OF_WORD
 from excite.logs.units import (
     OF_SLIDING,
@@ -127,7 +127,7 @@ def position_unit(values: Array, lower: Array, upper: Array, slides: Array, stat
 
 def _is_count(known: Array, unit: str) -> bool:
     """Whether numbers are a servo's counts."""
-    whole = len(known) > 0 and bool((known == np.round(known)).all())
+    whole = len(known) > 0 and is_whole(known)
     return whole and bool(known.min() >= 0.0 and known.max() < COUNTS[unit][1])
 
 

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import csv
-from pathlib import Path
+from excite.data_tables import read_rows
 
-with Path(__file__).with_name("words.csv").open(encoding="utf-8", newline="") as _file:
-    _ROWS = [(row["meaning"], row["words"].split()) for row in csv.DictReader(_file)]
+_ROWS = [(row["meaning"], row["words"].split()) for row in read_rows(__file__, "words.csv")]
 
 
 def _words(*meanings: str) -> frozenset[str]:

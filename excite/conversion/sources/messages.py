@@ -7,19 +7,17 @@ trajectory_msgs, unitree_hg, unitree_go); a decoder of any library that gives th
 
 from __future__ import annotations
 
-import csv
 from array import array
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache, reduce
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Indices
 from excite.conversion.recording import Column, Stream
+from excite.data_tables import read_rows
 
 # Rows of a recording's topics as they come, in bounded memory however long the recording is.
 
@@ -69,8 +67,8 @@ class Gathered:
         self.name = name
         self._room = room
         self._fields: dict[str, Field] = {}
-        self._known: dict[tuple[Field, ...], NDArray[np.int64]] = {}
-        self._last: dict[int, tuple[tuple[Field, ...], NDArray[np.int64]]] = {}
+        self._known: dict[tuple[Field, ...], Indices] = {}
+        self._last: dict[int, tuple[tuple[Field, ...], Indices]] = {}
         # Rows one after the other, each with its time before its numbers.
         self._numbers = array("d")
         self._every = 1
@@ -134,7 +132,7 @@ class Gathered:
     def _keep(self, rows: Array) -> None:
         self._numbers = array("d", rows.tobytes())
 
-    def _places(self, fields: Sequence[Field]) -> NDArray[np.int64]:
+    def _places(self, fields: Sequence[Field]) -> Indices:
         """Where a row has these fields. Decoders hand the same tuple over again and again, which need not be hashed."""
         known = self._last.get(id(fields))
         if known is not None:
@@ -179,12 +177,11 @@ class _Part(NamedTuple):
 @cache
 def _types() -> dict[str, list[_Part]]:
     found: dict[str, list[_Part]] = {_DYNAMIC: []}
-    with Path(__file__).with_name("message_types.csv").open(encoding="utf-8", newline="") as file:
-        for row in csv.DictReader(file):
-            paths = tuple(tuple(path.split(".")) for path in row["path"].split())
-            part = _Part(row["joints"], row["field"], row["channel"], row["label"], paths)
-            for kind in row["type"].split():
-                found.setdefault(kind, []).append(part)
+    for row in read_rows(__file__, "message_types.csv"):
+        paths = tuple(tuple(path.split(".")) for path in row["path"].split())
+        part = _Part(row["joints"], row["field"], row["channel"], row["label"], paths)
+        for kind in row["type"].split():
+            found.setdefault(kind, []).append(part)
     return found
 
 
@@ -304,7 +301,9 @@ def decode_any(message: Any) -> Row:
                     collect(path + place, one, [], depth + 1)
         elif not isinstance(value, str | bytes | None) and depth <= _DEEPEST:
             members = _members(value)
-            named = next((list(members[name]) for name in _NAMES if _are_words(members.get(name))), [])
+            words = (members.get(name) for name in _NAMES)
+            lists = (list(one) for one in words if isinstance(one, list | tuple) and one)
+            named = next((one for one in lists if all(isinstance(word, str) for word in one)), [])
             for name, inner in members.items():
                 if name not in _LEFT_OUT and not name.startswith("__"):
                     collect(f"{path}.{name}" if path else name, inner, named, depth + 1)
@@ -318,7 +317,3 @@ def _members(message: Any) -> dict[str, Any]:
         return dict(message)
     names = getattr(message, "__dataclass_fields__", None) or getattr(message, "__slots__", ())
     return {str(name): getattr(message, name) for name in (names or ()) if not str(name).startswith("_")}
-
-
-def _are_words(value: Any) -> bool:
-    return isinstance(value, list | tuple) and bool(value) and all(isinstance(word, str) for word in value)

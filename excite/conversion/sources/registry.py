@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import csv
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 
 from excite.conversion.recording import Recording, nothing_there
 from excite.conversion.sources.source import Source
+from excite.data_tables import read_rows
 from excite.errors import LogError
 from excite.formats.child import in_child
 from excite.formats.file import (
@@ -51,18 +50,11 @@ RECORDED = frozenset(
 _STARTING_S, _BYTES_PER_S = 30.0, 2e6
 
 
-@cache
-def _refused() -> list[dict[str, str]]:
-    """What people bring that is not opened, by ending or first bytes, and what to do instead: ``refused.csv``."""
-    with Path(__file__).with_name("refused.csv").open(encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
-
-
 def _refuse(path: Path) -> None:
-    """Raise LogError for a file of :func:`_refused`."""
+    """Raise LogError for what people bring that is not opened, and say what to do instead: ``refused.csv``."""
     first = b"" if path.is_dir() or not path.exists() else first_bytes(path, 16)
     ending = plain_name(path).suffix.lower().split("-")[0]
-    for row in _refused():
+    for row in read_rows(__file__, "refused.csv"):
         begins = row["beginning"] and first.startswith(bytes.fromhex(row["beginning"]))
         if begins or (ending and ending in row["endings"].split()):
             raise LogError(row["what"], source=path, remedy=row["remedy"])

@@ -37,7 +37,7 @@ from excite.diagnosis.simulator.augmented_plant import (
     refused_model_error,
 )
 from excite.errors import InputError
-from excite.logs.columns import BASE_POSE
+from excite.motion.content import BASE_POSE
 from excite.progress import step
 from excite.robot.robot import Robot
 from excite.simulation.coordinates import body_name

@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 
+from excite.arrays import Flags
 from excite.display import percent
 from excite.doctor.case import Case
 from excite.doctor.channel_errors import DELAY, OF_TORQUES, OF_WRENCHES, Misreading, misreadings, refine_zeros
@@ -15,13 +16,7 @@ from excite.doctor.channel_mapping import Reading
 from excite.doctor.checks.values import of_unknown_unit
 from excite.doctor.doubt import Doubt
 from excite.doctor.inertial_prior import STRONG_ODDS
-from excite.doctor.mistakes.torques import (
-    ADDED,
-    OtherMachine,
-    best_load,
-    find_delay,
-    other_machine,
-)
+from excite.doctor.mistakes.torques import ADDED, OtherMachine, best_load, find_delay, other_machine
 from excite.doctor.samples import Mistake
 from excite.doctor.thresholds import THRESHOLD
 from excite.doctor.torque_samples import TorqueSamples
@@ -66,15 +61,35 @@ def _find_in_torques(
             _report_other_model(case, samples, stated, other, found)
             return
     reading, found = refine_zeros(beside, reading, found, possible)
+    if (_leaves_limits(samples, reading) & ~_leaves_limits(samples, stated)).any():
+        # Zeros that no joint of this robot can have stand for something else, as for another robot's axes.
+        possible = [one for one in possible if Doubt.POSITION not in one.leaves]
+        reading, found = misreadings(beside, stated, possible)
     bodies = None if case.log.header.torque == "current" else _compare_bodies(samples, reading)
     if bodies is not None:
-        # Units and clocks are told by how large the nominal bodies' torques are: with those of another robot 44 times
-        # what its model needs is no unit of a wrist's torque.
-        if any(item.mistake.leaves & _SIZES for item in found):
-            possible = [one for one in possible if not one.leaves & _SIZES]
-            reading, found = refine_zeros(samples, *misreadings(samples, stated, possible), possible)
+        # Units, clocks, weights are told by how large the nominal bodies' torques are: with those of another robot 44
+        # times what its model needs is no unit of a wrist's torque.
+        fewer = [one for one in possible if not (one.leaves & _SIZES or one.may_surprise)]
+        if any(item.mistake not in fewer for item in found):
+            less = refine_zeros(samples, *misreadings(samples, stated, fewer), fewer)
+            again = _compare_bodies(samples, less[0])
+            if again is not None:
+                bodies, (reading, found) = again, less
         _report_other_model(case, samples, reading, bodies)
     _correct(case, reading, found, samples.what)
+
+
+def _leaves_limits(samples: TorqueSamples, reading: Reading) -> Flags:
+    """Which joints would be outside their limits, whole turns and a margin aside, ``(n_joints,)``."""
+    q, v, _ = samples.motion(reading)
+    q, limits = q[:, samples.places + q.shape[1] - v.shape[1]], samples.robot.limits
+    index = [samples.robot.joint_index(joint) for joint in samples.joints]
+    lower, upper = limits.position_lower[index], limits.position_upper[index]
+    apart = 0.5 * (q.max(axis=0) + q.min(axis=0) - lower - upper)
+    apart -= 2.0 * np.pi * np.round(apart / (2.0 * np.pi))
+    return np.asarray(
+        np.abs(apart) + 0.5 * np.ptp(q, axis=0) > (0.5 + THRESHOLD.beyond_range) * (upper - lower)
+    )
 
 
 def _correct(case: Case, reading: Reading, found: Found, what: str) -> None:
@@ -166,7 +181,8 @@ def _compare_bodies(samples: TorqueSamples, reading: Reading) -> OtherMachine | 
     A load that is no heavier than the robot is carried by it, and makes it no other one.
     """
     load, masses = best_load(samples, reading), samples.under(reading.gravity).phi[::10]
-    left = samples.unexplained(reading, None if load is None or load.mass > masses.sum() else load.parameters)
+    carried = 0.0 if load is None or load.mass > masses.sum() else samples.felt(reading) @ load.parameters
+    left = samples.unexplained(reading, carried)
     if left < THRESHOLD.in_place:
         return None
     likely = OtherMachine(samples.judged(reading).left, 1.0)

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Flags
 from excite.doctor.case import Case
 from excite.doctor.doubt import Doubt
 from excite.doctor.thresholds import THRESHOLD, is_near_one
@@ -105,7 +105,7 @@ def find_held_rows(case: Case) -> None:
         case.change_header(rate_hz=case.log.header.rate_hz * slower)
 
 
-def held_rows(time: Array, values: Array) -> NDArray[np.bool_]:
+def held_rows(time: Array, values: Array) -> Flags:
     """Rows that repeat the row before and would hardly do so had they been read anew, ``(n,)``.
 
     Two readings of a channel that changes by ``d`` from row to row, with noise of standard deviation ``s`` and a
@@ -188,9 +188,8 @@ def find_jitter(case: Case) -> None:
     for kind, found in shares.items():
         if found:
             most = max(found.values())
-            case.add(
-                kind, said[kind].format(100 * most), {"share_of_step": most}, ("time",), trials=tuple(found)
-            )
+            text = said[kind].format(100 * most)
+            case.add(kind, text, {"share_of_step": most}, ("time",), trials=tuple(found))
     if even:
         case.change_trials(lambda trial: replace(trial, time=even.get(trial.name, trial.time)))
 
@@ -265,9 +264,8 @@ def _explain_common_ratio(case: Case, tick: float, unit: str | None) -> None:
         f"logged velocities of all joints are {1.0 / tick:.3g} times the positions' derivatives: "
         f"the clock is {'fast' if tick < 1.0 else 'slow'}, or velocities are in another unit"
     )
-    case.add(
-        "clock", text, {"tick": tick}, ("time",), remedy=f"one second of the stamps was taken as {tick:.4g} s"
-    )
+    remedy = f"one second of the stamps was taken as {tick:.4g} s"
+    case.add("clock", text, {"tick": tick}, ("time",), remedy=remedy)
     case.doubts.add(Doubt.CLOCK)
     _scale_clock(case, tick, case.log.header.rate_hz / tick)
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from excite.arrays import Array, assign_rows
+from excite.arrays import Array, Flags, assign_rows
 from excite.doctor.case import Case
 from excite.doctor.channel_mapping import Reading
 from excite.doctor.checks.clock import median_rate, velocity_ratios
@@ -28,6 +27,12 @@ def _smooth_velocity(trial: Trial, cutoff_hz: float, settlings: int) -> Array | 
     if trial.n_samples <= settlings * settling_samples(rate, cutoff):
         return None
     return np.gradient(lowpass(trial.q, rate, cutoff), trial.time, axis=0)
+
+
+def _top_speeds(case: Case) -> Array:
+    """Largest speeds of joints in all trials that are long enough, ``(n_joints,)``."""
+    speeds = [v for trial in case.log.trials if (v := _smooth_velocity(trial, 10.0, 1)) is not None]
+    return np.asarray(np.max([np.abs(v).max(axis=0) for v in speeds], axis=0, initial=0.0))
 
 
 def find_standing(case: Case) -> None:
@@ -61,7 +66,9 @@ def find_whole_turns(case: Case) -> None:
             for j in turning:
                 # In radians, degrees or revolutions.
                 turns = (_TURN, 360.0, 1.0)
-                whole_ones = (without_seams(values[:, j], turn, within=turn == 1.0) for turn in turns)
+                whole_ones = (
+                    without_seams(values[:, j], turn, within=turn == 1.0, time=trial.time) for turn in turns
+                )
                 column = next((one for one in whole_ones if one is not None), None)
                 if column is not None:
                     values[:, j] = column
@@ -204,12 +211,12 @@ class _Reach:
         return cls(low, high, lower - margin, upper + margin)
 
     @property
-    def is_outside(self) -> NDArray[np.bool_]:
+    def is_outside(self) -> Flags:
         """Which joints leave their limits."""
         return (self.low < self.lower) | (self.high > self.upper)
 
     @property
-    def is_counted(self) -> NDArray[np.bool_]:
+    def is_counted(self) -> Flags:
         """Which joints whole turns bring into their limits: an encoder counts on."""
         turns = _TURN * np.round(0.5 * (self.low + self.high - self.lower - self.upper) / _TURN)
         return np.asarray((self.low - turns >= self.lower) & (self.high - turns <= self.upper))
@@ -221,9 +228,7 @@ def find_degrees(case: Case) -> None:
     inside = (np.radians(reach.low) >= reach.lower) & (np.radians(reach.high) <= reach.upper)
     furthest = np.maximum(np.abs(reach.low), np.abs(reach.high))
     manifold = furthest > THRESHOLD.manifold * np.maximum(np.abs(reach.lower), np.abs(reach.upper))
-    speeds = [v for trial in case.log.trials if (v := _smooth_velocity(trial, 10.0, 1)) is not None]
-    speed = np.max([np.abs(v).max(axis=0) for v in speeds], axis=0, initial=0.0)
-    fast = speed > THRESHOLD.manifold * case.robot.limits.velocity[case.columns]
+    fast = _top_speeds(case) > THRESHOLD.manifold * case.robot.limits.velocity[case.columns]
     degrees = turning & inside & reach.is_outside & (manifold | fast)
     # Most joints in degrees: all are that turn, also those that hardly moved. Else those alone that nothing else
     # explains.
@@ -240,7 +245,7 @@ def find_degrees(case: Case) -> None:
     case.change_trials(lambda trial: _in_radians(trial, which))
 
 
-def _turns_over(case: Case, which: NDArray[np.bool_]) -> bool:
+def _turns_over(case: Case, which: Flags) -> bool:
     """Whether torques, or velocities where there are none, say of joints beyond their limits that these turn over."""
     if case.samples is not None:
         reading = Reading.as_stated(case.log)
@@ -250,12 +255,11 @@ def _turns_over(case: Case, which: NDArray[np.bool_]) -> bool:
     compared = velocity_ratios(case.log.trials)
     if compared is None:
         return False
-    return all(
-        is_near_one(ratio, THRESHOLD.same_velocity) for ratio in np.nan_to_num(compared[0][which], nan=1.0)
-    )
+    ratios = np.nan_to_num(compared[0][which], nan=1.0)
+    return all(is_near_one(ratio, THRESHOLD.same_velocity) for ratio in ratios)
 
 
-def _in_radians(trial: Trial, which: NDArray[np.bool_]) -> Trial:
+def _in_radians(trial: Trial, which: Flags) -> Trial:
     """Some joints' positions in radians; commands and velocities too, where that brings them nearer in size."""
     q = np.where(which, np.radians(trial.q), trial.q)
 
@@ -272,13 +276,12 @@ def _in_radians(trial: Trial, which: NDArray[np.bool_]) -> Trial:
 
 def find_beyond_limits(case: Case) -> None:
     """Positions, speeds and torques beyond what the model allows, once channels are what the log calls them."""
-    torques = [trial.tau for trial in case.log.trials if trial.tau is not None]
-    speeds = [v for trial in case.log.trials if (v := _smooth_velocity(trial, 10.0, 1)) is not None]
-    for kind, what, values, limits, most, cause in (
+    torques = [np.abs(trial.tau).max(axis=0) for trial in case.log.trials if trial.tau is not None]
+    for kind, what, reached, limits, most, cause in (
         (
             "torque_size",
             "torques",
-            torques,
+            np.max(torques, axis=0, initial=0.0),
             case.robot.limits.torque,
             THRESHOLD.torque_beyond,
             "another unit (N·mm, currents), or the gear counted twice",
@@ -286,15 +289,13 @@ def find_beyond_limits(case: Case) -> None:
         (
             "too_fast",
             "speeds",
-            speeds,
+            _top_speeds(case),
             case.robot.limits.velocity,
             THRESHOLD.fastest_share,
             "another unit, a clock in another one, or limits of another robot",
         ),
     ):
-        if not values:
-            continue
-        share = np.max([np.abs(one).max(axis=0) for one in values], axis=0) / limits[case.columns]
+        share = reached / limits[case.columns]
         over = np.isfinite(share) & (share > most)
         if over.any():
             names, largest = case.joints(over), float(share[over].max())

@@ -8,14 +8,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from excite.arrays import Array
+from excite.arrays import Array, Flags
 from excite.display import span
 from excite.doctor.case import Case
 from excite.doctor.channel_errors import misreadings
 from excite.doctor.channel_mapping import Reading
 from excite.doctor.doubt import Doubt
 from excite.doctor.mistakes.torques import ModelParts, parts_in
-from excite.doctor.model_comparison import drive_fit
+from excite.doctor.model_comparison import fit_parts
 from excite.doctor.thresholds import THRESHOLD
 from excite.doctor.torque_samples import TorqueSamples
 from excite.doctor.torque_scale import TORQUE_SCALE
@@ -60,14 +60,12 @@ def _sticks(log: Log, name: str) -> bool:
     place = log.header.joints.index(joint)
     values = [trial.q[:, place] for trial in log.trials]
     top, bottom = max(q.max() for q in values), min(q.min() for q in values)
-    ends = Counter[bool]()
+    near, ends = THRESHOLD.same_end * (top - bottom), Counter[bool]()
     for trial, q in zip(log.trials, values, strict=True):
         if name in trial.cleaning.clipped:
             step = 0.5 * trial.cleaning.quantised.get(name, 0.0)
             above = bool(np.sum(q >= q.max() - step) >= np.sum(q <= q.min() + step))
-            ends[above] += (top - q.max() if above else q.min() - bottom) <= THRESHOLD.same_end * (
-                top - bottom
-            )
+            ends[above] += (top - q.max() if above else q.min() - bottom) <= near
     return max(ends.values(), default=0) < 2
 
 
@@ -181,19 +179,14 @@ def find_motor_side(case: Case) -> None:
 
 def _rotors(samples: TorqueSamples, reading: Reading) -> tuple[float, int]:
     """Rotor inertia at the outer joints, as share of the links', and the number of joints that rub."""
-    model, drive = samples.predicted(reading)
-    torque, own = samples.measured_torque(reading), _own_inertia(samples)
-    rotors, told, rubbing = [], [], 0
-    for j in np.flatnonzero(own > THRESHOLD.weightless_kgm2):
-        weights, made = drive_fit(torque[:, j], model[:, j], drive.v[:, j], drive.a[:, j])
-        rotors.append(weights[-1] / own[j])
-        # A joint tells of a rotor where all of its links' inertia would be larger than what nothing explains.
-        if own[j] * np.linalg.norm(drive.a[:, j]) > np.linalg.norm(torque[:, j] - made.sum(axis=1)):
-            told.append(rotors[-1])
-        friction = made[:, 2:4].sum(axis=1)
-        rubbing += int(friction @ friction > THRESHOLD.friction_share * len(torque) * torque[:, j].var())
-    outer = [float(np.median(some[-max(1, len(some) // 2) :])) for some in (rotors, told) if some]
-    return min(outer, default=0.0), rubbing
+    sums, own = samples.product_sums(reading), _own_inertia(samples)
+    fit, moves = fit_parts(sums), own > THRESHOLD.weightless_kgm2
+    rotors = fit.drive[:, 2] / np.where(moves, own, 1.0)
+    # A joint tells of a rotor where all of its links' inertia would be larger than what nothing explains.
+    told = moves & (own**2 * sums[:, 2, 2] > fit.left)
+    rubbing = int((moves & (fit.friction > THRESHOLD.friction_share * sums[:, 4, 4])).sum())
+    tell = [rotors[some] for some in (moves, told) if some.any()]
+    return min((float(np.median(some[-max(1, len(some) // 2) :])) for some in tell), default=0.0), rubbing
 
 
 def find_missing_friction(case: Case) -> None:
@@ -208,7 +201,7 @@ def find_missing_friction(case: Case) -> None:
         return
     judged, drive = samples.judged(reading), samples.predicted(reading).drive
     viscous, dry = judged.drives[:, 1], judged.drives[:, 2]
-    fast = np.quantile(np.abs(drive.v), 0.9, axis=0)
+    fast = np.quantile(np.abs(drive[0]), 0.9, axis=0)
     friction = dry + viscous * fast
     left = samples.measured_torque(reading).std(axis=0) * np.exp(judged.left)
     joints = np.array(samples.channels)
@@ -304,15 +297,13 @@ def find_torque_ends(case: Case) -> None:
             case.add(finding, f"{said}: {what}", figures, places, trials=trials)
     if held:
         kept = ~np.isin(log.header.joints, held)
-        case.change_trials(
-            lambda t: (
-                t
-                if t.beyond is None
-                else replace(t, beyond=flags if (flags := t.beyond & kept).any() else None)
-            )
-        )
+        case.change_trials(lambda t: t if t.beyond is None else _mark_rows(t, t.beyond & kept))
     if silent:
         case.ignore_torques(silent)
+
+
+def _mark_rows(trial: Trial, beyond: Flags) -> Trial:
+    return replace(trial, beyond=beyond if beyond.any() else None)
 
 
 def _marked_rows(log: Log, joints: Sequence[str]) -> int:
@@ -352,7 +343,7 @@ def mark_rails(log: Log) -> Log:
         flags = np.zeros(values.shape, dtype=np.bool_)
         for j, rail in rails:
             flags[:, j] |= values[:, j] == rail
-        return replace(trial, beyond=flags) if flags.any() else trial
+        return _mark_rows(trial, flags)
 
     return replace(log, trials=tuple(map(marked, log.trials))) if rails else log
 
@@ -376,13 +367,11 @@ def torque_overshoot(robot: Robot, log: Log, joint: str) -> float | None:
     filters = settings.filters(floating=False)
     column, place = log.header.joints.index(joint), robot.n_base_v + robot.joint_index(joint)
     parts = []
-    for trial in log.trials:
-        values = _trial_torques(trial)
+    logged = ((trial, values) for trial in log.trials if (values := _trial_torques(trial)) is not None)
+    for trial, values in logged:
         try:
             k = trial_kinematics(robot, log.header, trial, settings, filters)
         except LogError:
-            continue
-        if values is None:
             continue
         here = np.flatnonzero(k.in_motion)
         here = here[:: max(1, int(len(log.trials) * len(here) / THRESHOLD.rail_samples))]

@@ -7,9 +7,8 @@ from dataclasses import replace
 from itertools import combinations, product
 
 import numpy as np
-from numpy.typing import NDArray
 
-from excite.arrays import Array, assign_rows
+from excite.arrays import Array, Flags, Indices, assign_rows
 from excite.doctor.channel_mapping import BasePose, Reading
 from excite.doctor.mistakes.torques import parts_in
 from excite.doctor.samples import Correction, Samples, minimize_near
@@ -18,7 +17,7 @@ from excite.doctor.torque_samples import TorqueSamples
 from excite.doctor.wrench_samples import WrenchSamples
 from excite.finding import list_names
 
-Order = NDArray[np.int64]
+Order = Indices
 
 
 def find_unit(samples: Samples, reading: Reading, *, unit: float, name: str) -> Iterable[Correction]:
@@ -27,11 +26,10 @@ def find_unit(samples: Samples, reading: Reading, *, unit: float, name: str) -> 
     Joints in degrees turn 57 times further than they can, joints in revolutions, which drives such as moteus and ODrive
     count, a sixth as far as their torques say.
     """
-    slides = [samples.slides(joint) for joint in range(len(samples.joints))]
-    turning = tuple(joint for joint, slide in zip(samples.joints, slides, strict=True) if not slide)
+    turning = tuple(np.array(samples.joints)[~samples.sliding].tolist())
     if turning and (reading.unit == 1.0).all():
         text = f"positions are probably in {name}; convert them to radians"
-        yield Correction(reading.in_units(unit, slides), text, turning)
+        yield Correction(replace(reading, unit=np.where(samples.sliding, 1.0, unit)), text, turning)
 
 
 def find_position_sign(samples: Samples, reading: Reading) -> Iterable[Correction]:
@@ -51,10 +49,9 @@ def find_turned_joints(samples: TorqueSamples, reading: Reading) -> Iterable[Cor
 
 def find_base_frame(samples: WrenchSamples, reading: Reading) -> Iterable[Correction]:
     """Quaternions in another order or of the inverse, positions in millimetres: weights then stand askew."""
-    for pose in BasePose if reading.pose is BasePose.STATED else ():
-        if pose is not BasePose.STATED:
-            text = f"the base pose is not what the format states: {pose.value}"
-            yield Correction(replace(reading, pose=pose), text, ("base",))
+    for pose in [*BasePose][1:] if reading.pose is BasePose.STATED else ():
+        text = f"the base pose is not what the format states: {pose.value}"
+        yield Correction(replace(reading, pose=pose), text, ("base",))
 
 
 # A clock that runs too fast or too slow.
@@ -75,17 +72,14 @@ def find_clock(samples: TorqueSamples, reading: Reading) -> Iterable[Correction]
     if parts_in(samples, reading).lack_weight(THRESHOLD.next_to_nothing):
         return
     by_clock = samples.by_clock(reading)
-
-    def left(log_tick: float) -> float:
-        return float(by_clock(float(np.exp(log_tick))).sum())
-
-    k = int(np.argmin([left(value) for value in _TICKS]))
+    k = int(np.argmin(by_clock(np.exp(_TICKS)).sum(axis=1)))
     # About the stamps' own clock, a step of the grid is what the torques do not tell.
     if k == len(_TICKS) // 2:
         return
     # Of an end of the grid the half that lies within.
     low, high = _TICKS[max(0, k - 1)], _TICKS[min(len(_TICKS) - 1, k + 1)]
-    best = float(np.exp(minimize_near(left, 0.5 * (low + high), 0.5 * (high - low), 0.003)))
+    middle, half = 0.5 * (low + high), 0.5 * (high - low)
+    best = float(np.exp(minimize_near(lambda log_tick: by_clock(np.exp(log_tick)), middle, half, 0.003)))
     if is_near_one(best, THRESHOLD.least_clock):
         return
     text = f"the clock is {'fast' if best < 1.0 else 'slow'}: one second of the stamps is {best:.3g} s by the torques"
@@ -199,7 +193,7 @@ def find_order(samples: TorqueSamples, reading: Reading) -> Iterable[Correction]
     n, joints = len(samples.channels), samples.joints
     if n != len(joints):
         return
-    some = samples.fewer(n * (n - 1) // 2)
+    some = samples.thin_out(n * (n - 1) // 2)
     for what, with_torques in (("columns", True), ("positions", False)):
 
         def taken(order: Order, both: bool = with_torques) -> Reading:
@@ -231,9 +225,9 @@ def _best_order(samples: TorqueSamples, taken: Callable[[Order], Reading]) -> Or
 
     def improve(start: float, order: Order) -> tuple[float, Order]:
         left, moved = start, set[int]()
-        for alone, pair in sorted((score(_exchange(order, *pair)), pair) for pair in pairs):
+        for alone, pair in sorted((score(exchange_places(order, *pair)), pair) for pair in pairs):
             if alone < start - THRESHOLD.least_exchange and not moved & set(pair):
-                other = _exchange(order, *pair)
+                other = exchange_places(order, *pair)
                 together = score(other) if moved else alone
                 if together < left - THRESHOLD.least_exchange:
                     left, order = together, other
@@ -254,12 +248,13 @@ def find_exchanged_positions(samples: Samples, reading: Reading) -> Iterable[Cor
     """Two joints' positions stand under each other's name."""
     for i, j in combinations(range(len(samples.joints)), 2):
         names = (samples.joints[i], samples.joints[j])
-        other = replace(reading, position_of=_exchange(reading.position_of, i, j))
+        other = replace(reading, position_of=exchange_places(reading.position_of, i, j))
         text = f"positions of {names[0]} and {names[1]} are exchanged"
         yield Correction(other, text, names, {"joints": 2.0})
 
 
-def _exchange(order: Order, i: int, j: int) -> Order:
+def exchange_places(order: Order, i: int, j: int) -> Order:
+    """An order in which two exchange their places."""
     other = order.copy()
     other[[i, j]] = other[[j, i]]
     return other
@@ -284,9 +279,7 @@ def find_zeros(samples: Samples, reading: Reading, *, together: int = 2) -> Iter
     """
     start = float(samples.left(reading).sum())
     felt = []
-    for j in range(len(samples.joints)):
-        if samples.slides(j):
-            continue
+    for j in np.flatnonzero(~samples.sliding).tolist():
         by_zero = samples.by_zero(reading, j)
         best = _best_zero(by_zero, start)
         if best is not None:
@@ -306,14 +299,14 @@ def _best_zero(by_zero: Callable[[Array], Array], start: float) -> float | None:
     best = float(angles[int(np.argmin(scores))])
     if start - scores.min() < THRESHOLD.promising_zero or abs(best) < 0.5 * _COARSE:
         return None
-    best = minimize_near(lambda angle: float(by_zero(np.array([angle])).sum()), best, _COARSE, 0.01)
+    best = minimize_near(by_zero, best, _COARSE, 0.01)
     quarter = _QUARTER * round(best / _QUARTER)
     if quarter and abs(best - quarter) < THRESHOLD.near_quarter_rad:
         return quarter
     return best if abs(best) >= THRESHOLD.least_zero_rad else None
 
 
-def zeros_together(samples: Samples, reading: Reading, off: NDArray[np.bool_], std: Array) -> Correction:
+def zeros_together(samples: Samples, reading: Reading, off: Flags, std: Array) -> Correction:
     """Zeros of some joints that were fitted together, with their standard deviations; asked for where these are wide.
 
     Args:

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from excite.arrays import Array
+from excite.arrays import Array, Flags
 from excite.display import percent, span
 from excite.doctor.channel_mapping import OWN_SHARE, Reading
-from excite.doctor.inertial_prior import half_log, normal_equations
-from excite.doctor.model_comparison import drive_fit, remove_drives
+from excite.doctor.inertial_prior import half_log, left_of_channels, normal_equations
+from excite.doctor.model_comparison import Columns, fit_parts, remove_drives
 from excite.doctor.samples import Correction, Samples, minimize_near
 from excite.doctor.thresholds import THRESHOLD, is_near_one
 from excite.doctor.torque_samples import TorqueSamples
@@ -62,28 +62,22 @@ def best_load(
     own, or one link has ten inertial parameters more, of a body with a mass, or its weight alone; or the
     weight of an ``absent`` one less, which a controller is told to be in the hand.
     """
-    measured, (model, drive) = samples.measured_torque(reading), samples.predicted(reading)
-    felt = samples.felt(reading, still=still or absent)
-    torque, nominal, bodies = remove_drives(drive, measured, model, felt)
-    power = np.maximum(len(measured) * measured.var(axis=0), 1e-300)
-    scaled = float(samples.gains(reading).left.sum())
-    tree, best, least = samples.under(reading.gravity), None, scaled - THRESHOLD.better_load
-    n = felt.shape[2] // 10
-    for k in set(range(n)) - set(tree.parents[1:] - 1) if absent else range(n):
-        body = slice(10 * k, 10 * k + 10)
-        phi, left = _fit_together(bodies[:, :, body], torque - nominal, power)
-        weighs = bool(felt[:, :, 10 * k].any())
-        score = float(half_log(left).sum())
-        # What leaves more of a torque than there is of it is no explanation.
-        if (weighs and (-phi[0] if absent else phi[0]) <= 0.0) or left.max() >= 1.0 or score >= least:
-            continue
-        added = np.zeros(felt.shape[2])
-        added[body] = phi
-        best, least = (
-            Load(tree.names[k + 1], abs(float(phi[0])) if weighs else 0.0, float(left.max()), score, added),
-            score,
-        )
-    return best
+    target = samples.measured_torque(reading) - samples.predicted(reading).torque
+    columns, tree = samples.body_columns(reading, still=still or absent), samples.under(reading.gravity)
+    sums, _ = remove_drives(columns.sums_with(target))
+    phi, left = _fit_together(sums, samples.product_sums(reading)[:, 4, 4])
+    scores, weighs = half_log(left).sum(axis=1), np.asarray(columns.sums[:, :, 3, 3].any(axis=1))
+    # What leaves more of a torque than there is of it is no explanation.
+    masses = phi[:, 0] * (1 - 2 * absent)
+    others = absent & np.isin(np.arange(len(phi)), tree.parents[1:] - 1)
+    good = (~weighs | (masses > 0.0)) & (left.max(axis=1) < 1.0) & ~others
+    k = int(np.argmin(np.where(good, scores, np.inf)))
+    if not good[k] or scores[k] >= samples.gains(reading).left.sum() - THRESHOLD.better_load:
+        return None
+    added = np.zeros_like(phi)
+    added[k] = phi[k]
+    mass = abs(float(phi[k, 0])) if weighs[k] else 0.0
+    return Load(tree.names[k + 1], mass, float(left[k].max()), float(scores[k]), added.ravel())
 
 
 def _left_beside(samples: TorqueSamples, reading: Reading, load: Load | None) -> float:
@@ -91,20 +85,24 @@ def _left_beside(samples: TorqueSamples, reading: Reading, load: Load | None) ->
     return float(samples.gains(reading).left.sum()) if load is None else load.score
 
 
-def _fit_together(parts: Array, target: Array, power: Array) -> tuple[Array, Array]:
-    """Sizes of parts of all torques ``(k,)`` and the share of each joint's power that is left, weights by what that is.
+def _fit_together(sums: Array, power: Array) -> tuple[Array, Array]:
+    """Sizes of parts of all torques ``(…, k)`` and the share of each joint's power that is left, by which they weigh.
 
     Args:
-        parts: ``(n, m, k)`` torques per unit of each part, such as ten inertial parameters of a body.
-        target: ``(n, m)`` what they have to explain, shares of a power ``(m,)``.
+        sums: ``(…, m, k + 1, k + 1)`` of products of parts, such as ten inertial parameters of a body, and of what they
+            have to explain.
+        power: ``(m,)`` that shares are of.
     """
-    left, x = np.ones(len(power)), np.zeros(parts.shape[2])
+    some, left = np.maximum(power, 1e-150), np.ones(sums.shape[:-2])
     for _ in range(5):
-        weights = 1.0 / np.sqrt(power * np.maximum(left, THRESHOLD.least_share))
-        rows = (parts * weights[:, None]).reshape(-1, len(x))
-        size = np.maximum(np.linalg.norm(rows, axis=0), 1e-12)
-        x = np.linalg.lstsq(rows / size, (target * weights).ravel(), rcond=1e-8)[0] / size
-        left = ((target - parts @ x) ** 2).sum(axis=0) / power
+        weights = 1.0 / (some * np.maximum(left, THRESHOLD.least_share))
+        whole = (weights[..., None, None] * sums).sum(axis=-3)
+        size = np.sqrt(np.maximum(np.einsum("...ii->...i", whole)[..., :-1], 1e-300))
+        gram = whole[..., :-1, :-1] / size[..., None] / size[..., None, :]
+        back = np.linalg.pinv(gram, rcond=THRESHOLD.dead_share, hermitian=True)
+        x = (back @ (whole[..., :-1, -1] / size)[..., None])[..., 0] / size
+        z = np.insert(-x, x.shape[-1], 1.0, axis=-1)
+        left = np.einsum("...i,...mij,...j->...m", z, sums, z) / some
     return x, left
 
 
@@ -127,7 +125,7 @@ class ModelParts(NamedTuple):
     friction: Array
 
     @property
-    def told(self) -> NDArray[np.bool_]:
+    def told(self) -> Flags:
         """Which joints tell anything, ``(n_torques,)``."""
         return np.isfinite(self.weight) | np.isfinite(self.inertia)
 
@@ -180,29 +178,21 @@ def parts_in(samples: TorqueSamples, reading: Reading, load: Load | None = None)
         reading: how the channels are read.
         load: whose torque is taken off first.
     """
-    full, drive = samples.predicted(reading)
-    still = samples.predicted(replace(reading, gravity=np.zeros(3))).torque
     # Shares of what was there before anything was taken off.
-    whole = samples.predicted(replace(reading, taken=0.0 * reading.taken, absent=np.zeros(0))).torque
-    torque = samples.measured_torque(reading) + whole - full
-    full, still = whole, still + whole - full
-    parts = np.stack([full - still, still], axis=2)
+    whole = reading.with_weight()
+    full, drive, _ = samples.predicted(whole)
+    still = samples.predicted(replace(whole, gravity=np.zeros(3))).torque
+    torque = samples.measured_torque(reading) + full - samples.predicted(reading).torque
     if load is not None:
         torque = torque - samples.felt(reading) @ load.parameters
-    own, bare = remove_drives(drive, torque, parts)
-    shares = np.full((3, torque.shape[1]), np.nan)
-    for j in range(torque.shape[1]):
-        columns = bare[:, j]
-        fitted = np.linalg.lstsq(columns, own[:, j], rcond=None)[0]
-        # A part tells its share where all of it would be larger than what nothing explains: that is other physics,
-        # alike over whole motions, and no noise.
-        told = np.linalg.norm(columns, axis=0) > np.linalg.norm(own[:, j] - columns @ fitted)
-        shares[:2, j] = np.where(told, fitted, np.nan)
-        if told.any():
-            rest = torque[:, j] - parts[:, j] @ fitted
-            made = drive_fit(rest, np.zeros_like(rest), drive.v[:, j], drive.a[:, j])[1]
-            shares[2, j] = made[:, 2:4].sum(axis=1).std() / full[:, j].std()
-    return ModelParts(samples.channels, *shares)
+    fit = fit_parts(Columns.of(drive, full - still, still).sums_with(torque))
+    # A part tells its share where all of it would be larger than what nothing explains: that is other physics, alike
+    # over whole motions, and no noise.
+    told = fit.bare[:, :2] > fit.left[:, None]
+    needed = np.maximum(full.std(axis=0), 1e-300)
+    friction = np.where(told.any(axis=1), np.sqrt(fit.friction / len(full)) / needed, np.nan)
+    weight, inertia = np.where(told, fit.parts, np.nan).T
+    return ModelParts(samples.channels, weight, inertia, friction)
 
 
 def find_missing_weight(samples: TorqueSamples, reading: Reading) -> Iterable[Correction]:
@@ -214,6 +204,12 @@ def find_missing_weight(samples: TorqueSamples, reading: Reading) -> Iterable[Co
     if not reading.gravity.any():
         return
     parts = parts_in(samples, reading)
+    if np.isfinite(parts.inertia).any() and (np.nan_to_num(parts.inertia, nan=-1.0) < -0.5).all():
+        # The weight, which tells their sign, is off torques that count the other way.
+        turned = reading.with_torque(range(len(samples.channels)), -1.0)
+        for one in _without_weight(samples, turned, parts_in(samples, turned), None, 0.0):
+            text = f"all torques have the opposite sign, and {one.text}"
+            yield replace(one, text=text, changes=2)
     if not reading.is_compensated:
         bare = take_weight(reading, reading.gravity)
         load = best_load(samples, bare)
@@ -236,15 +232,15 @@ def _without_weight(
     if not parts.lack_weight(0.5):
         # What a load that is still felt adds to the weights hides that none of the bodies' is there.
         parts = parts_in(samples, reading, load)
-        if load is None or not parts.lack_weight(THRESHOLD.next_to_nothing):
+        # A payload heavier than the robot is the weight of the robot itself.
+        heaviest = samples.under(reading.gravity).phi[::10].sum()
+        if load is None or load.mass > heaviest or not parts.lack_weight(THRESHOLD.next_to_nothing):
             return
         # A load beside the whole weight, or any scale of it, must not explain as much.
         if score > _left_beside(samples, reading, best_load(samples, reading)) - THRESHOLD.better_load:
             return
-    figures, text = (
-        parts.figures(),
-        f"a driver has subtracted the weight from the torques ({parts.said()})",
-    )
+    figures = parts.figures()
+    text = f"a driver has subtracted the weight from the torques ({parts.said()})"
     if load is not None:
         text += f"; the weight of a payload is still in them: {load.sentence()}"
         figures |= load.shares(samples, reading)
@@ -322,13 +318,12 @@ def _without_absent_load(samples: TorqueSamples, reading: Reading, parts: ModelP
 
 def _taken_gravity(samples: TorqueSamples, reading: Reading) -> Array:
     """The gravity under which the nominal weight is missing in all torques, ``(3,)`` [m/s²]."""
-    full, drive = samples.predicted(reading)
+    full, drive, _ = samples.predicted(reading)
     still = samples.predicted(replace(reading, gravity=np.zeros(3))).torque
-    pulls = [samples.predicted(replace(reading, gravity=pull)).torque - still for pull in np.eye(3)]
-    own, parts = remove_drives(
-        drive, samples.measured_torque(reading), np.stack([full, *(-pull for pull in pulls)], axis=2)
-    )
-    x, _ = _fit_together(parts, own, (own**2).sum(axis=0))
+    taken = [still - samples.predicted(replace(reading, gravity=pull)).torque for pull in np.eye(3)]
+    columns = Columns.of(drive, full, *taken)
+    sums, _ = remove_drives(columns.sums_with(samples.measured_torque(reading)))
+    x, _ = _fit_together(sums, sums[:, -1, -1])
     return np.asarray(x[1:] / x[0] if x[0] > 0.0 else np.zeros(3))
 
 
@@ -346,15 +341,11 @@ def _without_weight_somewhere(
         names = [samples.channels[j] for j in chosen]
         taken = reading.taken.copy()
         taken[chosen] = share[chosen, None] * reading.gravity
-        what = (
-            "the weight"
-            if lacks[chosen].all()
-            else f"{percent(float(100.0 * share[chosen[0]]))} of the weight"
-        )
+        part_of = "" if lacks[chosen].all() else f"{percent(float(100.0 * share[chosen[0]]))} of "
         yield Correction(
             replace(reading, taken=taken),
-            f"{what} is missing in the torque{'s' * (len(names) > 1)} of {list_names(names)} alone: a driver has "
-            f"subtracted it, or a spring or counterweight carries it ({parts.said()})",
+            f"{part_of}the weight is missing in the torque{'s' * (len(names) > 1)} of {list_names(names)} alone: "
+            f"a driver has subtracted it, or a spring or counterweight carries it ({parts.said()})",
             tuple(names),
             parts.figures(),
             changes=len(names),
@@ -427,19 +418,19 @@ def left_by_any_bodies(samples: TorqueSamples, reading: Reading) -> Array:
     body = samples.felt(reading) @ clouds / np.maximum(torque.std(axis=0), 1e-12)[:, None]
     one = np.ones_like(torque)
     own = np.stack([one, -one, *drive], axis=2)
-    rows = np.concatenate([body, own / np.maximum(np.sqrt((own**2).mean(axis=0)), 1e-12)], axis=2)
+    own /= np.maximum(np.sqrt((own**2).mean(axis=0)), 1e-12)
+    rows = list(np.concatenate([body, own, target[:, :, None]], axis=2).transpose(1, 2, 0))
     (_, m, k), width = body.shape, own.shape[2]
-    places = [np.r_[np.arange(k), k + width * j + np.arange(width)] for j in range(m)]
     size, shares = k + width * m, np.full(m, 0.1)
-    weigh = normal_equations([rows[:, j] for j in range(m)], places, target, size)
+    places = [np.r_[np.arange(k), k + width * j + np.arange(width), size] for j in range(m)]
+    sums = normal_equations(rows, places)
     for _ in range(4):
-        matrix, right = weigh(1.0 / np.maximum(shares, THRESHOLD.least_share))
+        whole = np.tensordot(1.0 / np.maximum(shares, THRESHOLD.least_share), sums, 1)
+        matrix, right = whole[:-1, :-1], whole[:-1, -1]
         unit = np.sqrt(np.maximum(np.diag(matrix), 1e-30))
         root = np.linalg.cholesky(matrix / np.outer(unit, unit) + THRESHOLD.trace * np.eye(size))
         x = nnls(root.T, np.linalg.solve(root, right / unit), maxiter=20 * size)[0] / unit
-        shares = np.array(
-            [((target[:, j] - rows[:, j] @ x[place]) ** 2).mean() for j, place in enumerate(places)]
-        )
+        shares = (left_of_channels(rows, places, x) ** 2).mean(axis=0)
     return half_log(shares)
 
 
@@ -468,20 +459,20 @@ def find_delay(samples: Samples, reading: Reading, late_s: float = THRESHOLD.lat
     if reading.late_s != 0.0 or not tells.any():
         return
 
-    def left(late: float) -> float:
-        return float(samples.left(replace(reading, late_s=float(late)))[tells].sum())
+    def left(late: NDArray[np.floating]) -> Array:
+        return np.array([samples.left(replace(reading, late_s=float(one)))[tells].sum() for one in late])
 
     def is_usual(early: float, late: float) -> bool:
         return -THRESHOLD.early_s < early and late < late_s
 
     near, far = np.arange(-25, 26) * 0.02, np.arange(-50, 51) * 0.1
-    scores = [left(late) for late in near]
+    scores = left(near)
     best, step = float(near[int(np.argmin(scores))]), 0.02
     # Files of two loggers whose clocks began at zero differ by what a person takes to start the second one.
     shortest = float((samples.last - samples.first).min()) / samples.rate_hz
     far = far[np.abs(far) + 0.1 <= (1.0 - OWN_SHARE) * shortest]
-    away = [left(late) for late in far]
-    if away and min(away) < min(scores) - THRESHOLD.far_nats * float(tells.sum()):
+    away = left(far) if len(far) else scores
+    if away.min() < scores.min() - THRESHOLD.far_nats * float(tells.sum()):
         best, step = float(far[int(np.argmin(away))]), 0.1
     if is_usual(best - step, best + step):
         return
@@ -489,9 +480,8 @@ def find_delay(samples: Samples, reading: Reading, late_s: float = THRESHOLD.lat
     if not is_usual(best, best):
         which = "late" if best > 0.0 else "early"
         text = f"{samples.what} are {1e3 * abs(best):.0f} ms {which} relative to the positions"
-        yield Correction(
-            replace(reading, late_s=best), text, (samples.what,), {"late_s": best}, certain=False
-        )
+        late = replace(reading, late_s=best)
+        yield Correction(late, text, (samples.what,), {"late_s": best}, certain=False)
 
 
 # Torques with their sign turned: reaction instead of action, or a drive that counts the other way.
@@ -509,11 +499,9 @@ def find_torque_sign(samples: TorqueSamples, reading: Reading) -> Iterable[Corre
         chosen.add(everywhere)
     for places in sorted(chosen):
         names = tuple(joints[j] for j in places)
-        text = (
-            "all torques have the opposite sign: reaction instead of action"
-            if len(names) == len(joints) > 1
-            else f"the torque of {list_names(names)} has the opposite sign"
-        )
+        text = f"the torque of {list_names(names)} has the opposite sign"
+        if len(names) == len(joints) > 1:
+            text = "all torques have the opposite sign: reaction instead of action"
         along = tuple(joints[j] for j in places if j not in telling)
         figures = {"joints": float(len(names))}
         yield Correction(reading.with_torque(places, -1.0), text, names, figures, along=along)

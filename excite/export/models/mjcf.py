@@ -35,13 +35,14 @@ from excite.export.models.verification import (
     mujoco_torques,
     random_states,
 )
-from excite.export.models.xml_text import XmlText, number_text
+from excite.export.models.xml_text import XmlText
 from excite.formats.documents import MAX_XML_BYTES
 from excite.formats.file import read_bytes
 from excite.identification.inertia import parameters_of_pseudo_inertia, pseudo_inertia_matrices
 from excite.robot.mjcf.scan import scan_mjcf
 from excite.robot.robot import Robot
-from excite.simulation.mjcf import World, build_spec
+from excite.robot.urdf.writing import number_text
+from excite.simulation.mjcf import World, build_spec, mujoco_quaternion
 from excite.simulation.true_parameters import principal_inertia
 
 if TYPE_CHECKING:
@@ -300,7 +301,6 @@ def _set_inertial(body: Element, parameters: Array, name: str) -> None:
         return
     inertia = principal_inertia(parameters, name)
     values = {"pos": number_text(*inertia.com), "mass": number_text(inertia.mass)}
-    x, y, z, w = pin.Quaternion(inertia.rotation).normalized().coeffs()
     element = body.find("inertial")
     if element is None:
         element = Element("inertial")
@@ -309,7 +309,10 @@ def _set_inertial(body: Element, parameters: Array, name: str) -> None:
         full = inertia.rotation @ np.diag(inertia.moments) @ inertia.rotation.T
         values["fullinertia"] = number_text(*full[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]])
     else:
-        values |= {"quat": number_text(w, x, y, z), "diaginertia": number_text(*inertia.moments)}
+        values |= {
+            "quat": number_text(*mujoco_quaternion(inertia.rotation)),
+            "diaginertia": number_text(*inertia.moments),
+        }
         for other in _ORIENTATIONS:
             element.attrib.pop(other, None)
     element.attrib.update(values)

@@ -13,10 +13,11 @@ import pinocchio as pin
 from excite.arrays import Array
 from excite.atomic import write_text
 from excite.errors import InputError, RobotError
-from excite.export.models.xml_text import number_text
 from excite.formats.tables import csv_text
 from excite.identification.identified_parameters import IdentifiedParameters
 from excite.identification.inertia import (
+    ROUNDING,
+    are_no_bodies,
     central_inertia_matrices,
     parameters_of_pseudo_inertia,
     pseudo_inertia_matrices,
@@ -27,6 +28,7 @@ from excite.robot.description import ControllerBlock
 from excite.robot.init_robot.description import draft_description
 from excite.robot.robot import Robot
 from excite.robot.urdf.converted import Said
+from excite.robot.urdf.writing import number_text
 
 Found = Identification | IdentifiedParameters
 """An identification, or the parameters alone, however they were found."""
@@ -60,9 +62,6 @@ def drive_attributes(
 
 
 # One segment's identified parameters, given to the links of a file that it consists of.
-
-# Share of a pseudo-inertia's largest eigenvalue that rounding may leave below zero.
-_ROUNDING = 1e-9
 
 
 class InconsistentModelError(InputError):
@@ -181,9 +180,8 @@ def centred_body(parameters: Array, link: str) -> CentredBody:
 
 def inconsistent_links(robot: Robot, parameters: Array) -> tuple[str, ...]:
     """Links of the segments whose pseudo-inertia is not positive semidefinite."""
-    eigenvalues = np.linalg.eigvalsh(pseudo_inertia_matrices(parameters))
-    bad = eigenvalues[:, 0] < -_ROUNDING * np.abs(eigenvalues).max(axis=1)
-    return tuple(segment.link for segment, flag in zip(robot.segments, bad, strict=True) if flag)
+    flags = are_no_bodies(parameters)
+    return tuple(segment.link for segment, flag in zip(robot.segments, flags, strict=True) if flag)
 
 
 def changed_segments(robot: Robot, found: IdentifiedParameters, *, force: bool) -> tuple[int, ...]:
@@ -212,9 +210,9 @@ def _physical_share(pseudo: Array, carried: Array) -> float:
     """Greatest share of ``carried`` (at most 1) that leaves ``pseudo`` a body."""
     least = np.linalg.eigvalsh(pseudo - carried)[0]
     values, vectors = np.linalg.eigh(pseudo)
-    if least >= -_ROUNDING * values[-1] or values[0] < -_ROUNDING * values[-1]:
+    if least >= -ROUNDING * values[-1] or values[0] < -ROUNDING * values[-1]:
         return 1.0
-    if values[0] <= _ROUNDING * values[-1]:
+    if values[0] <= ROUNDING * values[-1]:
         return 0.0
     half = vectors / np.sqrt(values)
     return min(1.0, 0.9 / float(np.linalg.eigvalsh(half.T @ carried @ half)[-1]))

@@ -22,7 +22,7 @@ from excite.export.models.parameters import (
     split_segment,
 )
 from excite.export.models.verification import Reading, States, held_joints, read_urdf_text
-from excite.export.models.xml_text import XmlText, number_text
+from excite.export.models.xml_text import XmlText
 from excite.formats.documents import MAX_XML_BYTES, parse_xml
 from excite.formats.file import read_bytes
 from excite.identification.inertia import parameters_of_pseudo_inertia, pseudo_inertia_matrices
@@ -32,7 +32,7 @@ from excite.robot.robot import Robot
 from excite.robot.urdf.inertia import Inertial, read_inertial
 from excite.robot.urdf.reading import parse_urdf
 from excite.robot.urdf.tree import MOVING, WORLD, declare_world
-from excite.robot.urdf.writing import MOMENTS
+from excite.robot.urdf.writing import MOMENTS, number_text
 
 # By term that a URDF holds: the element of a joint, its attribute there, and what one that is missing stands for.
 URDF_TERMS = {
@@ -110,8 +110,7 @@ def _segment_members(robot: Robot, links: Mapping[str, Element], file: Path) -> 
             continue
         own: Array | None = None
         if link.find("inertial") is not None:
-            found = read_inertial(link, file) or Inertial(0.0, np.zeros(3), np.zeros((3, 3)))
-            own = np.asarray(pin.Inertia(found.mass, found.centre, found.moments).toDynamicParameters())
+            own = (read_inertial(link, file) or Inertial()).ten_parameters
             totals[joint - 1] += moved_pseudo(pseudo_inertia_matrices(own)[0], placement)
         inside = members[joint - 1]
         first = name == robot.segments[joint - 1].link

@@ -17,7 +17,7 @@ from excite.export.models.verification import Reading, States, read_pinocchio
 from excite.robot.robot import Robot
 from excite.robot.shapes.collision import SURROUNDINGS, collision_shapes
 from excite.robot.shapes.shape import Shape
-from excite.simulation.mjcf import joint_axis, mechanical_range, segment_inertia
+from excite.simulation.mjcf import joint_axis, mechanical_range, mujoco_quaternion, segment_inertia
 from excite.simulation.true_parameters import PrincipalInertia
 
 # USD as text, its own grammar: prims with metadata and attributes, and the shapes of a body.
@@ -75,8 +75,7 @@ def format_several(values: Iterable[float]) -> str:
 
 def format_quaternion(rotation: Array) -> str:
     """A rotation ``(3, 3)``, real part first."""
-    x, y, z, w = pin.Quaternion(rotation).normalized().coeffs()
-    return format_several((w, x, y, z))
+    return format_several(mujoco_quaternion(rotation))
 
 
 def pose_attributes(pose: pin.SE3, scale: Array | None = None) -> list[str]:

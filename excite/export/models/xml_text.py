@@ -78,8 +78,3 @@ class XmlText:
             for first, end, text in reversed(edits):
                 content = content[:first] + text + content[end:]
         return content
-
-
-def number_text(*values: float) -> str:
-    """Numbers as an attribute's text, with as many digits as it takes to read the same ones back."""
-    return " ".join(repr(float(value) + 0.0) for value in values)

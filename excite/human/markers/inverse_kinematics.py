@@ -10,10 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from excite.arrays import Array
+from excite.arrays import Array, Flags, Indices
 from excite.human.segments import NAMES, PARENTS
 from excite.human.skeleton import (
     COLUMNS,
@@ -40,7 +39,7 @@ class MarkerModel:
     """
 
     labels: tuple[str, ...]
-    segment: NDArray[np.int64]
+    segment: Indices
     local: Array
     offsets: Array
 
@@ -138,7 +137,7 @@ class _State:
     bent: Array
     cost: Array
 
-    def take_frames(self, frames: NDArray[np.int64], other: _State, chosen: NDArray[np.bool_]) -> None:
+    def take_frames(self, frames: Indices, other: _State, chosen: Flags) -> None:
         """Take some frames of another state, which is of ``frames``."""
         for own, new in zip(self._arrays(), other._arrays(), strict=True):
             own[frames[chosen]] = new[chosen]
@@ -155,7 +154,7 @@ def _fit_frames(
     seen = np.asarray(np.isfinite(points).all(axis=2))
     target = np.where(seen[:, :, None], points, 0.0)
 
-    def evaluate(pose: Pose, frames: NDArray[np.int64]) -> _State:
+    def evaluate(pose: Pose, frames: Indices) -> _State:
         return _state_of(
             model, pose, target[frames], seen[frames], prior[frames], weight[frames], robust=robust
         )
@@ -188,7 +187,7 @@ def _state_of(
     model: MarkerModel,
     pose: Pose,
     target: Array,
-    seen: NDArray[np.bool_],
+    seen: Flags,
     prior: Array,
     weight: Array,
     *,
@@ -215,9 +214,9 @@ def _rotation_vectors(rotation: Array) -> Array:
 def _normal_equations(
     model: MarkerModel,
     state: _State,
-    frames: NDArray[np.int64],
+    frames: Indices,
     target: Array,
-    seen: NDArray[np.bool_],
+    seen: Flags,
     weight: Array,
     *,
     robust: bool,
@@ -286,7 +285,7 @@ _HINGE_COLUMNS = np.array([COLUMNS[k].start for k in REVOLUTE_AXIS])
 
 # Postures without a first guess.
 
-_FEWEST_MARKERS = 3
+FEWEST_MARKERS = 3
 _SPHERICAL = tuple(k for k in range(1, N_SEGMENTS) if COLUMNS[k].stop - COLUMNS[k].start == 3)
 
 
@@ -310,7 +309,7 @@ def first_poses(model: MarkerModel, points: Array) -> Solution:
     start.rotation[:, 0], start.position[:] = rotation, origin
     for name in NAMES[1:]:
         k = NAMES.index(name)
-        if k in _SPHERICAL and (part.segment == k).sum() >= _FEWEST_MARKERS:
+        if k in _SPHERICAL and (part.segment == k).sum() >= FEWEST_MARKERS:
             world, _ = align_segment(part, shown, name)
             carrier = place_segments(start, model.offsets).rotation[:, PARENTS[k]]
             start.rotation[:, k] = carrier.transpose(0, 2, 1) @ world
@@ -337,6 +336,6 @@ def align_segment(model: MarkerModel, points: Array, segment: str) -> tuple[Arra
     flip = np.tile(np.eye(3), (len(points), 1, 1))
     flip[:, 2, 2] = np.where(sign == 0.0, 1.0, sign)
     rotation = vt.transpose(0, 2, 1) @ flip @ u.transpose(0, 2, 1)
-    rotation[seen.sum(axis=1) < _FEWEST_MARKERS] = np.eye(3)
+    rotation[seen.sum(axis=1) < FEWEST_MARKERS] = np.eye(3)
     origin = middle - np.einsum("nij,nj->ni", rotation, own_middle)
     return rotation, origin

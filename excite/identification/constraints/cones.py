@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Indices
 from excite.errors import InputError
 from excite.identification.constraints.linear import LinearConstraints
 from excite.identification.inertia import inertia_matrices, pseudo_inertia_matrices
@@ -25,8 +24,8 @@ class Triangle:
         root: ``(k(k+1)/2,)`` 1 on the diagonal, √2 elsewhere, so that scalar products are traces.
     """
 
-    rows: NDArray[np.int64]
-    columns: NDArray[np.int64]
+    rows: Indices
+    columns: Indices
     root: Array
 
     @property

@@ -8,9 +8,8 @@ from itertools import compress
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Flags
 from excite.errors import InputError
 from excite.identification.estimators.settings import BoxSettings, EstimatorSettings, SymmetrySettings
 from excite.identification.inertia import (
@@ -54,7 +53,7 @@ class LinearConstraints:
         violation[: self.n_equal] = np.abs(slack[: self.n_equal])
         return violation
 
-    def only(self, mask: NDArray[np.bool_]) -> LinearConstraints:
+    def only(self, mask: Flags) -> LinearConstraints:
         """The rows of a mask ``(n_rows,)``, all as inequalities."""
         return LinearConstraints(self.matrix[mask], self.bound[mask], tuple(compress(self.labels, mask)))
 

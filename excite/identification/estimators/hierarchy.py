@@ -11,9 +11,8 @@ from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Flags
 from excite.identification.constraints.linear import LinearConstraints, stack_constraints, unit_rows
 from excite.identification.estimators.estimator import DISTANCE_TOLERANCE, FEASIBLE, SolveStatus
 from excite.identification.estimators.projection import (
@@ -23,7 +22,7 @@ from excite.identification.estimators.projection import (
 )
 from excite.identification.regression import row_space
 
-Mask = NDArray[np.bool_]
+Mask = Flags
 
 # Rows have unit length on the scaled parameters: a violation is a share of a parameter's spread.
 _VIOLATED = 1e-7

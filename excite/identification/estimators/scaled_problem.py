@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
-from excite.arrays import Array
+from excite.arrays import Array, Indices
 from excite.identification.constraints.cones import Cones, segment_scales, triangle_of
 from excite.identification.constraints.linear import LinearConstraints, unit_rows
 from excite.identification.estimators.settings import EstimatorSettings, PullSettings
@@ -31,7 +30,7 @@ class Scaled:
 
     center: Array
     scales: Array
-    free: NDArray[np.int64]
+    free: Indices
 
     def parameters(self, x: Array) -> Array:
         """``θ`` of ``x``, ``(n_params,)``."""

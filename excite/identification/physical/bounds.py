@@ -7,9 +7,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Indices
 from excite.errors import InputError
 from excite.identification.inertia import DIAGONAL, NAMES, OFF_DIAGONAL, inertia_matrices, physical_parameters
 from excite.results import Name, Stated, Unbounded, named, stated
@@ -104,7 +103,7 @@ class PhysicalBounds:
             raise _empty_interval("total_mass", *self.total_mass, self.source)
 
     def violations(
-        self, physical: Array, drives: Mapping[str, float], segments: Sequence[int] | NDArray[np.int64]
+        self, physical: Array, drives: Mapping[str, float], segments: Sequence[int] | Indices
     ) -> dict[str, float]:
         """Largest violation of each kind of constraint, recomputed from the parameters; 0 where all hold.
 

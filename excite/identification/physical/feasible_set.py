@@ -12,10 +12,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from excite.arrays import Array
+from excite.arrays import Array, Indices
 from excite.errors import NoSolutionError
 from excite.identification.inertia import DIAGONAL, STEINER, second_moments
 from excite.identification.parameter_statistics import eliminate_parameters
@@ -39,7 +38,7 @@ class FeasibleSet:
 
     bounds: PhysicalBounds
     drive_names: tuple[str, ...]
-    free: NDArray[np.int64]
+    free: Indices
     frozen: Array
 
     @property
@@ -259,7 +258,7 @@ class TorqueObjective:
     factor: Array
     target: Array
     floor: float
-    kept: NDArray[np.int64]
+    kept: Indices
 
     def value(self, parameters: Array) -> float:
         """``f`` [N·m] of standard parameters and drives ``(n_params,)``."""

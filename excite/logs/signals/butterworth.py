@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Indices
 from excite.errors import LogError
 from excite.lazy_kernel import LazyKernel
 
@@ -117,13 +116,13 @@ def butterworth_sections(order: int, rate_hz: float, cutoff_hz: float) -> tuple[
 
 def both_ways(
     values: Array,
-    ends: NDArray[np.int64],
-    rows: NDArray[np.int64],
-    row_ends: NDArray[np.int64],
+    ends: Indices,
+    rows: Indices,
+    row_ends: Indices,
     sections: Array,
     states: Array,
     weights: Array | None = None,
-    weighted: NDArray[np.int64] | None = None,
+    weighted: Indices | None = None,
 ) -> Array:
     """Signals of several trials forwards and backwards through sections, at the rows that are kept.
 
@@ -244,7 +243,7 @@ def decimation_step(rate_hz: float, target_hz: float) -> int:
     return max(1, int(rate_hz / target_hz + 1e-9))
 
 
-def kept_samples(n: int, step: int) -> NDArray[np.int64]:
+def kept_samples(n: int, step: int) -> Indices:
     """Indices of the samples that stay, the first half a step from the start."""
     return np.arange(step // 2, n, step)
 

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Flags
 from excite.errors import LogError
 
 
@@ -63,7 +62,7 @@ def _clip_to_span(time: Array, grid: Array) -> Array:
     return np.clip(grid, time[0], time[-1])
 
 
-def near_samples(time: Array, grid: Array, longest_gap_s: float) -> NDArray[np.bool_]:
+def near_samples(time: Array, grid: Array, longest_gap_s: float) -> Flags:
     """Which grid points lie in an interval between samples of at most ``longest_gap_s``, ``(m,)``."""
     index = np.clip(np.searchsorted(time, grid, side="right"), 1, len(time) - 1)
     return (time[index] - time[index - 1]) <= longest_gap_s
@@ -95,7 +94,7 @@ def moving_span(velocity: Array, threshold: float) -> slice:
     return slice(int(moving[0]), int(moving[-1]) + 1)
 
 
-def long_standstill(velocity: Array, threshold: float, shortest: int) -> NDArray[np.bool_]:
+def long_standstill(velocity: Array, threshold: float, shortest: int) -> Flags:
     """Samples in stretches of at least ``shortest`` samples in which a joint stands, ``(n, n_joints)``.
 
     There its friction is anything up to the breakaway torque and says nothing; a mere change of direction is
@@ -119,7 +118,9 @@ def long_standstill(velocity: Array, threshold: float, shortest: int) -> NDArray
 _MOST, _SELDOM = 0.9, 0.17
 
 
-def without_seams(values: Array, turn: float, *, within: bool = False) -> Array | None:
+def without_seams(
+    values: Array, turn: float, *, within: bool = False, time: Array | None = None
+) -> Array | None:
     """An angle that jumps by whole turns, going on; None where it is none.
 
     It jumps by whole turns now and then, and moves by little from row to row else, over the seam as well.
@@ -128,12 +129,14 @@ def without_seams(values: Array, turn: float, *, within: bool = False) -> Array 
         values: ``(n,)``; rows that are not finite stay.
         turn: what a turn is in their unit.
         within: whether it has to stay within a turn, and to cover it: of numbers that may be no angle.
+        time: ``(n,)`` of the rows, of which some may be missing; even by default.
 
     Returns:
         ``(n,)`` with whole turns added, none to the first.
     """
     known = np.isfinite(values)
-    steps = np.diff(values[known])
+    rows = np.flatnonzero(known) if time is None else time[known] / np.median(np.diff(time))
+    steps, passed = np.diff(values[known]), np.maximum(np.diff(rows), 1.0)
     far = np.abs(steps) > 0.5 * turn
     if not far.any() or far.mean() > _SELDOM:
         return None
@@ -141,7 +144,8 @@ def without_seams(values: Array, turn: float, *, within: bool = False) -> Array 
         return None
     # A turn as it is written, in numbers of few digits, is none that can be taken off.
     turns = np.where(far, np.round(steps / turn), 0.0)
-    over, fastest = np.abs(steps - turns * turn)[far], np.abs(steps[~far]).max(initial=0.0)
+    over = (np.abs(steps - turns * turn) / passed)[far]
+    fastest = (np.abs(steps) / passed)[~far].max(initial=0.0)
     # A clock that starts anew jumps by any length, and not by a turn less than a step.
     if not 0.0 < fastest < (1.0 - _MOST) * turn or (over > 2.0 * fastest).any():
         return None

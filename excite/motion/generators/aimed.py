@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Flags, Indices
 from excite.motion.generators.generator import (
     Candidate,
     Draws,
@@ -75,7 +74,7 @@ class Aimed(Generator):
         return Candidate(name, self.name, targets, seed, curve, draws=draws, phases=phases)
 
 
-def _from_end_to_end(draws: Draws, column: int, stays: NDArray[np.int64], rng: np.random.Generator) -> Array:
+def _from_end_to_end(draws: Draws, column: int, stays: Indices, rng: np.random.Generator) -> Array:
     """Control points of a target: near one end of its box, then near the other, and so on."""
     lower, upper = draws.lower[column], draws.upper[column]
     side = (np.arange(len(stays)) + rng.integers(2)) % 2
@@ -94,9 +93,7 @@ def _slow_ways(points: Array) -> Array:
     return slow
 
 
-def _joint_shares(
-    robot: Robot, targets: tuple[str, ...], rng: np.random.Generator
-) -> tuple[Array, NDArray[np.bool_]]:
+def _joint_shares(robot: Robot, targets: tuple[str, ...], rng: np.random.Generator) -> tuple[Array, Flags]:
     """Share of its range that each joint uses, and whether it is a target or next to one."""
     shares = rng.uniform(*_OTHERS, size=robot.n_joints)
     near = rng.uniform(*_NEIGHBOURS, size=robot.n_joints)

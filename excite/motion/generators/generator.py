@@ -10,9 +10,8 @@ from typing import ClassVar
 import numpy as np
 import pinocchio as pin
 import scipy
-from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Flags
 from excite.errors import RobotError
 from excite.motion.generators.curves import Curve
 from excite.robot.robot import Foot, Robot
@@ -252,7 +251,7 @@ def alternating_joints(robot: Robot, feet: Sequence[Foot]) -> tuple[str, ...]:
     return tuple(robot.joint_names[leg[k]] for k in range(longest) for leg in legs if k < len(leg))
 
 
-def upper_body(robot: Robot) -> NDArray[np.bool_]:
+def upper_body(robot: Robot) -> Flags:
     """Which joints are in no leg, ``(n_joints,)``; of a robot without feet all but those that follow from others."""
     upper = np.ones(robot.n_joints, dtype=bool)
     if robot.closing is not None:
@@ -262,7 +261,7 @@ def upper_body(robot: Robot) -> NDArray[np.bool_]:
     return upper
 
 
-def free_upper_body(robot: Robot) -> NDArray[np.bool_]:
+def free_upper_body(robot: Robot) -> Flags:
     """The upper body less the joints between base and pelvis, ``(n_joints,)``.
 
     Where the base is a trunk, those move the feet unless the base moves along.

@@ -16,6 +16,7 @@ from excite.errors import MotionError
 from excite.formats.documents import parse_json, read_json, read_xml
 from excite.formats.file import check_file, first_bytes, read_text
 from excite.motion.readers.reader import (
+    BEGINNING,
     MAX_FILE_BYTES,
     MotionReader,
     RawMotion,
@@ -65,9 +66,6 @@ class OpenHrpReader(MotionReader):
 KEYFRAMES_STATEMENT = "excite"
 """How the name of the custom text begins that says whose motion the keys are."""
 
-# Remarks and the statement stand above the keys; a statement holds a verdict.
-_BEGINNING = 1 << 18
-
 
 class KeyframesReader(MotionReader):
     """Files of keys that export writes: the joints and their addresses stand in a custom text."""
@@ -79,7 +77,7 @@ class KeyframesReader(MotionReader):
         """See :class:`MotionReader`."""
         if path.suffix != ".xml":
             return False
-        start = first_bytes(path, _BEGINNING)
+        start = first_bytes(path, BEGINNING)
         return f'<custom><text name="{KEYFRAMES_STATEMENT}.'.encode() in start
 
     def read(self, path: Path, joints: Sequence[str]) -> RawMotion:

@@ -16,6 +16,10 @@ from excite.formats.documents import parse_json
 MAX_FILE_BYTES = 1024 * 1024 * 1024
 
 
+# Remarks at the top may hold a verdict of some hundred violations, above what tells the format [bytes].
+BEGINNING = 1 << 18
+
+
 @dataclass(frozen=True, eq=False)
 class RawMotion:
     """A motion as it stands in a file.

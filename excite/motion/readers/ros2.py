@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
+from excite.arrays import Array
 from excite.errors import MotionError
 from excite.formats.bags import open_bag
 from excite.formats.child import in_child
@@ -18,6 +19,7 @@ from excite.formats.documents import check_content, read_yaml
 from excite.formats.file import MAX_NUMBERS, check_file, first_bytes, unreadable
 from excite.motion.content import BASE_ACCELERATION, BASE_POSE, BASE_TWIST
 from excite.motion.readers.reader import (
+    BEGINNING,
     MAX_FILE_BYTES,
     MotionReader,
     RawMotion,
@@ -99,7 +101,7 @@ def _trajectory_columns(topic: str, kind: str, message: Any, path: Path) -> dict
     return columns
 
 
-def _stack_rows(rows: Sequence[Any], names: Sequence[str], what: str, path: Path) -> NDArray[np.float64]:
+def _stack_rows(rows: Sequence[Any], names: Sequence[str], what: str, path: Path) -> Array:
     for number, row in enumerate(rows):
         if len(row) != len(names):
             raise MotionError(
@@ -127,8 +129,6 @@ def _base_columns(points: Sequence[Any]) -> dict[str, NDArray[Any]]:
 GOAL_FILE = "goal_{:03d}.yaml"
 """Names of several goals in a folder, by their number."""
 
-# Comments at the top may hold a verdict of some hundred violations.
-_BEGINNING = 1 << 18
 _MARK = re.compile(rb"^(trajectory:|joint_names:)", re.MULTILINE)
 # A minute of a humanoid of 30 joints at 200 Hz has 1.2 million numbers, 25 MB.
 _MOST_BYTES, _MOST_NODES = 128 * 1024 * 1024, 3_000_000
@@ -144,7 +144,7 @@ class Ros2YamlReader(MotionReader):
         """See :class:`MotionReader`."""
         if (path / GOAL_FILE.format(0)).is_file():
             return True
-        return path.suffix in {".yaml", ".yml"} and _MARK.search(first_bytes(path, _BEGINNING)) is not None
+        return path.suffix in {".yaml", ".yml"} and _MARK.search(first_bytes(path, BEGINNING)) is not None
 
     def read(self, path: Path, joints: Sequence[str]) -> RawMotion:
         """See :class:`MotionReader`."""

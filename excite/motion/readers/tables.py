@@ -17,6 +17,7 @@ from excite.formats.lerobot import is_data_set, read_data_set
 from excite.formats.registry import find_format, read_content
 from excite.motion.content import BASE_ACCELERATION, BASE_POSE, BASE_TWIST
 from excite.motion.readers.reader import (
+    BEGINNING,
     MotionReader,
     RawMotion,
     of_robot,
@@ -177,8 +178,6 @@ def _matrix_columns(
 
 # Rows of numbers for controllers, whose columns a comment at the top names.
 
-# Warnings of an unsafe motion stand above the statement.
-_BEGINNING = 1 << 18
 _MARK = b'"columns": ['
 
 
@@ -192,7 +191,7 @@ class RowsReader(MotionReader):
         """See :class:`MotionReader`."""
         if path.suffix != ".txt":
             return False
-        start = first_bytes(path, _BEGINNING)
+        start = first_bytes(path, BEGINNING)
         return start.startswith(b"#") and _MARK in start
 
     def read(self, path: Path, joints: Sequence[str]) -> RawMotion:

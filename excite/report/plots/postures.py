@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Indices
 from excite.motion.motion import Motion
 from excite.report.replay.scene import shape_bodies
 from excite.report.theme import (
@@ -139,7 +139,7 @@ def _prepare_axes(axes: Axes, title: str, low: Array, high: Array) -> None:
     axes.set_axis_off()
 
 
-def different_instants(motion: Motion, n: int) -> NDArray[np.int64]:
+def different_instants(motion: Motion, n: int) -> Indices:
     """Indices of ``n`` samples whose postures differ most from each other, in order of time.
 
     Each next one is the farthest, in joint space, from those taken so far; the first is the motion's start.

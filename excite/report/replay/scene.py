@@ -12,22 +12,22 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 from defusedxml.ElementTree import fromstring
-from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Indices
 from excite.errors import RobotError
-from excite.logs.columns import BASE_POSE
+from excite.motion.content import BASE_POSE
 from excite.report.replay.tracks import FRAMES_HZ, joint_bounds, pack_table, packed_indices
 from excite.robot.links import link_placement
 from excite.robot.robot import Robot
 from excite.robot.shapes.collision import SURROUNDINGS, collision_shapes
-from excite.robot.shapes.link_shapes import numbers_of, origin_of
+from excite.robot.shapes.link_shapes import hull_faces, numbers_of
 from excite.robot.shapes.mesh_files import read_meshes
 from excite.robot.shapes.shape import Shape, place_points
+from excite.robot.urdf.numbers import read_origin
 
 # Bodies of a robot as few triangles, for a picture.
 
-Triangles = NDArray[np.int64]
+Triangles = Indices
 
 # Cells along the longest side of a body, of which each keeps one corner. Of G1's 35 meshes of 290 000 triangles 24
 # cells leave 58 000, 0.37 MB on the page, on which a hand's fingers can still be told; 12 leave 0.14, 48 0.77 MB.
@@ -127,7 +127,7 @@ def _mesh_bodies(robot: Robot) -> Iterator[Body]:
             sizes = [solid.get(name, "") for name in ("size", "radius", "length")]
             corners, triangles = solid_triangles(solid.tag, tuple(numbers_of(" ".join(sizes))))
         joint, placement = link_placement(robot.model, name, robot.source, f"link {name!r}")
-        placement = placement * origin_of(element.find("origin"))
+        placement = placement * read_origin(element)
         yield _place_body(name, joint, placement, *merge_corners(corners, triangles))
 
 
@@ -170,8 +170,6 @@ def solid_triangles(kind: str, size: tuple[float, ...]) -> tuple[Array, Triangle
     """
     if kind not in {"box", "sphere", "cylinder", "capsule"}:
         return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
-    from scipy.spatial import ConvexHull
-
     # Where corners lie on the solid of radius one, or side one, and how the length lifts them; it may have no extent.
     if kind == "box":
         spread, scale, half = np.array(list(product((-0.5, 0.5), repeat=3))), size, 0.0
@@ -184,12 +182,8 @@ def solid_triangles(kind: str, size: tuple[float, ...]) -> tuple[Array, Triangle
         upper = np.stack(around, axis=-1).reshape(-1, 3)
         spread = np.vstack([upper, upper * [1.0, 1.0, -1.0]])
         lift = np.outer(np.repeat([1.0, -1.0], len(upper)), [0.0, 0.0, 1.0])
-    hull = ConvexHull(spread + (kind != "sphere") * lift)
-    a, b, c = hull.points[hull.simplices].transpose(1, 0, 2)
-    inwards = (np.cross(b - a, c - a) * hull.equations[:, :3]).sum(axis=1) < 0.0
-    triangles = np.where(inwards[:, None], hull.simplices[:, ::-1], hull.simplices)
-    used, again = np.unique(triangles, return_inverse=True)
-    return (spread * scale + half * lift)[used], again.reshape(-1, 3)
+    used, triangles = hull_faces(spread + (kind != "sphere") * lift)
+    return (spread * scale + half * lift)[used], triangles
 
 
 # The robot that does not change in time.
@@ -267,7 +261,7 @@ def trial_track(
         name: of the trial.
         time: ``(n,)`` [s], increasing.
         measured: positions, ``(n, n_joints)`` [rad or m].
-        joints: of the columns; those of :data:`~excite.logs.columns.BASE_POSE` are a free base's pose.
+        joints: of the columns; those of :data:`~excite.motion.content.BASE_POSE` are a free base's pose.
         base: poses of a free base, ``(n, 7)``: x y z qx qy qz qw; None where they were not recorded, or are columns.
         ghost: what the other robot is, and its positions, ``(n, n_joints)``.
     """

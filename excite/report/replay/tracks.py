@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Flags, Indices
 from excite.errors import ExciteError
 from excite.motion.motion import Motion, jerk_peaks
 from excite.robot.robot import Robot
@@ -46,7 +46,7 @@ class Margin(NamedTuple):
     name: str
     required: float
     values: Array
-    where: NDArray[np.int64]
+    where: Indices
     places: tuple[str, ...]
 
     def to_json(self) -> dict[str, Any]:
@@ -72,7 +72,7 @@ class Nearest(NamedTuple):
         points: nearest points of the two, each in the frame of its joint, ``(n, 6)`` [m].
     """
 
-    joints: NDArray[np.int64]
+    joints: Indices
     points: Array
 
 
@@ -94,7 +94,7 @@ class Tracks(NamedTuple):
     motion: Motion
     com: Array
     zmp: Array | None
-    contacts: NDArray[np.bool_]
+    contacts: Flags
     torque: Array
     nearest: Nearest | None
     margins: tuple[Margin, ...]

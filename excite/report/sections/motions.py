@@ -12,8 +12,8 @@ import numpy as np
 from excite.arrays import Array
 from excite.display import count
 from excite.errors import ExciteError
-from excite.logs.columns import BASE_POSE
 from excite.logs.log import Trial
+from excite.motion.content import BASE_POSE
 from excite.motion.motion import Motion
 from excite.report.comparisons import ConditioningComparison, PathComparison, Record, ReportData
 from excite.report.folder import Document, Findings

@@ -18,9 +18,9 @@ from excite.results import Assumed
 from excite.robot.init_robot.assumptions import assume
 from excite.robot.init_robot.model_metadata import link_mass
 from excite.robot.robot import Robot
-from excite.robot.shapes.link_shapes import numbers_of, origin_of
+from excite.robot.shapes.link_shapes import numbers_of
 from excite.robot.urdf.inertia import GEOMETRY
-from excite.robot.urdf.numbers import read_number
+from excite.robot.urdf.numbers import read_number, read_origin
 from excite.robot.urdf.tree import MOVING, LinkTree, link_at
 
 # What can be guessed about a robot from its URDF alone, for a person to confirm.
@@ -227,7 +227,7 @@ def _planar_base(root: ElementTree.Element, joints: dict[str, ElementTree.Elemen
     while solid and len(below := tree.below(here)) == 1:
         (name,) = below
         joint, here = joints[name], tree.ends[name][1]
-        turn = turn @ origin_of(joint.find("origin")).rotation
+        turn = turn @ read_origin(joint).rotation
         axis = joint.find("axis")
         if joint.get("type") in MOVING:
             axes[name] = turn @ numbers_of("1 0 0" if axis is None else axis.get("xyz", "1 0 0"))

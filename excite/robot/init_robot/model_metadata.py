@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from pathlib import Path
 from typing import Any
@@ -11,18 +10,19 @@ from xml.etree import ElementTree
 import numpy as np
 import pinocchio as pin
 
+from excite.data_tables import read_rows
 from excite.errors import RobotError
 from excite.results import Assumed
 from excite.robot.init_robot.assumptions import assume
-from excite.robot.shapes.link_shapes import origin_of, solid_shape
+from excite.robot.shapes.link_shapes import solid_shape
 from excite.robot.shapes.mesh_files import read_meshes
 from excite.robot.shapes.shape import coal_geometry
 from excite.robot.shapes.stand_ins import DENSITY
 from excite.robot.urdf.inertia import GEOMETRY
+from excite.robot.urdf.numbers import read_origin
 from excite.robot.urdf.reading import find_mesh
 from excite.robot.urdf.writing import MOMENTS, add_element
 
-PUBLISHED_ARMS = Path(__file__).with_name("published_arms.csv")
 _WORDS = {"arm", "kind", "model"}
 
 # Masses in place of those that a model does not state: its links' geometry at the density of robots.
@@ -64,14 +64,13 @@ _SHARE = 0.9
 
 
 def _published_widths(mass: float) -> dict[str, Any]:
-    """Widths about bodies of one density by :data:`PUBLISHED_ARMS`; ``mass`` is the mean of a link so weighed [kg].
+    """Widths about bodies of one density by ``published_arms.csv``; ``mass`` is the mean of a link so weighed [kg].
 
     Size did not tell density there: a slope over hulls of 0.02 to 41 l took 2 % of its spread. Kinds differ in their
     medians, 470 kg/m³ of servos and 1440 of cobots, by too few arms each for widths of their own. Centres and
     moments are as far off as in the median arm, since in a set all of its bodies are so at once.
     """
-    with PUBLISHED_ARMS.open(encoding="utf-8", newline="") as file:
-        rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
+    rows = read_rows(__file__, "published_arms.csv")
     column = {name: np.array([float(row[name]) for row in rows]) for name in rows[0] if name not in _WORDS}
     off = np.abs(1e3 * column["mass_kg"] / column["hull_litres"] / DENSITY - 1.0)
     wide = {
@@ -121,4 +120,4 @@ def _of_element(element: ElementTree.Element, path: Path) -> pin.Inertia | None:
     mass = DENSITY * body.computeVolume()
     about = DENSITY * np.asarray(body.computeMomentofInertiaRelatedToCOM())
     own = pin.Inertia(mass, np.asarray(body.computeCOM()), about) if mass > 0.0 else None
-    return None if own is None else origin_of(element.find("origin")).act(own)
+    return None if own is None else read_origin(element).act(own)

@@ -6,11 +6,11 @@ a number, a mesh or a joint that is wrong.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -23,11 +23,13 @@ from excite.robot.shapes.collision import turn_upright
 from excite.robot.shapes.link_shapes import solid_shape
 from excite.robot.shapes.mesh_files import read_meshes
 from excite.robot.shapes.shape import outline_points, place_points
-from excite.robot.urdf.inertia import WEIGHTLESS, symmetric_matrix
-from excite.robot.urdf.numbers import read_numbers
+from excite.robot.urdf.inertia import WEIGHTLESS, Inertial, read_inertial
+from excite.robot.urdf.numbers import read_number, read_numbers, read_origin
 from excite.robot.urdf.reading import absolute_meshes
 from excite.robot.urdf.tree import MOVING, LinkTree, link_at
 from excite.robot.urdf.writing import MOMENTS
+
+Value = TypeVar("Value")
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,38 +82,25 @@ class Solid:
 
 
 @dataclass(frozen=True, eq=False)
-class DescribedLink:
-    """A link with its inertial as stated.
+class DescribedLink(Inertial):
+    """A link with its inertial as stated; mass and moments are zero where none can be read.
 
     Attributes:
         name: of the link.
         pose: of the link in the root's frame with all joints at zero; None where the tree is broken.
         body: link that heads the rigid body which it is a part of.
-        mass: [kg]; None where it states none that can be read.
-        com: centre of mass in the link's frame ``(3,)`` [m].
-        stated: ixx, ixy, ixz, iyy, iyz, izz as written, along the inertial's own axes ``(6,)`` [kg·m²].
         step: half a unit of the last digit that the moments were written with [kg·m²].
-        axes: the inertial's axes in the link's frame, ``(3, 3)``.
     """
 
-    name: str
-    pose: pin.SE3 | None
-    body: str
-    mass: float | None = None
-    com: Array = field(default_factory=lambda: np.zeros(3))
-    stated: Array = field(default_factory=lambda: np.zeros(6))
+    name: str = ""
+    pose: pin.SE3 | None = None
+    body: str = ""
     step: float = 0.0
-    axes: Array = field(default_factory=lambda: np.eye(3))
 
     @property
     def weight(self) -> float:
         """Its mass, 0 where it states none above zero [kg]."""
-        return max(self.mass or 0.0, 0.0)
-
-    @property
-    def inertia(self) -> Array:
-        """About the centre of mass, along the link's axes ``(3, 3)`` [kg·m²]."""
-        return self.axes @ symmetric_matrix(self.stated) @ self.axes.T
+        return max(self.mass, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,32 +159,33 @@ class DescribedRobot:
         if text not in {fault.text for fault in self.faults}:
             self.faults.append(Finding(kind, text, {}, (place,), severity, remedy=remedy or ""))
 
-    def _read_numbers(
-        self, element: Element | None, key: str, n: int, where: str, default: str | None
-    ) -> Array | None:
+    def _read_part(self, read: Callable[..., Value], element: Element, *arguments: Any) -> Value | None:
+        """What a strict reader reads below an element; None where that says a number is wrong, which is a finding."""
         try:
-            holder = Element("none") if element is None else element
-            return np.array(read_numbers(holder, key, n, self.path, where, default=default))
+            return read(element, *arguments)
         except RobotError as error:
-            said = f"{str(error.field).partition('/')[2]} {error.what}"
-            self._say_finding("bad_number", said, where.split("'")[1], "spoils", error.remedy)
+            place, _, said = str(error.field).partition("/")
+            # What is missing or stands twice the strict reader refuses for the whole file.
+            if "@" in said:
+                text = f"{said} {error.what}"
+                self._say_finding("bad_number", text, place.split("'")[1], "spoils", error.remedy)
             return None
-
-    def _read_number(self, element: Element | None, key: str, where: str) -> float | None:
-        found = self._read_numbers(element, key, 1, where, None)
-        return None if found is None else float(found[0])
 
     def _read_joint(self, joint: Element) -> DescribedJoint:
         limit, name = joint.find("limit"), joint.get("name", "")
-        keys = [
-            key
+        stated = {
+            key: self._read_part(read_number, limit, key, self.path, f"joint {name!r}/limit")
             for key in ("lower", "upper", "effort", "velocity")
             if limit is not None and key in limit.keys()
-        ]
-        stated = {key: self._read_number(limit, key, f"joint {name!r}/limit") for key in keys}
+        }
         axis = joint.find("axis")
-        found = None if axis is None else self._read_numbers(axis, "xyz", 3, f"joint {name!r}/axis", None)
-        direction = np.eye(3)[0] if found is None or not found.any() else found / np.linalg.norm(found)
+        read = (
+            None
+            if axis is None
+            else self._read_part(read_numbers, axis, "xyz", 3, self.path, f"joint {name!r}/axis")
+        )
+        found = np.array(read or (1.0, 0.0, 0.0))
+        direction = found / np.linalg.norm(found) if found.any() else np.eye(3)[0]
         known: dict[str, float] = {key: value for key, value in stated.items() if value is not None}
         return DescribedJoint(name, str(joint.get("type")), link_at(joint, "child"), direction, known)
 
@@ -204,44 +194,26 @@ class DescribedRobot:
         pose: pin.SE3 | None = pin.SE3.Identity()
         for above in self.tree.above(name):
             joint = self._joints[above]
-            step = self._read_pose(joint.find("origin"), f"joint {above!r}/origin")
+            step = self._read_part(read_origin, joint, self.path, f"joint {above!r}")
             pose = None if step is None or pose is None else step * pose
             body = body or (head if joint.get("type") != "fixed" else "")
             head = self.tree.ends[above][0]
         # A circle has no root.
         pose = None if head in self.tree.carriers else pose
-        return DescribedLink(name, pose, body or head, **self._read_inertial(name, link))
-
-    def _read_pose(self, origin: Element | None, where: str) -> pin.SE3 | None:
-        xyz, rpy = (self._read_numbers(origin, key, 3, where, "0 0 0") for key in ("xyz", "rpy"))
-        return None if xyz is None or rpy is None else pin.SE3(pin.rpy.rpyToMatrix(*rpy), xyz)
-
-    def _read_inertial(self, name: str, link: Element) -> dict[str, Any]:
-        """What a link states of its mass, as fields of :class:`DescribedLink`; nothing where it cannot be read."""
-        where, written = f"link {name!r}/inertial", link.find("inertial/inertia")
-        weight = link.find("inertial/mass")
-        if weight is None:
-            return {}
-        mass = self._read_number(weight, "value", f"{where}/mass")
-        pose = self._read_pose(link.find("inertial/origin"), f"{where}/origin")
-        if mass is None or pose is None or written is None:
-            return {}
-        six = {key: self._read_number(written, key, f"{where}/inertia") for key in MOMENTS}
-        if None in six.values():
-            return {}
-        steps = [_half_digit(written.get(key, "")) for key, value in six.items() if value]
-        return {
-            "mass": mass,
-            "com": pose.translation.copy(),
-            "stated": np.array([*six.values()], dtype=float),
-            "step": max(steps, default=0.0),
-            "axes": pose.rotation.copy(),
-        }
+        own, written = (
+            self._read_part(read_inertial, link, self.path) or Inertial(),
+            link.find("inertial/inertia"),
+        )
+        texts = [] if written is None else [written.get(key, "") for key in MOMENTS]
+        steps = [_half_digit(text) for text, value in zip(texts, own.stated, strict=False) if value]
+        return DescribedLink(
+            own.mass, own.centre, own.stated, own.axes, name, pose, body or head, max(steps, default=0.0)
+        )
 
     @cached_property
     def mass(self) -> float:
         """Of all links [kg]."""
-        return sum(link.mass or 0.0 for link in self.links.values())
+        return sum(link.mass for link in self.links.values())
 
     def weighty_links(self) -> Iterator[DescribedLink]:
         """Links that state a mass which counts."""
@@ -249,7 +221,7 @@ class DescribedRobot:
 
     def is_weightless(self, link: DescribedLink) -> bool:
         """Whether a link's share of the robot's mass is that of a frame."""
-        return (link.mass or 0.0) < WEIGHTLESS * self.mass
+        return link.mass < WEIGHTLESS * self.mass
 
     def own_hull(self, link: str) -> Solid | None:
         """Convex hull of a link's collision geometry, else, of a thorough view, of its looks; None without them."""
@@ -297,7 +269,7 @@ class DescribedRobot:
             found = self._solids[link, kind] = []
             for number, element in enumerate(self._elements[link].findall(kind)):
                 where = f"link {link!r}/{kind} {number}"
-                pose = self._read_pose(element.find("origin"), f"{where}/origin")
+                pose = self._read_part(read_origin, element, self.path, where)
                 solid = next(element.iterfind("geometry/*"), None)
                 if pose is None or solid is None:
                     continue

@@ -15,7 +15,7 @@ from excite.finding import Finding, Severity, list_names
 from excite.robot.init_robot.first_guesses import mirror_names
 from excite.robot.inspection.links import DescribedJoint, DescribedLink, DescribedRobot, Solid
 from excite.robot.quantities import MAX_TRAVEL, looks_like_degrees
-from excite.robot.urdf.inertia import TOLERANCE, symmetric_matrix
+from excite.robot.urdf.inertia import TOLERANCE, moments_fault, symmetric_matrix
 from excite.robot.urdf.writing import MOMENTS
 
 # Inertias that no body has, and the smallest correction that makes one of them possible.
@@ -31,19 +31,19 @@ _ORDERS = {
 def impossible_inertia(robot: DescribedRobot) -> Iterator[Finding]:
     """Principal moments are positive, and none is larger than the other two together (triangle inequality)."""
     for link in robot.links.values():
-        if link.mass is None or not link.stated.any():
+        if not link.stated.any():
             continue
         place = (link.name,)
         if link.mass < 0.0:
             said, better = f"its mass is {link.mass:g} kg", f'value="{-link.mass:g}"'
             yield Finding("not_positive", said, {"mass": link.mass}, place, "spoils", remedy=better)
-        moments, axes = np.linalg.eigh(link.inertia)
-        excess, severity = moments[2] - moments[0] - moments[1], "spoils"
-        if moments[0] < -TOLERANCE * max(moments[2], 0.0) or moments[2] <= 0.0:
-            kind, figures = "not_positive", {"smallest_moment": float(moments[0])}
+        moments, axes = np.linalg.eigh(link.moments)
+        excess, severity, kind = moments[2] - moments[0] - moments[1], "spoils", moments_fault(moments)
+        if kind == "not_positive":
+            figures = {"smallest_moment": float(moments[0])}
             said = f"its inertia is not positive definite: the smallest principal moment is {moments[0]:.3g} kg·m²"
-        elif excess > TOLERANCE * moments[2]:
-            kind, figures = "triangle", {"excess_percent": float(100.0 * excess / moments[2])}
+        elif kind:
+            figures = {"excess_percent": float(100.0 * excess / moments[2])}
             # Digits that were not written move a principal moment by at most the norm of a matrix of half-steps.
             slack = TOLERANCE * abs(moments[2]) + 3.0 * link.step
             # Rounding to few digits breaks the inequality by less than this share.
@@ -111,8 +111,8 @@ def _possible_inertias(six: Array, even: Array) -> Iterator[tuple[str, Array]]:
 
 def is_possible(six: Array) -> bool:
     """Whether a body can have the inertia of ixx, ixy, ixz, iyy, iyz, izz ``(6,)`` [kg·m²]."""
-    low, middle, high = np.linalg.eigvalsh(symmetric_matrix(six))
-    return bool(low > 0.0 and low + middle >= high * (1.0 - TOLERANCE))
+    moments = np.linalg.eigvalsh(symmetric_matrix(six))
+    return bool(moments[0] > 0.0) and not moments_fault(moments)
 
 
 def nearest_inertia(six: Array) -> Array:
@@ -267,25 +267,27 @@ def com_outside(robot: DescribedRobot) -> Iterator[Finding]:
         own = robot.first_hull(link.name)
         if own is None:
             continue
-        at_frame = not link.com.any()
-        share = own.distance_outside(link.com) / own.size
+        at_frame = not link.centre.any()
+        share = own.distance_outside(link.centre) / own.size
         if not at_frame:
             most = _SLACK if robot.thorough else _FAR
             share = _least_over_hulls(
-                robot, link, most, lambda link, solid: solid.distance_outside(link.com) / solid.size
+                robot, link, most, lambda link, solid: solid.distance_outside(link.centre) / solid.size
             )
         if share <= _SLACK:
             continue
         outside, sure = share * own.size, 0.9 if share > _FAR and not at_frame else 0.6
-        said = f"its centre of mass ({numbers_in_words(link.com)}) m lies {outside:.2g} m outside its shape"
+        said = (
+            f"its centre of mass ({numbers_in_words(link.centre)}) m lies {outside:.2g} m outside its shape"
+        )
         said += ": it was left at the link's frame" * at_frame
         words, better = next(
             (
                 (words, com)
-                for words, com in _com_readings(link.com, own.size)
+                for words, com in _com_readings(link.centre, own.size)
                 if own.distance_outside(com) < 0.0
             ),
-            ("the nearest point of its shape", own.nearest_point(link.com)),
+            ("the nearest point of its shape", own.nearest_point(link.centre)),
         )
         remedy = f'{words}: xyz="{numbers_in_words(better)}"'
         severity: Severity = "spoils" if sure > 0.6 else "limits"
@@ -314,13 +316,13 @@ def inertia_scale(robot: DescribedRobot) -> Iterator[Finding]:
         own = robot.first_hull(link.name)
         if own is None or not is_possible(link.stated):
             continue
-        outside = own.distance_outside(link.com) > 0.0
+        outside = own.distance_outside(link.centre) > 0.0
         squared, even = _squared_spread(link), float(np.trace(own.spread))
         beyond = _least_over_hulls(
             robot,
             link,
             1.0 if robot.thorough and not outside else _SLIPPED,
-            lambda link, solid: _squared_spread(link) / ((solid.points - link.com) ** 2).sum(axis=1).max(),
+            lambda link, solid: _squared_spread(link) / ((solid.points - link.centre) ** 2).sum(axis=1).max(),
         )
         # Of a centre that is wrong itself, less than a slip of unit tells nothing.
         if outside and beyond <= _SLIPPED:
@@ -355,7 +357,7 @@ def _least_over_hulls(
 
 def _squared_spread(link: DescribedLink) -> float:
     """Mean squared distance of a link's mass from its centre [m²]."""
-    return 0.5 * float(np.trace(link.inertia)) / link.weight
+    return 0.5 * float(np.trace(link.moments)) / link.weight
 
 
 def _in_millimetres(squared: float) -> str:
@@ -430,7 +432,7 @@ def find_asymmetry(robot: DescribedRobot) -> Iterator[Finding]:
         return
     for (left, right, here, there), holds in zip(pairs, mirrored[:, plane], strict=True):
         if holds:
-            wanted = there.actInv(signs[plane] * here.act(left.com))
+            wanted = there.actInv(signs[plane] * here.act(left.centre))
             yield from _twin_difference(robot, left, right, np.asarray(wanted))
 
 
@@ -441,10 +443,12 @@ def _twin_difference(
     hulls = [robot.first_hull(link.name) for link in (left, right)]
     sizes = [solid.size for solid in hulls if solid is not None]
     # Of links without shape, about that of their inertia.
-    size = max(sizes) if sizes else max(2.0 * float(np.linalg.norm(one.com)) for one in (left, right)) + 1e-3
+    size = (
+        max(sizes) if sizes else max(2.0 * float(np.linalg.norm(one.centre)) for one in (left, right)) + 1e-3
+    )
     least, most = sorted((left.weight, right.weight))
-    off = float(np.linalg.norm(wanted - right.com))
-    here, there = (np.maximum(np.linalg.eigvalsh(one.inertia), 1e-12) for one in (left, right))
+    off = float(np.linalg.norm(wanted - right.centre))
+    here, there = (np.maximum(np.linalg.eigvalsh(one.moments), 1e-12) for one in (left, right))
     ratio = float(np.exp(np.abs(np.log(here / there)).max()))
     faults = {
         f"masses {left.weight:.4g} and {right.weight:.4g} kg": most > _TWIN * least,
@@ -506,7 +510,7 @@ def total_mass(robot: DescribedRobot) -> Iterator[Finding]:
         if joint.kind == "prismatic" or not effort or start is None or start.pose is None:
             continue
         beyond = [
-            (link.weight, link.pose.act(link.com))
+            (link.weight, link.pose.act(link.centre))
             for link in robot.links.values()
             if link.weight and link.pose is not None and joint.name in robot.tree.above(link.name)
         ]

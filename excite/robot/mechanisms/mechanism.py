@@ -13,9 +13,8 @@ from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
-from excite.arrays import Array, Moved
+from excite.arrays import Array, Indices, Moved
 from excite.errors import MotionError
 from excite.robot.mechanisms.closures import SINGULAR, Closure, Coupling, Loop, Rod
 
@@ -36,11 +35,11 @@ class Mechanism:
 
     model: pin.Model
     closures: tuple[Closure, ...]
-    passive: NDArray[np.int64]
+    passive: Indices
     rest: Array
 
     @property
-    def driven(self) -> NDArray[np.int64]:
+    def driven(self) -> Indices:
         """Indices into ``v`` of all others: motors, and a free base."""
         return np.setdiff1d(np.arange(self.model.nv), self.passive)
 
@@ -247,7 +246,7 @@ class Mechanism:
                     share *= 0.6
         return out
 
-    def following_from(self, given: NDArray[np.int64]) -> Mechanism:
+    def following_from(self, given: Indices) -> Mechanism:
         """The same with other joints moved to close it: none of ``given`` (indices into ``v``) if that can be.
 
         Passive joints among ``given`` are exchanged for driven ones that the same closures move.
@@ -310,8 +309,8 @@ class ConstantRatios:
         cls,
         model: pin.Model,
         closures: Sequence[Closure],
-        passive: NDArray[np.int64],
-        driven: NDArray[np.int64],
+        passive: Indices,
+        driven: Indices,
     ) -> ConstantRatios | None:
         """The ratios of a tree's closures; None where one is no such sum, or they leave a joint loose or contradict."""
         sums = [closure for closure in closures if isinstance(closure, Coupling) and closure.constant]
@@ -378,7 +377,7 @@ def build_mechanism(
     return closed
 
 
-def limb_columns(model: pin.Model, joints: Sequence[int]) -> NDArray[np.int64]:
+def limb_columns(model: pin.Model, joints: Sequence[int]) -> Indices:
     """Indices into ``v`` of the joints of one coordinate between the base and any of ``joints``."""
     chain = sorted({int(j) for joint in joints for j in model.supports[joint]})
     return np.array([int(model.idx_vs[j]) for j in chain if model.nvs[j] == 1], dtype=np.int64)

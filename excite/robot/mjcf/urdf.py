@@ -12,6 +12,7 @@ import pinocchio as pin
 
 from excite.arrays import Array
 from excite.robot.shapes.mesh_files import binary_stl
+from excite.robot.urdf.tree import WORLD
 from excite.robot.urdf.writing import add_element, add_inertial, add_joint, add_solid
 
 FREE, BALL, SLIDE, HINGE = (
@@ -23,7 +24,6 @@ FREE, BALL, SLIDE, HINGE = (
         mujoco.mjtJoint.mjJNT_HINGE,
     )
 )
-WORLD = "world"
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from excite.robot.links import link_placement
 from excite.robot.prismatic import is_prismatic
 from excite.robot.refusal import robot_error
 from excite.robot.robot import Robot
-from excite.robot.shapes.link_shapes import link_shapes, links_by_kind, numbers_of, origin_of
+from excite.robot.shapes.link_shapes import link_shapes, links_by_kind, numbers_of
 from excite.robot.shapes.mesh_files import read_meshes
 from excite.robot.shapes.shape import (
     Shape,
@@ -31,6 +31,7 @@ from excite.robot.shapes.shape import (
     shape_bounds,
     shape_points,
 )
+from excite.robot.urdf.numbers import read_origin
 
 TABLE, CELL = "table", "cell"
 SURROUNDINGS = (TABLE, CELL)
@@ -304,7 +305,7 @@ def _axis_vote(
     inertial, off = link.find("inertial"), list[float]()
     meshes = [
         (
-            origin_of(element.find("origin")),
+            read_origin(element),
             numbers_of(mesh.get("scale", "1 1 1")),
             Path(mesh.get("filename", "")),
         )
@@ -314,7 +315,7 @@ def _axis_vote(
     ]
     if inertial is None or not any(file in turned for *_, file in meshes):
         return 0
-    centre = origin_of(inertial.find("origin")).translation
+    centre = read_origin(inertial).translation
     for reading in (points, {**points, **turned}):
         corners = np.vstack([place_points(reading[file] * scale, pose) for pose, scale, file in meshes])
         low, high = corners.min(axis=0), corners.max(axis=0)

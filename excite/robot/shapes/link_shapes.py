@@ -12,9 +12,8 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Indices
 from excite.cache import cached_file, read_cached, write_cached
 from excite.errors import RobotError
 from excite.robot.links import link_placement
@@ -23,6 +22,7 @@ from excite.robot.refusal import robot_error
 from excite.robot.robot import Robot
 from excite.robot.shapes.shape import Kind, Shape
 from excite.robot.urdf.inertia import LENGTHS
+from excite.robot.urdf.numbers import read_origin
 from excite.threads import blas_kernels
 
 # A hull of 96 corners may have to grow by a hundredth; of a smooth body the growth falls with the corners' square.
@@ -81,7 +81,7 @@ def link_shapes(
         where = f"link {name!r}, {kind} {number}"
         joint, placement = link_placement(robot.model, name, robot.source, where)
         pose, solid = (
-            placement * origin_of(element.find("origin")),
+            placement * read_origin(element),
             next(element.iterfind("geometry/*"), None),
         )
         if solid is None:
@@ -132,15 +132,6 @@ def solid_shape(
     return Shape(*nowhere, _PRIMITIVES[solid.tag], tuple(numbers_of(" ".join(lengths)).tolist()))
 
 
-def origin_of(origin: ElementTree.Element | None) -> pin.SE3:
-    """Placement that an ``<origin>`` states, none if there is no such element."""
-    if origin is None:
-        return pin.SE3.Identity()
-    return pin.SE3(
-        pin.rpy.rpyToMatrix(*numbers_of(origin.get("rpy", "0 0 0"))), numbers_of(origin.get("xyz", "0 0 0"))
-    )
-
-
 def numbers_of(text: str) -> Array:
     """Numbers of an attribute."""
     return np.array([float(part) for part in text.split()])
@@ -187,7 +178,7 @@ def _rounding_key() -> str:
 
 # Meshes as convex hulls of few vertices that contain the mesh.
 
-Faces = NDArray[np.int64]
+Faces = Indices
 
 
 @dataclass(frozen=True, eq=False)
@@ -280,13 +271,19 @@ def _extreme_corners(corners: Array) -> Faces:
 
 
 def _build_polyhedron(corners: Array, stretch: Array, axes: Array, centre: Array) -> Hull:
+    points = corners * stretch @ axes + centre
+    used, faces = hull_faces(points)
+    return Hull(points[used], faces, float(stretch.max()))
+
+
+def hull_faces(points: Array) -> tuple[Indices, Faces]:
+    """Which points ``(n, 3)`` are corners of their convex hull, and its triangles as a :class:`Hull` has them."""
     from scipy.spatial import ConvexHull
 
-    hull = ConvexHull(corners * stretch @ axes + centre)
+    hull = ConvexHull(points)
     used = np.sort(hull.vertices)
     faces = np.searchsorted(used, hull.simplices).astype(np.int64)
-    vertices = hull.points[used]
-    a, b, c = (vertices[faces[:, i]] for i in range(3))
+    a, b, c = points[used][faces].transpose(1, 0, 2)
     inward = np.einsum("ij,ij->i", np.cross(b - a, c - a), hull.equations[:, :3]) < 0.0
     faces[inward] = faces[inward][:, [0, 2, 1]]
-    return Hull(vertices, faces, float(stretch.max()))
+    return used, faces

@@ -8,9 +8,8 @@ from typing import Literal
 import coal
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Indices
 
 CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
 """Corners of a cube of side two about the origin, ``(8, 3)``."""
@@ -43,7 +42,7 @@ class Shape:
     kind: Kind
     size: tuple[float, ...] = ()
     vertices: Array | None = None
-    faces: NDArray[np.int64] | None = None
+    faces: Indices | None = None
 
     @property
     def radius(self) -> float:

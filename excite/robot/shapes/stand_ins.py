@@ -24,9 +24,10 @@ from excite.finding import first_names
 from excite.robot.links import link_placement
 from excite.robot.robot import Robot
 from excite.robot.shapes.collision import SURROUNDINGS, collision_shapes, mesh_points
-from excite.robot.shapes.link_shapes import link_shapes, links_by_kind, origin_of
+from excite.robot.shapes.link_shapes import link_shapes, links_by_kind
 from excite.robot.shapes.shape import Shape, coal_geometry
 from excite.robot.urdf.inertia import Inertial, read_inertial
+from excite.robot.urdf.numbers import read_origin
 from excite.robot.urdf.tree import MOVING, link_at
 
 DENSITY = 1000.0
@@ -88,7 +89,7 @@ def _holds_joint(root: Element, name: str) -> bool:
     """Whether a link carries a joint that moves away from the link's own frame."""
     held = [joint for joint in root.findall("joint") if link_at(joint, "parent") == name]
     return any(
-        float(np.linalg.norm(origin_of(joint.find("origin")).translation)) > _THINNEST
+        float(np.linalg.norm(read_origin(joint).translation)) > _THINNEST
         for joint in held
         if joint.get("type") in MOVING
     )
@@ -194,10 +195,10 @@ def _link_ends(root: Element, name: str, centre: Array) -> list[Array]:
     joints = root.findall("joint")
     carried = [joint for joint in joints if link_at(joint, "parent") == name]
     moving = [joint for joint in carried if joint.get("type") in MOVING]
-    ends = [np.asarray(origin_of(joint.find("origin")).translation) for joint in moving or carried]
+    ends = [np.asarray(read_origin(joint).translation) for joint in moving or carried]
     own = next((joint for joint in joints if link_at(joint, "child") == name), None)
     way = float(np.linalg.norm(centre))
     if not ends and own is not None and way > 1e-6:
-        before = float(np.linalg.norm(origin_of(own.find("origin")).translation))
+        before = float(np.linalg.norm(read_origin(own).translation))
         ends = [centre * min(2.0, before / way)]
     return ends

@@ -5,14 +5,16 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Literal
 from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.errors import RobotError
 from excite.formats.documents import all_alike
 from excite.robot.refusal import robot_error
@@ -33,19 +35,31 @@ class Inertial:
     """A link's ``<inertial>``.
 
     Attributes:
-        mass: [kg]
+        mass: [kg]; 0 where nothing is stated.
         centre: of mass, in the link's frame ``(3,)`` [m].
-        moments: about the centre of mass, along the link's axes ``(3, 3)`` [kg·m²].
+        stated: ixx, ixy, ixz, iyy, iyz, izz as written, along the inertial's own axes ``(6,)`` [kg·m²].
+        axes: the inertial's axes in the link's frame, ``(3, 3)``.
     """
 
-    mass: float
-    centre: NDArray[np.float64]
-    moments: NDArray[np.float64]
+    mass: float = 0.0
+    centre: Array = field(default_factory=lambda: np.zeros(3))
+    stated: Array = field(default_factory=lambda: np.zeros(6))
+    axes: Array = field(default_factory=lambda: np.eye(3))
+
+    @property
+    def moments(self) -> Array:
+        """About the centre of mass, along the link's axes ``(3, 3)`` [kg·m²]."""
+        return self.axes @ symmetric_matrix(self.stated) @ self.axes.T
 
     @property
     def size(self) -> float:
         """Largest of the moments and products of inertia, without its sign [kg·m²]."""
         return float(np.abs(self.moments).max())
+
+    @property
+    def ten_parameters(self) -> Array:
+        """Ten parameters about the link's frame, in pinocchio's order, ``(10,)``."""
+        return np.asarray(pin.Inertia(self.mass, self.centre, self.moments).toDynamicParameters())
 
 
 def check_inertials(
@@ -95,8 +109,7 @@ def inertial_faults(
     Raises:
         RobotError: a fault that cannot be acknowledged: a number that is none, negative mass, moments in another unit.
     """
-    inertials = {link.get("name", ""): read_inertial(link, path) for link in root.findall("link")}
-    known = {name: one for name, one in inertials.items() if one is not None}
+    known = _known_inertials(root, path)
     weightless = WEIGHTLESS * sum(one.mass for one in known.values())
     # Frames that an exporter gave a mass of next to nothing may have any moments that are next to nothing.
     least = TOLERANCE * max((one.size for one in known.values()), default=0.0)
@@ -124,7 +137,7 @@ def inertial_faults(
             )
         elif fault:
             find_fault(name, "/inertia", fault, "correct the moments")
-    for name, members in _moving_bodies(list(inertials), joints, floating).items():
+    for name, members in _moving_bodies(root, joints, floating).items():
         # Several possible parts with mass are a possible body; a fixed pair of point masses is accepted.
         solid = [known[member] for member in members if member in known]
         fault = None if solid else "moves and has no mass"
@@ -135,6 +148,19 @@ def inertial_faults(
     return faults
 
 
+def _known_inertials(root: ElementTree.Element, path: Path) -> dict[str, Inertial]:
+    """Inertials by link, of links that state one; raises RobotError for negative mass."""
+    found = {}
+    for link in root.findall("link"):
+        name, inertial = link.get("name", ""), read_inertial(link, path)
+        if inertial is not None:
+            found[name] = inertial
+            if inertial.mass < 0.0:
+                what, remedy = f"is {inertial.mass}", "give a positive mass in kilograms"
+                raise robot_error(path, f"link {name!r}/inertial/mass@value", what, remedy)
+    return found
+
+
 def resting_faults(
     root: ElementTree.Element, joints: dict[str, ElementTree.Element], path: Path
 ) -> tuple[str, ...]:
@@ -143,7 +169,7 @@ def resting_faults(
     Arguments as for :func:`check_inertials`.
     """
     links = [link.get("name", "") for link in root.findall("link")]
-    moved = itertools.chain.from_iterable(_moving_bodies(links, joints, floating=False).values())
+    moved = itertools.chain.from_iterable(_moving_bodies(root, joints, floating=False).values())
     return tuple(sorted(inertial_faults(root, joints, False, path).keys() - set(moved), key=links.index))
 
 
@@ -163,38 +189,43 @@ def read_inertial(link: ElementTree.Element, path: Path) -> Inertial | None:
     mass = read_number(mass_element, "value", path, f"{where}/mass")
     pose = read_origin(elements[0], path, where)
     values = [read_number(inertia, key, path, f"{where}/inertia") for key in MOMENTS]
-    if mass < 0.0:
-        remedy = "give a positive mass in kilograms"
-        raise robot_error(path, f"{where}/mass@value", f"is {mass}", remedy)
     # A frame: mass and moments all zero.
     if mass == 0.0 and not any(values):
         return None
-    moments = pose.rotation @ symmetric_matrix(values) @ pose.rotation.T
-    return Inertial(mass, pose.translation.copy(), moments)
+    return Inertial(mass, pose.translation.copy(), np.array(values), pose.rotation.copy())
 
 
-def symmetric_matrix(six: Sequence[float] | NDArray[np.float64]) -> NDArray[np.float64]:
+def symmetric_matrix(six: Sequence[float] | Array) -> Array:
     """Symmetric matrix of ixx, ixy, ixz, iyy, iyz, izz."""
     return np.asarray(six)[[[0, 1, 2], [1, 3, 4], [2, 4, 5]]]
 
 
-def _describe_impossible(moments: NDArray[np.float64], *, strict: bool) -> str | None:
+def moments_fault(principal: NDArray[np.floating]) -> Literal["not_positive", "triangle", ""]:
+    """Why no body has principal moments about its centre, ``(3,)`` in rising order; empty where one may."""
+    low, middle, high = principal
+    if low < -TOLERANCE * max(high, 0.0) or high < 0.0:
+        return "not_positive"
+    return "triangle" if low + middle < high * (1.0 - TOLERANCE) else ""
+
+
+def _describe_impossible(moments: Array, *, strict: bool) -> str | None:
     """What is wrong with moments about the CoM, in words; None if nothing is."""
-    low, middle, high = (float(value) for value in np.linalg.eigvalsh(moments))
-    if low < -TOLERANCE * max(high, 0.0) or high < 0.0 or (strict and low <= 0.0):
+    principal = np.linalg.eigvalsh(moments)
+    (low, middle, high), fault = principal, moments_fault(principal)
+    if fault == "not_positive" or (strict and low <= 0.0):
         return f"is not positive definite (smallest principal moment {low:.3g})"
-    if low + middle < high * (1.0 - TOLERANCE):
+    if fault:
         return f"breaks the triangle inequality ({low:.3g} + {middle:.3g} < {high:.3g})"
     return None
 
 
 def _moving_bodies(
-    links: list[str], joints: dict[str, ElementTree.Element], floating: bool
+    root: ElementTree.Element, joints: dict[str, ElementTree.Element], floating: bool
 ) -> dict[str, list[str]]:
     """Links of each moving rigid body, by the link that its joint carries."""
     carriers = {joint.find("child").get("link"): joint for joint in joints.values()}  # type: ignore[union-attr]
     members: dict[str, list[str]] = {}
-    for link in links:
+    for link in (one.get("name", "") for one in root.findall("link")):
         head = link
         while head in carriers and carriers[head].get("type") == "fixed":
             head = carriers[head].find("parent").get("link")  # type: ignore[union-attr,assignment]
@@ -260,7 +291,7 @@ def _check_solid(solid: ElementTree.Element, where: str, path: Path) -> None:
 # Whether a model's masses can be kilograms: grams give bodies that no material has and no drive could lift.
 
 
-def check_weights(model: pin.Model, torque: NDArray[np.float64], path: Path) -> None:
+def check_weights(model: pin.Model, torque: Array, path: Path) -> None:
     """Refuse a model whose masses are in grams.
 
     Two things have to speak for it: bodies denser than any metal, from their mass and moments, and weight far

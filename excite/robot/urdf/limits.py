@@ -23,7 +23,7 @@ _FILE = "joint_limits.yaml"
 # Wider than this is a whole turn, as no range is written: ±3.14 is one less 0.05 % [rad].
 _TURN = 0.99 * 2.0 * math.pi
 # Attributes of <limit> beside lower and upper; MoveIt's file calls the second effort, too.
-_LARGEST = ("velocity", "effort", "acceleration", "jerk")
+LARGEST = ("velocity", "effort", "acceleration", "jerk")
 
 
 Limits = dict[str, dict[str, Any]]
@@ -129,18 +129,21 @@ def tighten_limits(root: Element, limits: Limits, path: Path, said: str) -> dict
         if name not in limits or joint.get("type") not in {"revolute", "continuous", "prismatic"}:
             continue
         limit = SubElement(joint, "limit") if limit is None else limit
-        for key in ("position", *_LARGEST):
-            value = limits[name].get(key)
-            if key == "position":
-                holds = value is not None and _narrow_range(joint, limit, value, path, said)
-            else:
-                stated = read_number(limit, key, path, f"joint {name!r}/limit", default="0")
-                holds = value is not None and value > 0.0 and not 0.0 < stated <= value
-                if holds:
-                    limit.set(key, repr(value))
-            if holds:
-                changed.setdefault(key, []).append(name)
+        stated = limits[name]
+        if "position" in stated and _narrow_range(joint, limit, stated["position"], path, said):
+            changed.setdefault("position", []).append(name)
+        where = f"joint {name!r}/limit"
+        own = {key: read_number(limit, key, path, where, default="0") for key in LARGEST}
+        for key, value in tighter_limits(stated, own).items():
+            limit.set(key, repr(value))
+            changed.setdefault(key, []).append(name)
     return changed
+
+
+def tighter_limits(stated: Mapping[str, Any], own: Mapping[str, float]) -> dict[str, float]:
+    """The largest magnitudes that are stated elsewhere and are tighter than a joint's own, of which 0 is none."""
+    found = {key: stated[key] for key in own if key in stated}
+    return {key: value for key, value in found.items() if value > 0.0 and not 0.0 < own[key] <= value}
 
 
 def _narrow_range(joint: Element, limit: Element, stated: tuple[float, float], path: Path, said: str) -> bool:
@@ -248,7 +251,7 @@ def read_limits_file(file: Path, names: Sequence[str], *, given: bool = True) ->
 
 def _of_block(block: Mapping[str, Any], file: Path, name: str) -> dict[str, Any]:
     found: dict[str, Any] = {}
-    for key in ("min_position", "max_position", *(f"max_{quantity}" for quantity in _LARGEST)):
+    for key in ("min_position", "max_position", *(f"max_{quantity}" for quantity in LARGEST)):
         quantity = key.split("_")[1]
         # The quantity of which a file says that it has no limits has none.
         if key in block and block.get(f"has_{quantity}_limits", True) is not False:

@@ -88,7 +88,7 @@ def read_number(
     return read_numbers(element, attribute, 1, source, where, default=default)[0]
 
 
-def read_origin(element: ElementTree.Element, source: Path, where: str) -> pin.SE3:
+def read_origin(element: ElementTree.Element, source: Path = Path(), where: str = "") -> pin.SE3:
     """The pose that the ``<origin>`` below an element states, none where it has none; raises RobotError."""
     origin = element.find("origin")
     if origin is None:

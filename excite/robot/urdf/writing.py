@@ -7,20 +7,21 @@ from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
+
+from excite.arrays import Array
 
 MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-Value = str | float | NDArray[np.float64] | Sequence[float]
+Value = str | float | Array | Sequence[float]
 
 
-def format_row(values: Iterable[float]) -> str:
+def number_text(*values: float) -> str:
     """Numbers as an attribute holds them, to the last bit; a zero has no sign."""
     return " ".join(repr(float(value) + 0.0) for value in values)
 
 
 def add_element(parent: Element, tag: str, /, **values: Value) -> Element:
     """An element below another one, with attributes of words, numbers and rows of numbers."""
-    words = {k: v if isinstance(v, str) else format_row(np.atleast_1d(v)) for k, v in values.items()}
+    words = {k: v if isinstance(v, str) else number_text(*np.atleast_1d(v)) for k, v in values.items()}
     return SubElement(parent, tag, words)
 
 

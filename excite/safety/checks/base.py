@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Flags
 from excite.robot.prismatic import sliding_joints
 from excite.robot.robot import Robot
 from excite.safety.checks.sweep import Sweep
@@ -55,7 +54,7 @@ class Check(ABC):
 
 
 def first_violations(
-    kind: str, names: tuple[str, ...], time: Array, values: Array, limits: Array, bad: NDArray[np.bool_]
+    kind: str, names: tuple[str, ...], time: Array, values: Array, limits: Array, bad: Flags
 ) -> tuple[Violation, ...]:
     """One violation per column at its first bad row.
 
@@ -83,7 +82,7 @@ def first_violations(
 
 
 def first_violation(
-    kind: str, where: str, time: Array, values: Array, limit: float, bad: NDArray[np.bool_]
+    kind: str, where: str, time: Array, values: Array, limit: float, bad: Flags
 ) -> tuple[Violation, ...]:
     """The violation at the first bad of times, ``(n,)`` each, if any is; arguments as of :func:`first_violations`."""
     return first_violations(kind, (where,), time, values[:, None], np.array([limit]), bad[:, None])

@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Flags
 from excite.motion.motion import Instants
 from excite.robot.prismatic import is_prismatic
 from excite.robot.robot import Robot
@@ -74,7 +74,8 @@ def judge_self_collision(sweep: Sweep) -> CheckResult:
     required = sweep.robot.description.collision.margin
     distances = Distances(sweep)
     if not distances.n_pairs:
-        if _all_have_shapes(sweep.robot):
+        shaped = {shape.joint for shape in collision_shapes(sweep.robot)}
+        if {segment.joint for segment in sweep.robot.segments} <= shaped:
             return CheckResult(applicable=False)
         return CheckResult(violations=(Violation("no_collision_pairs", None, "collision", None, None),))
     closest = find_closest(distances, required)
@@ -84,10 +85,6 @@ def judge_self_collision(sweep: Sweep) -> CheckResult:
         ]
         return CheckResult(closest.upper, tuple(firsts))
     return CheckResult(closest.lower if closest.lower >= required else None)
-
-
-def _all_have_shapes(robot: Robot) -> bool:
-    return {segment.joint for segment in robot.segments} <= {shape.joint for shape in collision_shapes(robot)}
 
 
 def find_closest(distances: Distances, required: float) -> Closest:
@@ -142,7 +139,7 @@ class _FirstLook:
     """
 
     values: Array
-    asked: NDArray[np.bool_]
+    asked: Flags
     upper: float
     found: dict[int, tuple[float, float]]
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 from itertools import chain
 
 import numpy as np
-from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Flags
 from excite.safety.checks.base import CheckResult, first_violation
 from excite.safety.checks.sweep import Sweep
 from excite.safety.ground_forces import RESIDUAL_TOLERANCE, polygon_margin
@@ -34,7 +33,7 @@ def judge_zero_moment_point(sweep: Sweep) -> CheckResult:
     robot, time = sweep.robot, sweep.fine.time
     if not robot.feet:
         return CheckResult(applicable=False)
-    airborne: NDArray[np.bool_] = np.logical_not(sweep.contacts.any(axis=1))
+    airborne: Flags = np.logical_not(sweep.contacts.any(axis=1))
     found: tuple[Violation, ...] = ()
     if airborne.any():
         found = (Violation("no_contact", float(time[int(np.argmax(airborne))]), "feet", None, None),)
@@ -82,14 +81,12 @@ def judge_contact_wrench(sweep: Sweep) -> CheckResult:
 def support_margin(sweep: Sweep, points: Array) -> Array:
     """Signed distance of points, ``(n, 2)``, from the support polygon's edge [m]; NaN without contact."""
     margin = np.full(len(points), np.nan)
-    for feet, samples in sweep.contact_phases():
-        if len(feet):
-            corners = np.concatenate([sweep.sole_corners[i][samples, :, :2] for i in feet], axis=1)
-            margin[samples] = polygon_margin(corners, points[samples])
+    for standing in sweep.on_feet(np.arange(len(points))):
+        margin[standing.rows] = polygon_margin(standing.corners[:, :, :2], points[standing.rows])
     return margin
 
 
-def _stance_samples(sweep: Sweep) -> NDArray[np.bool_]:
+def _stance_samples(sweep: Sweep) -> Flags:
     """Samples at which the centre of mass is judged."""
     time, contacts = sweep.fine.time, sweep.contacts
     changes = np.flatnonzero((contacts[1:] != contacts[:-1]).any(axis=1)) + 1
@@ -101,7 +98,7 @@ def _stance_samples(sweep: Sweep) -> NDArray[np.bool_]:
     return judged
 
 
-def _name_feet(sweep: Sweep, bad: NDArray[np.bool_]) -> str:
+def _name_feet(sweep: Sweep, bad: Flags) -> str:
     row = sweep.contacts[int(np.argmax(bad))]
     return "+".join(foot.name for foot, flag in zip(sweep.robot.feet, row, strict=True) if flag) or "feet"
 
@@ -129,7 +126,7 @@ def judge_feet(sweep: Sweep) -> CheckResult:
     return CheckResult(violations=found)
 
 
-def _judge_foot(name: str, time: Array, corners: Array, loaded: NDArray[np.bool_]) -> tuple[Violation, ...]:
+def _judge_foot(name: str, time: Array, corners: Array, loaded: Flags) -> tuple[Violation, ...]:
     low, high = corners[:, :, 2].min(axis=1), corners[:, :, 2].max(axis=1)
     slip, speed = np.zeros(len(time)), np.zeros(len(time))
     # A phase starts where the flag rises.

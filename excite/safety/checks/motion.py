@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from excite.arrays import Array
+from excite.errors import MotionError
 from excite.motion.motion import Motion
 from excite.motion.setpoints import LONGEST_GOAL_S, SLOWEST_SAMPLES_HZ, is_sparse
 from excite.robot.robot import Robot
@@ -102,7 +103,11 @@ def time_faults(motion: Motion) -> tuple[Violation, ...]:
         return (Violation("too_few_samples", None, "time", float(len(time)), 3.0),)
     step = np.diff(time)
     median = float(np.median(step))
-    shortest, longest = _SHORTEST_STEP * median, min(_STEP_RATIO * median, 1.0 / SLOWEST_SAMPLES_HZ)
+    # No controller takes samples faster than one a microsecond.
+    shortest, longest = (
+        max(_SHORTEST_STEP * median, 1e-6),
+        min(_STEP_RATIO * median, 1.0 / SLOWEST_SAMPLES_HZ),
+    )
     sparse = not motion.is_goal and is_sparse(time)
     cases = [("time_not_increasing", step <= 0.0, 0.0)]
     if motion.is_goal:
@@ -118,6 +123,17 @@ def time_faults(motion: Motion) -> tuple[Violation, ...]:
             k = int(np.argmax(bad))
             return (Violation(kind, float(time[k]), "time", float(step[k]), limit),)
     return (Violation("rate_too_low", None, "time", 1.0 / median, SLOWEST_SAMPLES_HZ),) if sparse else ()
+
+
+def refuse_time_faults(motion: Motion) -> None:
+    """Raise MotionError for samples that are no motion in time."""
+    for fault in time_faults(motion):
+        raise MotionError(
+            f"cannot be run: {fault}",
+            source=motion.name,
+            field="time",
+            remedy="resample it evenly, 20 Hz or faster, without gaps",
+        )
 
 
 def _check_contacts(robot: Robot, motion: Motion) -> tuple[Violation, ...]:

@@ -180,10 +180,8 @@ def edges_of_support(sweep: Sweep) -> Facing | None:
     """
     n = sweep.fine.n_samples
     edges = np.full((n, max(1, sum(len(foot.sole) for foot in sweep.robot.feet)), 3), np.nan)
-    for feet, members in sweep.contact_phases():
-        if len(feet):
-            corners = np.concatenate([sweep.sole_corners[i][members, :, :2] for i in feet], axis=1)
-            edges[members, : corners.shape[1]] = hull_edges(corners)
+    for standing in sweep.on_feet(np.arange(n)):
+        edges[standing.rows, : standing.corners.shape[1]] = hull_edges(standing.corners[:, :, :2])
     if not np.isfinite(edges[:, :, 0]).any(axis=1).all():
         return None
     planes = np.zeros((*edges.shape[:2], 6))
@@ -233,15 +231,9 @@ def _phases(sweep: Sweep) -> Iterator[NDArray[np.intp]]:
 
 def _shares(sweep: Sweep) -> Array:
     """Each foot's wrench per total wrench at ``torque_samples``, ``(m, n_feet, 6, 6)``; zero for feet in the air."""
-    robot, samples = sweep.robot, sweep.torque_samples
-    found = np.zeros((len(samples), len(robot.feet), 6, 6))
-    for feet, members in sweep.contact_phases():
-        rows = np.flatnonzero(np.isin(samples, members))
-        if not len(feet) or not len(rows):
-            continue
-        corners = np.concatenate([sweep.sole_corners[i][samples[rows]] for i in feet], axis=1)
-        counts = [len(robot.feet[i].sole) for i in feet]
-        friction = np.repeat([robot.feet[i].friction for i in feet], counts)
+    samples = sweep.torque_samples
+    found = np.zeros((len(samples), len(sweep.robot.feet), 6, 6))
+    for feet, rows, counts, corners, friction in sweep.on_feet(samples):
         shared = shares_of_wrench(sweep.wrench[samples[rows]], corners, friction, counts)
         for k, i in enumerate(feet):
             found[rows, i] = shared[:, k]

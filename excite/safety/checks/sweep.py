@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from excite.arrays import Array, distinct_rows
+from excite.arrays import Array, Flags, distinct_rows
 from excite.errors import InputError
 from excite.lazy_kernel import LazyKernel
 from excite.motion.motion import Motion, interpolate_motion
@@ -31,6 +32,24 @@ MIN_RATE_HZ = 200.0
 _EVEN, _APART = 1e-6, 0.3
 # Contact forces and joint torques, smoother and dearer, are evaluated at about this rate.
 TORQUE_RATE_HZ = 200.0
+
+
+class Standing(NamedTuple):
+    """Samples at which a robot stands on the same feet.
+
+    Attributes:
+        feet: which feet, as indices.
+        rows: which of the samples asked for.
+        counts: corners of each of the feet's soles.
+        corners: these corners, foot after foot, ``(n_rows, n_corners, 3)`` [m], world frame.
+        friction: coefficient of friction at each corner.
+    """
+
+    feet: NDArray[np.intp]
+    rows: NDArray[np.intp]
+    counts: list[int]
+    corners: Array
+    friction: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +103,7 @@ class Sweep:
         return compute_dynamics(self.robot, self.fine, self.torque_samples)
 
     @cached_property
-    def contacts(self) -> NDArray[np.bool_]:
+    def contacts(self) -> Flags:
         """Contact flags on the finer grid, ``(n, n_feet)``, in the order of ``robot.feet``."""
         flags = [self.fine.contacts[foot.name] for foot in self.robot.feet]
         return np.column_stack(flags) if flags else np.zeros((self.fine.n_samples, 0), dtype=bool)
@@ -108,10 +127,16 @@ class Sweep:
         """Zero-moment point on the ground, ``(n, 2)`` [m]."""
         return zero_moment_point(self.wrench)
 
-    def contact_phases(self) -> list[tuple[NDArray[np.intp], NDArray[np.intp]]]:
-        """Samples by set of feet in contact: pairs of the feet's and the samples' indices."""
+    def on_feet(self, samples: NDArray[np.intp]) -> Iterator[Standing]:
+        """Those of some samples at which the robot stands on a set of feet, set by set."""
         sets, member = distinct_rows(self.contacts)
-        return [(np.flatnonzero(row), np.flatnonzero(member == i)) for i, row in enumerate(sets)]
+        for number, flags in enumerate(sets):
+            feet, rows = np.flatnonzero(flags), np.flatnonzero(member[samples] == number)
+            if len(feet) and len(rows):
+                corners = np.concatenate([self.sole_corners[i][samples[rows]] for i in feet], axis=1)
+                counts = [len(self.robot.feet[i].sole) for i in feet]
+                friction = np.repeat([self.robot.feet[i].friction for i in feet], counts)
+                yield Standing(feet, rows, counts, corners, friction)
 
     @cached_property
     def torque_samples(self) -> NDArray[np.intp]:
@@ -129,13 +154,7 @@ class Sweep:
         samples = self.torque_samples
         forces = [np.zeros((len(samples), len(foot.sole), 3)) for foot in self.robot.feet]
         residual = np.full(len(samples), np.inf)
-        for feet, members in self.contact_phases():
-            rows = np.flatnonzero(np.isin(samples, members))
-            if not len(feet) or not len(rows):
-                continue
-            corners = np.concatenate([self.sole_corners[i][samples[rows]] for i in feet], axis=1)
-            counts = [len(self.robot.feet[i].sole) for i in feet]
-            friction = np.repeat([self.robot.feet[i].friction for i in feet], counts)
+        for feet, rows, counts, corners, friction in self.on_feet(samples):
             shared = distribute_wrench(self.wrench[samples[rows]], corners, friction)
             residual[rows] = shared.residual
             for i, part in zip(feet, np.split(shared.forces, np.cumsum(counts)[:-1], axis=1), strict=True):

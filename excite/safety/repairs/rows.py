@@ -9,9 +9,8 @@ from functools import cached_property
 import numpy as np
 import pinocchio as pin
 import scipy
-from numpy.typing import NDArray
 
-from excite.arrays import Array, Moved, distinct_rows
+from excite.arrays import Array, Flags, Moved, distinct_rows
 from excite.motion.generators.generator import Candidate, leg_joints
 from excite.robot.joint_values import per_joint
 from excite.robot.legs import TORQUE_SHARE, usable_torque
@@ -351,7 +350,7 @@ class PathLimits:
         """[N]"""
         return self._robot.mass * float(np.linalg.norm(self._robot.model.gravity.linear))
 
-    def _carried(self, s: Array) -> NDArray[np.bool_]:
+    def _carried(self, s: Array) -> Flags:
         """Which feet carry, ``(n, n_feet)``; at the border between two phases the smaller support counts."""
         carried = np.column_stack([self.candidate.supports(s, foot.name) for foot in self._robot.feet])
         for phase in [phase for phase in self.candidate.phases if len(phase.feet) < len(self._robot.feet)]:
@@ -483,7 +482,7 @@ def shares_of_feet(
     return np.asarray(found * share[:, :, None, None])
 
 
-def load_shares(point: Array, centres: Array, carried: NDArray[np.bool_]) -> Array:
+def load_shares(point: Array, centres: Array, carried: Flags) -> Array:
     """Share of the load on each of two feet, ``(n, 2)``, from where it acts between their centres."""
     line = centres[1, :2] - centres[0, :2]
     second = np.clip((point - centres[0, :2]) @ line / (line @ line), 0.0, 1.0)
@@ -492,7 +491,7 @@ def load_shares(point: Array, centres: Array, carried: NDArray[np.bool_]) -> Arr
     return np.asarray(share / share.sum(axis=1, keepdims=True))
 
 
-def corner_shares(robot: Robot, soles: Mapping[str, Array], carried: NDArray[np.bool_]) -> Array:
+def corner_shares(robot: Robot, soles: Mapping[str, Array], carried: Flags) -> Array:
     """Wrench of each foot about the world origin per total wrench, ``(n_feet, 6, 6)``; zero for free feet.
 
     Args:

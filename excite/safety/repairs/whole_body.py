@@ -19,7 +19,6 @@ from excite.errors import MotionError
 from excite.motion.generators.curves import Curve, PolynomialCurve, SplineCurve, hermite_curve
 from excite.motion.generators.generator import (
     Candidate,
-    SupportPhase,
     leg_joints,
     pelvis_joint,
     support_corners,
@@ -67,7 +66,8 @@ class WholeBody(Repair):
 
     def _attempt(self, draft: Draft) -> Draft | Rejection:
         candidate = draft.candidate
-        if not all(has_area(self._corners(phase)) for phase in candidate.phases):
+        feet = ([self.robot.foot(name) for name in phase.feet] for phase in candidate.phases)
+        if not all(has_area(support_corners(self.robot, standing)) for standing in feet):
             return draft.rejected("no_support", "feet")
         s = path_grid(candidate)
         q = np.tile(self.robot.rest, (len(s), 1))
@@ -103,9 +103,6 @@ class WholeBody(Repair):
         if collision is not None:
             return refused_by(draft, self.probe.closest(q[collision:]))
         return replace(draft, path=MotionPath(self.robot, s, coordinates_of(self.robot, q)))
-
-    def _corners(self, phase: SupportPhase) -> Array:
-        return support_corners(self.robot, [self.robot.foot(name) for name in phase.feet])
 
     def _grounded(self, candidate: Candidate, s: Array, q: Array) -> str | None:
         """Name of a free foot that goes below the ground."""
