@@ -160,10 +160,10 @@ class Baseline:
             return found.with_fit(fit)
         while True:
             rotors = np.array([own[terms.index(ARMATURE)] for own in fit.own_coefs])
-            without = rotors + self.samples.motor_inertias < 0.0
-            if not without.any():
+            none = rotors + self.samples.motor_inertias < 0.0
+            if not none.any():
                 return found.with_fit(fit)
-            found = found.with_signs(found.signs, np.array(found.rotorless) | without)
+            found = found.with_signs(found.signs, (none | found.rotorless).tolist())
             fit = found.solver.fit_columns()
 
     @property

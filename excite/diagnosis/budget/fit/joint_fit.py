@@ -129,9 +129,9 @@ def fit_model(
         new = 1.0 / np.maximum(power, floor**2)
         done = np.max(np.abs(np.log(new / weight))) < 0.05
         weight = new
-        if (without := rotors[x[rotors] < least[: len(rotors)]]).size:
+        if (none := rotors[x[rotors] < least[: len(rotors)]]).size:
             # As where the model has no effects, so that what they take is not theirs and the rotors' too.
-            prior[without], done = _KNOWN * count, False
+            prior[none], done = _KNOWN * count, False
         if done:
             break
     if not left_out:
