@@ -56,9 +56,10 @@ class Power:
 
 
 def power_of(model: Model) -> Power:
-    """Mean squares that a fitted model leaves."""
+    """Mean squares that a fitted model leaves; of trials that judge themselves, of blocks that it was not fitted to."""
     grams = model.design.judging_grams
-    left = model.residual_power(grams) * grams.count[:, None]
+    own = grams is model.design.fitted and len(model.predicted) > 0
+    left = model.predicted if own else model.residual_power(grams) * grams.count[:, None]
     total, count = left.sum(axis=0), float(grams.count.sum())
     without = (total - left) / np.maximum(count - grams.count, 1.0)[:, None]
     fits = np.empty((len(model.left_out), len(grams.total)))
