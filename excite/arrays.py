@@ -52,6 +52,12 @@ def widen_flags(flags: Flags, around: int) -> Flags:
     return np.asarray(count[width:] > count[:-width])
 
 
+def jackknife_std(values: Array) -> Array:
+    """Standard deviations of estimates ``(n, …)`` that leave out one part of the data each (Miller 1974)."""
+    n = len(values)
+    return np.asarray(np.sqrt(max(n - 1, 0) * values.var(axis=0))) if n else np.zeros(values.shape[1:])
+
+
 def is_whole(values: Array) -> bool:
     """Whether all numbers are whole."""
     return bool((values == np.round(values)).all())

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.special import stdtrit
 
-from excite.arrays import Array, Flags, Indices
+from excite.arrays import Array, Flags, Indices, jackknife_std
 from excite.errors import InputError, LogError
 from excite.identification.problem import IdentificationProblem, build_problem
 from excite.identification.regression import RANK_TOLERANCE, minimum_norm, square_factor
@@ -152,12 +152,6 @@ def _gains_of(runs: LoadRuns, gains: Mapping[str, float] | None) -> Array | None
     if missing:
         raise LogError("has no gain", field=f"drive_gains.{missing[0]}", remedy="state N·m/A")
     return np.array([gains[name] for name in runs.joints])
-
-
-def jackknife_std(values: Array) -> Array:
-    """Standard deviations of ``(n_left_out, k)`` estimates that each leave out one part of the data, ``(k,)``."""
-    n = len(values)
-    return np.asarray(np.sqrt((n - 1) / n * ((values - values.mean(axis=0)) ** 2).sum(axis=0)))
 
 
 _ROUNDS = 3

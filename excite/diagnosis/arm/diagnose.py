@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from scipy.special import ndtri, stdtrit
 
-from excite.arrays import Array
+from excite.arrays import Array, jackknife_std
 from excite.diagnosis.answer.answer import NO_NAME, Absorbed, Diagnosis, Rollout
 from excite.diagnosis.answer.candidate import Candidate, Estimate, format_estimate
 from excite.diagnosis.answer.gap import Budget, Curves, Gap, Where, gap_of, share_closed
@@ -20,9 +20,8 @@ from excite.diagnosis.budget.fit.joint_fit import Model
 from excite.diagnosis.budget.library import NAMELESS
 from excite.diagnosis.budget.made import budget_of, sizes_by_trial
 from excite.diagnosis.budget.record import fit_initial_baseline, rows_of
-from excite.diagnosis.budget.shares import jackknife_std, part_time_payload, trials_that_carry
+from excite.diagnosis.budget.shares import part_time_payload, trials_that_carry
 from excite.diagnosis.budget.thresholds import THRESHOLDS
-from excite.diagnosis.effects.effect import Effect
 from excite.diagnosis.effects.form import Context
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.baseline_fit import fit_baseline
@@ -461,10 +460,12 @@ def judge_record(record: TorqueRecord) -> GapFit:
     # A joint that stands throughout leaves what holds it, in units of next to no torque: no part of the whole gap.
     scale = np.where(stands_throughout(samples), np.inf, np.maximum(tau.std(axis=0), 1e-9))
     together = find_joints_in_unison(full)
-    # On one path any list of effects could stand for any other, and what has no name for any that has.
-    effects = (*record.effects, *NAMELESS) if together is None else _own_terms(record.effects)
-    if together is None and (loaded := _find_part_time_payload(full, least)) is not None:
-        effects = (*effects, loaded)
+    # On one path any list of effects could stand for any other, and what has no name for any that has: there each
+    # joint's own motion tells the terms of its drive.
+    effects = tuple(effect for effect in record.effects if together is None or effect.term is not None)
+    if together is None:
+        loaded = part_time_payload(Context(full), rows_of(full, full.modelled, least), full.strict)
+        effects = (*effects, *NAMELESS, *(() if loaded is None else (loaded,)))
     found = build_gap_model(full, record.modelled, effects, least, sigma, np.random.default_rng(0))
     model, context = found.model, found.prediction.context
     spectral = with_held(samples, model.residual, spectral)
@@ -476,16 +477,6 @@ def judge_record(record: TorqueRecord) -> GapFit:
     named = ((item.hypothesis.effect, item.location) for item in attribution.accepted)
     said = (*said, *trials_that_carry(named))
     return GapFit(samples, baseline, spectral, noise, attribution, judgement, budget, said)
-
-
-def _find_part_time_payload(full: Baseline, floor: Array) -> Effect | None:
-    """The body that some trials have and others do not, told beside all that the model begins with."""
-    return part_time_payload(Context(full), rows_of(full, full.modelled, floor), full.strict)
-
-
-def _own_terms(effects: tuple[Effect, ...]) -> tuple[Effect, ...]:
-    """Effects that are terms of a joint's drive, told by its own motion."""
-    return tuple(effect for effect in effects if effect.term is not None)
 
 
 # Whether the trials to learn from and those to judge by are of one machine: sizes refitted on the latter.

@@ -7,15 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from excite.arrays import Array
 from excite.diagnosis.budget.fit.terms import Term, TermMaker
 from excite.diagnosis.budget.thresholds import THRESHOLDS
 from excite.diagnosis.effects.effect import Effect, Theta
 from excite.diagnosis.effects.forces import EndStop
 from excite.diagnosis.effects.form import Context
-from excite.diagnosis.equations.dry_friction.friction_sign import SignChange
-from excite.diagnosis.equations.own_columns import CONSTANT, COULOMB, VISCOUS, OwnTerm, own_rows
-from excite.diagnosis.equations.samples import ArmSamples
+from excite.diagnosis.equations.own_columns import CONSTANT, COULOMB, VISCOUS
 from excite.diagnosis.equations.standing_joints import stands_throughout
 
 # Physics without a name: where it says more than what has one, the gap is unknown, and follows what it follows.
@@ -57,7 +54,7 @@ class Library:
                     sign = base.signs[j]
                     effect = effect.variant_forms[0] if sign.has_bristles else effect
                     theta = (sign.breakaway if sign.has_bristles else sign.width,)
-                column = _own_rows(base.samples, term, j, base.signs[j], maker.weight)
+                column = base.weighted_own_rows((term,), j, [base.signs[j]], maker.weight)[0][:, :1]
                 size = float(np.sqrt((column**2).mean()))
                 if size > 0.0:
                     made.append(
@@ -122,7 +119,3 @@ def has_rigid_load(context: Context, joint: str) -> bool:
     load = float(np.sqrt(np.mean(context.baseline.rigid[:, j] ** 2)))
     torque = float(np.sqrt(np.mean(samples.stack_trials("tau")[:, j] ** 2)))
     return load >= THRESHOLDS.load * torque
-
-
-def _own_rows(samples: ArmSamples, term: OwnTerm, j: int, sign: SignChange, weight: Array) -> Array:
-    return own_rows(samples, (term,), j, [sign])[0][:, :1] * weight[j][:, None]

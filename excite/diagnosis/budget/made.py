@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, jackknife_std
 from excite.diagnosis.answer.candidate import Estimate
 from excite.diagnosis.answer.gap import (
     NOT_REPEATED,
@@ -23,7 +23,7 @@ from excite.diagnosis.budget.fit.joint_fit import Model, fit_model
 from excite.diagnosis.budget.fit.terms import ShapeStep, TermMaker
 from excite.diagnosis.budget.library import has_rigid_load
 from excite.diagnosis.budget.record import GapModel
-from excite.diagnosis.budget.shares import Shares, jackknife_std, linear_deviations, shares_of, unnamed_of
+from excite.diagnosis.budget.shares import Shares, linear_deviations, shares_of, unnamed_of
 from excite.diagnosis.budget.thresholds import THRESHOLDS
 from excite.diagnosis.effects.form import Context
 from excite.diagnosis.equations.noise_floor import repeat_floor

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
-from excite.arrays import Array
+from excite.arrays import Array, jackknife_std
 from excite.diagnosis.budget.fit.design import Design, Rows
 from excite.diagnosis.budget.fit.joint_fit import Model, effective_share, fit_model
 from excite.diagnosis.budget.thresholds import THRESHOLDS
@@ -78,14 +78,6 @@ def judged_power(
 ) -> Power:
     """What the terms leave when they are fitted together, or have known sizes."""
     return power_of(fit_model(design, chosen, weight, sizes=sizes))
-
-
-def jackknife_std(values: Array) -> Array:
-    """Standard deviation of a jackknife ``(n, …)`` (Miller 1974)."""
-    n = len(values)
-    if n < 2:
-        return np.zeros(values.shape[1:])
-    return np.sqrt((n - 1) / n * ((values - values.mean(axis=0)) ** 2).sum(axis=0))
 
 
 def linear_deviations(model: Model, k: int) -> Array:

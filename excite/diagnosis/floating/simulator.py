@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -462,8 +461,9 @@ def base_path(record: FloatingRecord, windows: Sequence[slice], before: Array, a
             simulator, turns in the base's frame.
         after: of the one with the effects, likewise.
     """
-    inside = [_trial_of(record, window) for window in windows]
-    trial = Counter(inside).most_common(1)[0][0]
+    ends = [span.stop for span in record.spans]
+    inside = np.searchsorted(ends, [window.start for window in windows], side="right")
+    trial = int(np.bincount(inside).argmax())
     span = record.spans[trial]
     recorded = record.q[span]
     paths = [recorded.copy(), recorded.copy()]
@@ -485,10 +485,6 @@ def base_path(record: FloatingRecord, windows: Sequence[slice], before: Array, a
     return RolloutPath(
         record.trials[trial], names, time, recorded[:, columns], *(path[:, columns] for path in paths)
     )
-
-
-def _trial_of(record: FloatingRecord, window: slice) -> int:
-    return next(k for k, span in enumerate(record.spans) if span.start <= window.start < span.stop)
 
 
 def _displace_pose(pose: Array, error: Array) -> Array:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.arrays import Array, widen_flags
+from excite.arrays import Array, jackknife_std, widen_flags
 from excite.diagnosis.answer.candidate import Candidate
 from excite.diagnosis.servo.gains import stated_servo
 from excite.diagnosis.walking.kinds import JITTER, ORDER, SATURATION, SERVO_KINDS, SURE, joint_kinds
@@ -106,14 +106,9 @@ class Servo:
             gains = law[..., :2] / usual
             return np.stack([gains[..., 0], gains[..., 1], offset, scale, law[..., 5] * self.step], axis=-1)
 
-        std = self.jackknife_std(law_sizes(self.parts))
+        std = jackknife_std(law_sizes(self.parts))
         std[4] = np.hypot(std[4], 0.3 * self.step)
         return law_sizes(self.law), std
-
-    @staticmethod
-    def jackknife_std(parts: Array) -> Array:
-        """Deviations by the jackknife."""
-        return np.asarray(np.sqrt((len(parts) - 1) * parts.var(axis=0)))
 
 
 def read_servos(log: Log) -> Iterator[Servo]:

@@ -92,7 +92,8 @@ def _fit_delay(
         best = float(np.clip(delay + step, 0.0, _LATEST))
         if abs(best - delay) < _NEAR:
             break
-        moved = turned(_at_torques(late, _in_time(plain, best)))
+        in_time = Solver(replace(late.solver.equations, y=_in_time(plain, best)))
+        moved = turned(replace(late, solver=in_time).refit())
         if _residual_loss(moved) >= _residual_loss(late):
             break
         late, delay = moved, best
@@ -181,10 +182,6 @@ def _in_time(baseline: Baseline, delay: float) -> Array:
         for t in samples.trials
     ]
     return np.asarray(e.y + samples.to_rows(moved, range(len(samples.joints))).T * baseline.root_weight)
-
-
-def _at_torques(baseline: Baseline, y: Array) -> Baseline:
-    return replace(baseline, solver=Solver(replace(baseline.solver.equations, y=y))).refit()
 
 
 def _residual_loss(baseline: Baseline) -> float:
