@@ -467,14 +467,37 @@ def _terms_with_share(
         gone.append(kept.pop(min(small, key=lambda k: worth[k])))
     for term in reversed(gone):
         for like in _possible_forms(term, kept, selected, rows, context):
-            more = [*kept, like]
-            model = fit_model(Design(rows, tuple(more)), range(len(more)))
-            fits = (one.is_possible(context, model.term_parameters(k)) for k, one in enumerate(more))
-            worth = _relative_worth(model, floor, scale)
-            if all(fits) and all(w >= 1.0 or one.started for w, one in zip(worth, more, strict=True)):
+            more = _readmit_term(like, kept, rows, floor, scale, context)
+            if more is not None:
                 kept = more
                 break
     return kept
+
+
+def _readmit_term(
+    term: Term, kept: Sequence[Term], rows: Rows, floor: Array, scale: Array, context: Context
+) -> list[Term] | None:
+    """Terms with one more, in the place of those that have no worth beside it; None where that is no better.
+
+    What shares a joint with a small one may have gone before it, while others were there that took its part.
+    """
+    more = [*kept, term]
+    while True:
+        model = fit_model(Design(rows, tuple(more)), range(len(more)))
+        worth = _relative_worth(model, floor, scale)
+        small = [k for k, one in enumerate(more) if worth[k] < 1.0 and not one.started]
+        fits = (one.is_possible(context, model.term_parameters(k)) for k, one in enumerate(more))
+        if not small:
+            break
+        if small[-1] == len(more) - 1:
+            return None
+        del more[min(small, key=lambda k: worth[k])]
+    if not all(fits):
+        return None
+    if len(more) > len(kept):
+        return more
+    before = fit_model(Design(rows, tuple(kept)), range(len(kept)))
+    return more if predictive_nats(model, before, np.zeros_like(model.predicted)) > 0.0 else None
 
 
 def _possible_forms(
