@@ -37,6 +37,7 @@ TABLES = (
 )
 # Where rows of a code and what it is said of are yielded, or stand in a list of cases.
 ROWS = (
+    "human/plates.py",
     "safety/check.py",
     "safety/checks/ground.py",
     "safety/checks/motion.py",
