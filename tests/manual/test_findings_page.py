@@ -7,8 +7,10 @@ import re
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
+from typing import get_args, get_type_hints
 
 from excite.doctor.examine import FOUND
+from excite.robot.urdf.inertia import moments_fault
 from excite.safety.check import CHECKS as SAFETY_CHECKS
 from excite.simulation.rehearsal import AT_LIMIT, FELL, SLIPPED, TOUCHED
 
@@ -110,7 +112,8 @@ def _loop_codes(loop: ast.For, tree: ast.Module) -> Iterator[str]:
 @cache
 def in_the_program() -> set[str]:
     codes = {code for path in (ROOT / "excite").rglob("*.py") for code in made_in(path)}
-    return codes | FOUND | {AT_LIMIT, FELL, SLIPPED, TOUCHED}
+    of_moments = set(get_args(get_type_hints(moments_fault)["return"])) - {""}
+    return codes | of_moments | FOUND | {AT_LIMIT, FELL, SLIPPED, TOUCHED}
 
 
 def test_every_code_of_the_program_is_on_the_page_and_no_other() -> None:
