@@ -376,15 +376,17 @@ def estimate_absorbed_sizes(baseline: Baseline) -> tuple[Absorbed, ...]:
     equations, joints = baseline.solver.equations, baseline.samples.joints
     trials = len(np.unique(equations.trial[equations.use]))
     within = float(stdtrit(trials - 1, 0.95) if trials >= TRIALS else ndtri(0.95))
-    found, none = [], [False] * len(joints)
+    # Those of rotors that are left out have deviations too.
+    whole = baseline.with_signs(baseline.signs, [False] * len(joints)).solver.equations
+    found = []
     for j, joint in enumerate(joints):
         names = list(_own_column_names(baseline, j))
         if not names:
             continue
-        # As columns of a hypothesis, whose deviations are known, and not as the joint's own; all of them for these.
+        # As columns of a hypothesis, whose deviations are known, and not as the joint's own.
         solver = baseline.solver.with_own(j, equations.own[j][:, :0])
         columns = np.zeros((len(joints), *equations.own[j].shape))
-        columns[j] = baseline.with_signs(baseline.signs, none).solver.equations.own[j]
+        columns[j] = whole.own[j]
         spread = solver.std_between_trials(solver.fit_columns(columns))
         columns[j] = equations.own[j]
         fit = solver.fit_columns(columns)

@@ -256,11 +256,7 @@ class BudgetVerdict:
     @cached_property
     def _initial_baseline(self) -> Baseline:
         """What is modelled, its friction changing sign as it does in the model of the gap."""
-        base, now = self.scorer.baseline, self.found.baseline
-        if base.signs == now.signs and base.rotorless == now.rotorless:
-            return base
-        moved = base.with_signs(now.signs, now.rotorless)
-        return moved.with_fit(moved.solver.fit_columns())
+        return self.scorer.baseline.with_drives_of(self.found.baseline)
 
     @cached_property
     def _term_numbers(self) -> dict[tuple[str, str], int]:

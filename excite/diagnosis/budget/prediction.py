@@ -94,11 +94,7 @@ def signs_beside(full: Baseline, model: Model) -> Baseline:
     """
     now = predict_model(full, model).baseline
     apart = replace(now, solver=Solver(now.fit.equations))
-    again = refit_signs(apart.refit())
-    if again.signs == full.signs and again.rotorless == full.rotorless:
-        return full
-    moved = full.with_signs(again.signs, again.rotorless)
-    return moved.with_fit(moved.solver.fit_columns())
+    return full.with_drives_of(refit_signs(apart.refit()))
 
 
 def torque_of(term: Term, x: Array) -> Array:

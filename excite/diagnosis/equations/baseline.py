@@ -147,6 +147,13 @@ class Baseline:
                 moved = replace(moved, solver=moved.solver.with_own(j, own))
         return moved
 
+    def with_drives_of(self, other: Baseline) -> Baseline:
+        """Fitted with the sign changes and the rotors of another fit of the same samples; itself where it has them."""
+        if self.signs == other.signs and self.rotorless == other.rotorless:
+            return self
+        moved = self.with_signs(other.signs, other.rotorless)
+        return moved.with_fit(moved.solver.fit_columns())
+
     def refit(self) -> Baseline:
         """The equations fitted, without rotors that would make all inertia that a motor turns negative.
 
