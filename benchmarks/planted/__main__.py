@@ -22,7 +22,7 @@ def machine_rows(machine: Machine, effects: list[str], folder: Path, seed: int, 
     """Rows of one machine; logs without the plant are diagnosed once for every baseline."""
     bench = Bench(machine)
     plain: dict[str | None, dict[str, Any]] = {}
-    for name in effects:
+    for name in (name for name in effects if name in bench.effects):
         clean, modelled = bench.without(TERM[name]), modelled_beside(name)
         if TERM[name] not in plain:
             log = save_log(folder / f"{machine.name}-without-{TERM[name]}", machine, clean, modelled)

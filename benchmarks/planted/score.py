@@ -29,6 +29,9 @@ _MAIN = {
     "encoder_offset": "offset",
     "joint_spring": "stiffness",
     "payload": "mass",
+    "position_gain": "gain_error",
+    "torque_crosstalk": "from_previous",
+    "coupled_drive": "coulomb",
 }
 _SAME = {"link_inertia": "payload"}
 # Normal deviate of a two-sided interval of 90 %.

@@ -20,6 +20,10 @@ EFFECTS = (
     "torque_bias",
     "torque_ripple",
     "encoder_offset",
+    "position_gain",
+    # at a joint and its neighbours
+    "torque_crosstalk",
+    "coupled_drive",
     # in the torque channel as a whole
     "time_delay",
     "actuator_lag",

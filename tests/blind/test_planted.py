@@ -72,6 +72,14 @@ def test_friction_planted_in_a_real_record_is_scored(bench: Bench, tmp_path: Pat
         ("ar5", Effect("joint_spring", 0, 2.988), "AR5-5_07R-W4C4A2_joint_1"),
         # Its torque is that of the joint before.
         ("panda", Effect("encoder_offset", 2, -0.03), "panda_joint3"),
+        # A gear of another ratio, a sensor that feels its neighbour, a wrist's motor.
+        ("panda", Effect("position_gain", 5, 0.0523), "panda_joint6"),
+        pytest.param(
+            "panda", Effect("torque_crosstalk", 2, -0.147), "panda_joint3", marks=pytest.mark.battery
+        ),
+        pytest.param(
+            "xmate", Effect("coupled_drive", 3, 3.47, (-1.0, 0.0, 0.0)), "joint4", marks=pytest.mark.battery
+        ),
         # Whitened rows tell a delay by when friction changes sign.
         pytest.param("xmate", Effect("time_delay", 0, 0.012), "torque", marks=pytest.mark.battery),
     ],

@@ -249,7 +249,7 @@ def _named_effect(found: GapModel, i: int, share: float, surely: float, clear: b
     }
     shaped = shape_deviations(model, k)
     values |= {
-        p.name: (t, None if n not in shaped else t * shaped[n])
+        p.name: (t, None if n not in shaped else abs(t) * shaped[n])
         for n, (p, t) in enumerate(zip(term.effect.searched, term.theta, strict=True))
     }
     rivals = found.rivals.get(k, ())

@@ -30,6 +30,7 @@ class Absence(StrEnum):
     SPRING = "a joint's spring is odd in its deflection and not periodic"
     CHANNEL = "a motor has one filter and no delay"
     READING = "the servo and the log read a joint's position alike"
+    SENSOR = "a motor's force is that of its own joint alone"
     START = "where a gear stands when a roll-out begins is part of the state"
     SOME_TRIALS = "it is there in some trials alone"
     BEHIND = "it acts behind a coupling or a loop"

@@ -228,6 +228,55 @@ class EncoderOffset(Effect):
         return Form(elements=shift_reference)
 
 
+# A position that is scaled: a gear of another ratio than the one that turns counts into angles.
+
+
+class PositionGain(Effect):
+    """Logged position = g · true position: ``τ(q/g) − τ(q)`` in all rows; the parameter is ``g − 1``.
+
+    The column is the secant over ``s`` with ``1 + s`` for g, exact where s is the error itself.
+    """
+
+    name = "position_gain"
+    belief = Belief(chance=0.01, width=0.05)
+    observed_by = frozenset({Doubt.POSITION, Doubt.GRAVITY})
+    linear = (Parameter("gain_error", "1", -0.5, 1.0),)
+    searched = (Parameter("secant", "1", 0.5, 2.0),)
+    confusable_with = ("encoder_offset", "joint_spring", "link_length_error")
+    separating_motion = "the joint over its whole range; a turn of it beside an inclinometer"
+    mujoco = "none: the log's positions are divided by it"
+    moves = True
+    by_motion = True
+
+    def locations(self, context: Context) -> tuple[str, ...]:
+        return context.joints if context.baseline.samples.robot.mechanism is None else ()
+
+    def search_grid(self, context: Context, location: str) -> list[Theta]:
+        return [(1.0 + _SMALL,)]
+
+    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
+        base, j = context.baseline, context.row(location)
+        gain = self.shape_at(theta, np.array([theta[0] - 1.0]))[0]
+        moved = base.samples.rigid_torques(base.phi, base.samples.scaled_motion(j, 1.0 / gain))
+        columns = (moved - (base.rigid - base.added)) / (gain - 1.0)
+        return Shape({k: columns[:, [k]] for k in range(columns.shape[1])})
+
+    def shape_at(self, theta: Theta, beta: Array) -> Theta:
+        error = float(np.clip(beta[0], self.linear[0].low, self.linear[0].high))
+        return (1.0 + (error if abs(error) > _SMALL else _SMALL),)
+
+    def is_admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
+        near = abs(theta[0] - 1.0 - beta[0]) <= abs(beta[0]) + _SMALL
+        return near and super().is_admissible(context, location, theta, beta)
+
+    def to_estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
+        value, std = float(fit.extra[0]), float(fit.extra_std[0])
+        return {"gain_error": Estimate(value, std if np.isfinite(std) else None, "1")}
+
+    def in_mujoco(self, item: Sizes) -> Form:
+        return Form(absent=Absence.READING)
+
+
 # A torque channel that is logged late.
 
 # Less than this share of a sample is a matter of when within it a logger reads its channels.

@@ -14,7 +14,15 @@ from excite.diagnosis.effects.friction import (
 )
 from excite.diagnosis.effects.gears.backlash import Backlash
 from excite.diagnosis.effects.gears.gear_effect import Armature, JointElasticity
-from excite.diagnosis.effects.readings import ActuatorLag, EncoderOffset, TimeDelay, TorqueBias, TorqueGain
+from excite.diagnosis.effects.neighbours import CoupledDrive, TorqueCrosstalk
+from excite.diagnosis.effects.readings import (
+    ActuatorLag,
+    EncoderOffset,
+    PositionGain,
+    TimeDelay,
+    TorqueBias,
+    TorqueGain,
+)
 from excite.registry import add_installed
 
 EFFECTS: dict[str, Effect] = {
@@ -33,6 +41,9 @@ EFFECTS: dict[str, Effect] = {
         TorqueGain(),
         TorqueRipple(),
         EncoderOffset(),
+        PositionGain(),
+        TorqueCrosstalk(),
+        CoupledDrive(),
         TimeDelay(),
         ActuatorLag(),
         Payload(),

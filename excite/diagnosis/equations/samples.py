@@ -174,6 +174,13 @@ class ArmSamples:
         rows = self.to_rows(regressor.reshape(len(regressor), -1), joints)
         return rows.reshape(len(rows), n, -1).transpose(1, 0, 2)
 
+    def scaled_motion(self, motor: int, factor: float) -> Moved:
+        """Motion of a tree without loops where a motor turns ``factor`` times as far."""
+        along = self.motion_maps[:, :, motor]
+        parts = zip(self.tree_motion, ("q", "v", "a"), strict=True)
+        moved = (x + (factor - 1.0) * along * self.motor_signal(name)[:, [motor]] for x, name in parts)
+        return Moved(*moved)
+
     def perturbed_motion(
         self, motor: int, turn: float = 0.0, speed: float = 0.0, more: float = 0.0
     ) -> tuple[Moved, Array]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -310,52 +310,67 @@ def build_gap_model(
     sure = [a for a in selected.best_atoms if draws.inclusion[number[group_of(gram.atoms[a].term)]] >= _THERE]
     free = [gram.atoms[a].term for a in sure]
     terms = _with_bodies(free, selected, rows)
+    judge = partial(
+        _readmit_term, rows=rows, floor=floor, scale=_torque_scale(full), context=Context(selected.full)
+    )
     terms = _terms_with_share(terms, selected, rows, floor, _torque_scale(full), Context(selected.full))
+    gone = {group_of(term) for term in free} - {group_of(term) for term in terms}
+    terms, asked = _ask_rivals(gone, terms, selected, rows, judge)
     # A body beside what is named alone: what stood beside it may have cancelled a part of it.
     whole = {term.key: term for term in free if term.effect.is_body}
     terms = _with_bodies([whole.get(term.key, term) for term in terms], selected, rows)
     basis = Basis(
         full, rows_of(full, modelled, floor), modelled, gram.discrepancy, selected.noise, selected.gap
     )
-    if len(terms) < len(free):
+    if {term.key for term in terms} != {term.key for term in free}:
         selected, rows, terms = _settle_again(basis, terms, selected)
     if sigma is not None:
         model = fit_model(Design(rows, tuple(terms)), range(len(terms)))
-        real = keep_predictive_terms(model, selected.full, sigma, partial(_other_forms, selected), rng)
+        forms = partial(_forms_beside, selected, rows)
+        real = keep_predictive_terms(model, selected.full, sigma, forms, rng)
         if real != terms:
             selected, rows, terms = _settle_again(basis, real, selected)
     late = _find_delay(terms, selected, rows, effects)
     if late is not None:
         selected, rows, terms = _settle_again(basis, [*terms, late[0]], selected)
+        asked |= {term.key: late[1] for term in terms if term.effect.timing}
     kept = {group_of(term) for term in terms}
     others: list[Term] = []
     rivals: dict[int, tuple[Rival, ...]] = {}
     nats: dict[int, float] = {}
     for k, term in enumerate(terms):
-        if late is not None and term.effect.timing:
-            nats[k] = late[1]
+        if term.key in asked:
+            nats[k] = asked[term.key]
             continue
-        g = number[group_of(term)]
-        chance = float(np.clip(draws.inclusion[g], 1e-12, 1.0 - 1e-12))
+        chance = float(np.clip(draws.inclusion[number[group_of(term)]], 1e-12, 1.0 - 1e-12))
         nats[k] = float(np.log(chance / (1.0 - chance)))
-        found = []
-        for other in np.argsort(-draws.rivals[g]):
-            odds = float(draws.rivals[g, other] / max(draws.rivals[g, g], 1e-6))
-            if draws.rivals[g, other] < _RIVAL or other == g or groups[other] in kept:
-                continue
-            rest = (*terms[:k], *terms[k + 1 :])
-            like = _possible_term(_likeliest_term(selected, int(other)), rest, selected, rows)
-            if like is None or like.effect.nameless:
-                continue
-            found.append(Rival(len(terms) + len(others), odds))
-            others.append(like)
-        rivals[k] = tuple(found)
+        found = _likely_rivals(terms, k, selected, rows)
+        first = len(terms) + len(others)
+        rivals[k] = tuple(Rival(first + i, odds) for i, (_, odds) in enumerate(found))
+        others += [like for like, _ in found]
     # How large others would have to be to show is asked of their columns beside the model.
     small = [a.term for a in gram.atoms if a.term.n_free == 1 and a.term.own is not None and not a.term.known]
     small = [term for term in small if group_of(term) not in kept]
     model = fit_model(Design(rows, (*terms, *others, *small)), range(len(terms)))
     now = predict_model(selected.full, model)
     return GapModel(model, nats, rivals, len(groups), selected.full, now, _rank_single_terms(selected))
+
+
+def _likely_rivals(
+    terms: Sequence[Term], k: int, selected: EffectPosterior, rows: Rows
+) -> list[tuple[Term, float]]:
+    """What may be in the place of the ``k``-th term, and its odds."""
+    groups, kept = groups_of(selected.gram.atoms), {group_of(term) for term in terms}
+    g = groups.index(group_of(terms[k]))
+    instead, rest = selected.draws.rivals[g], (*terms[:k], *terms[k + 1 :])
+    found = []
+    for other in np.argsort(-instead):
+        if instead[other] < _RIVAL or other == g or groups[other] in kept:
+            continue
+        like = _possible_term(_likeliest_term(selected, int(other)), rest, selected, rows)
+        if like is not None and not like.effect.nameless:
+            found.append((like, float(instead[other] / max(instead[g], 1e-6))))
+    return found
 
 
 def _settle_again(
@@ -474,6 +489,37 @@ def _terms_with_share(
     return kept
 
 
+def _ask_rivals(
+    gone: Collection[Key],
+    terms: Sequence[Term],
+    selected: EffectPosterior,
+    rows: Rows,
+    readmit: Callable[[Term, Sequence[Term]], list[Term] | None],
+) -> tuple[list[Term], dict[Key, float]]:
+    """Terms with rivals of what has gone, which took their part, and the log odds of these.
+
+    Each has to predict left-out blocks by more than its odds a priori ask for.
+    """
+    gram, groups = selected.gram, groups_of(selected.gram.atoms)
+    kept, odds = list(terms), dict[Key, float]()
+    instead = selected.draws.rivals[[key in gone for key in groups]].max(axis=0, initial=0.0)
+    for g in np.argsort(-instead):
+        if instead[g] < _RIVAL or groups[g] in gone or groups[g] in {group_of(term) for term in kept}:
+            continue
+        term = _likeliest_term(selected, int(g))
+        if term.started or term.effect.is_body or term.effect.nameless or term.effect.timing:
+            continue
+        more = readmit(term, kept)
+        if more is None:
+            continue
+        with_it, before = (fit_model(Design(rows, tuple(some)), range(len(some))) for some in (more, kept))
+        prior = next(atom.log_prior for atom in gram.atoms if atom.term is term)
+        gain = predictive_nats(with_it, before, np.zeros_like(before.predicted)) + prior
+        if gain > 0.0:
+            kept, odds[term.key] = more, gain
+    return kept, odds
+
+
 def _readmit_term(
     term: Term, kept: Sequence[Term], rows: Rows, floor: Array, scale: Array, context: Context
 ) -> list[Term] | None:
@@ -520,6 +566,16 @@ def _possible_forms(
         plain = type(like.effect) is type(EFFECTS.get(term.name))
         if (part or plain or (not itself and like.n_parameters <= term.n_parameters)) and is_possible(like):
             yield like
+
+
+def _forms_beside(
+    selected: EffectPosterior, rows: Rows, term: Term, others: Sequence[Term]
+) -> Iterator[Term]:
+    """The likeliest body in the place of free numbers, and other forms of a term's law."""
+    body = _possible_term(term, others, selected, rows)
+    if body is not None and body is not term:
+        yield body
+    yield from _other_forms(selected, term)
 
 
 def _other_forms(selected: EffectPosterior, term: Term) -> Iterator[Term]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,8 +23,8 @@ from excite.progress import step
 # without them, or not, as the draw had it; with them none does. Other numbers were not tried.
 _DEVIATIONS = 2.0
 
-# Other forms of a term's law, likeliest first.
-Forms = Callable[[Term], Iterable[Term]]
+# Other forms of a term beside those of a model, likeliest first.
+Forms = Callable[[Term, Sequence[Term]], Iterable[Term]]
 
 
 @step("predict blocks that are left out")
@@ -33,14 +33,15 @@ def keep_predictive_terms(
 ) -> list[Term]:
     """Terms of a model without which blocks that are left out are predicted worse, that from noise taken off.
 
-    A law's richer form fits its own blocks and may say nonsense of others: before a term goes, other forms of its law
-    are asked. The price of a name was paid by the posterior's odds.
+    A law's richer form fits its own blocks and may say nonsense of others, as ten free numbers of a body do of postures
+    that one block alone has: before a term goes, other forms of its law are asked. The price of a name was paid by the
+    posterior's odds.
 
     Args:
         model: the model; the weakest of its terms are judged first.
         full: what every model begins with, fitted.
         sigma: ``(n_joints,)`` standard deviation of the positions' noise [rad].
-        forms: other forms of a term.
+        forms: other forms of a term beside others.
         rng: source of the noise.
     """
     check = _Check(full, noisy_motion(full.samples, sigma, rng))
@@ -53,7 +54,7 @@ def keep_predictive_terms(
         if predictive_nats(model, without, more - noise) > 0.0:
             continue
         found, best, left = without, 0.0, more
-        for form in forms(model.design.terms[k]):
+        for form in forms(model.design.terms[k], without.terms):
             other = check.of_form(model, k, form)
             drawn = check.prediction_noise(other)
             gain = predictive_nats(other, without, more - drawn)
