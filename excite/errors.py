@@ -35,7 +35,9 @@ class InputError(ExciteError):
         self, what: str, *, source: object = None, field: str | None = None, remedy: str | None = None
     ):
         self.what, self.source, self.field, self.remedy = what, source, field, remedy
-        place = ": ".join(str(part) for part in (source, field) if part is not None)
+        # Names that people gave may hold line ends, and an error is one line.
+        parts = (str(part) for part in (source, field) if part is not None)
+        place = ": ".join(part if part.isprintable() else repr(part)[1:-1] for part in parts)
         text = f"{place}: {what}" if place else what
         super().__init__(f"{text}; {remedy}" if remedy else text)
 

@@ -6,15 +6,19 @@ import gc
 import importlib
 import os
 import pickle
-from collections.abc import Iterator
+import subprocess
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
 from typing import BinaryIO, NoReturn
 
 import pytest
 
+from excite.cli.main import _run_command
 from excite.errors import ExciteError
 from excite.formats import child
+from excite.parallel import engine
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 
@@ -40,12 +44,9 @@ def pytest_collection_finish(session: pytest.Session) -> None:
     gc.enable()
 
 
-@pytest.fixture(scope="module")
-def readers_here() -> Iterator[None]:
-    """Native readers read in this process: for tests of what whole files say, not of those that make readers crash.
-
-    To start a process takes longer than to read most of the files that tests write.
-    """
+@contextmanager
+def reading_here() -> Iterator[None]:
+    """Native readers read in this process."""
 
     def answer(_: list[str], *, input: bytes, stdout: BinaryIO, **__: object) -> SimpleNamespace:
         function, args, _memory_gb = pickle.loads(input)  # noqa: S301  (from our own code)
@@ -63,6 +64,50 @@ def readers_here() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(child, "subprocess", processes)
         yield
+
+
+@pytest.fixture(scope="module")
+def readers_here() -> Iterator[None]:
+    """Native readers read in this process: for tests of what whole files say, not of those that make readers crash.
+
+    To start a process takes longer than to read most of the files that tests write.
+    """
+    with reading_here():
+        yield
+
+
+@pytest.fixture
+def reader_here() -> Iterator[None]:
+    """The same for one test of a module whose others make readers crash."""
+    with reading_here():
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def one_process() -> Iterator[None]:
+    """Commands that tests run in their own process do all work in it, where nobody says how many shall.
+
+    Results are the same, and other processes load all libraries again.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(engine, "_START_S", float("inf"))
+        yield
+
+
+@pytest.fixture
+def excite_here(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> Callable[..., subprocess.CompletedProcess[str]]:
+    """Runs a command in this process, which has loaded what every command would load for itself."""
+
+    def run(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
+        monkeypatch.chdir(cwd)
+        words = [*map(str, arguments)]
+        code = _run_command(words)
+        said = capfd.readouterr()
+        return subprocess.CompletedProcess(words, code, said.out, said.err)
+
+    return run
 
 
 @pytest.fixture(scope="session")

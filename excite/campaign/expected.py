@@ -12,7 +12,7 @@ from excite.arrays import Array
 from excite.excitation.precision import determined_columns, excitable_parameters, nominal_values
 from excite.formats.number import check_number
 from excite.identification.judgement import ParameterOutlook, said_rsd
-from excite.identification.noise import EquationNoise, equation_noise, trial_grids, upper_triangle
+from excite.identification.noise import EquationNoise, equation_noise, trial_grids
 from excite.identification.parameter_statistics import essential_parameters
 from excite.identification.problem import IdentificationProblem, build_problem
 from excite.identification.regression import RANK_TOLERANCE, condense_problem, least_squares
@@ -20,7 +20,7 @@ from excite.identification.statistics import BaseEstimate, parameter_labels, rel
 from excite.logs.header_blocks import TrialHeader
 from excite.logs.log import Log, Trial
 from excite.motion.motion import Motion, closed_contacts, interpolate_motion
-from excite.regressor.base_parameters import base_parameters, structural_base_parameters
+from excite.regressor.base_parameters import base_parameters, r_factor, structural_base_parameters
 from excite.regressor.columns import DRIVE_TERMS
 from excite.robot.robot import Robot
 from excite.rows.settings import ProblemSettings
@@ -99,7 +99,7 @@ def _compute_statistics(problem: IdentificationProblem, noise: EquationNoise) ->
     n = problem.n_params
     labels, whole = parameter_labels(problem), rows.factor[:, :n]
     base = base_parameters(whole, labels, RANK_TOLERANCE)
-    factor = upper_triangle(whole[:, base.independent])[: base.rank]
+    factor = r_factor(whole[:, base.independent])[: base.rank]
     weighted = problem.Y[:, base.independent] / std[problem.channel, None]
     q = solve_triangular(factor, weighted.T, trans="T", check_finite=False).T / std[problem.channel, None]
     values = base.values(problem.prior)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import groupby, permutations, product
 from pathlib import Path
 
@@ -223,7 +223,8 @@ class _Plates:
     def typical_miss(self, plate: PlateRecording) -> float:
         """Typical distance of the centre of pressure from the nearer foot [m]."""
         nearest = np.minimum(*self.foot_distances(plate).values())
-        return float(np.nanmedian(nearest)) if np.isfinite(nearest).any() else 0.0
+        nearest = nearest[np.isfinite(nearest)]
+        return float(np.median(nearest)) if len(nearest) else 0.0
 
     def typical_sway(self, plate: PlateRecording) -> float:
         """Typical distance of the centre of pressure from its middle [m]; NaN where the plate is not loaded."""
@@ -282,9 +283,11 @@ class _Plates:
 
     def balance_body(self, balance: _Balance) -> None:
         """Turn, mirror, exchange or move plates where their forces and moments then move the person as he moves."""
+        # The same plate in the same pose stands in dozens of changes.
+        miss_of = cache(self.typical_miss)
 
         def typical_miss(plates: Sequence[PlateRecording]) -> float:
-            return max(map(self.typical_miss, plates))
+            return max(map(miss_of, plates))
 
         def misfit(plates: Sequence[PlateRecording]) -> float:
             """Of forces, of moments, and of the feet, which are some centimetres wide."""
@@ -426,9 +429,18 @@ def _changed_poses(own: Sequence[PlateRecording], balance: _Balance) -> Iterator
     middles = [origin if one.corners is None else one.corners.mean(axis=0) for one in own]
     # Of a table forces may be turned whose points of application are right.
     points = [np.nan_to_num(pressure_center(one.force, one.moment, balance.height)) for one in own]
-    apart = [(turns, about) for about in (middles, points) for turns in product(range(4), repeat=n) if n <= 3]
-    for turns, about in (*apart, *(((k,) * n, [origin] * n) for k in (1, 2, 3))):
-        turned = {i: _turn_plate(own[i], k, about[i]) for i, k in enumerate(turns) if k}
+    about_middles, about_points, about_origin = (
+        [[_turn_plate(one, k, at) for k in range(4)] for one, at in zip(own, about, strict=True)]
+        for about in (middles, points, [origin] * n)
+    )
+    apart = [
+        (turns, poses)
+        for poses in (about_middles, about_points)
+        for turns in product(range(4), repeat=n)
+        if n <= 3
+    ]
+    for turns, poses in (*apart, *(((k,) * n, about_origin) for k in (1, 2, 3))):
+        turned = {i: poses[i][k] for i, k in enumerate(turns) if k}
         angles = " and ".join(f"{90 * k}°" for k in turns if k)
         words = ("turned_plate", "is turned about the vertical", f"turned by {angles}")
         yield _Change.of(own, turned, *words)

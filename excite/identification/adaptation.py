@@ -22,7 +22,6 @@ from excite.identification.estimators.conic import Adaptive, AdaptiveSettings
 from excite.identification.estimators.estimator import Estimator
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.identified_parameters import IdentifiedParameters
-from excite.identification.noise import upper_triangle
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import (
     Regression,
@@ -33,6 +32,7 @@ from excite.identification.regression import (
 )
 from excite.identification.statistics import base_statistics
 from excite.logs.log import Log
+from excite.regressor.base_parameters import r_factor
 from excite.rows.drive_terms import DRIVE_TERMS, EXTENSIONS
 from excite.rows.joint_rows import drive_terms, usual_terms
 from excite.rows.settings import ProblemSettings
@@ -420,7 +420,7 @@ def _block_triangles(problem: IdentificationProblem) -> Array:
     for b in range(_BLOCKS):
         for c in range(channels):
             rows = (block == b) & (problem.channel == c)
-            r = upper_triangle(np.column_stack([problem.Y[rows], problem.y[rows]]))
+            r = r_factor(np.column_stack([problem.Y[rows], problem.y[rows]]))
             factors[b, c, : len(r)] = r
     return factors
 

@@ -13,6 +13,7 @@ from excite.arrays import Array, Indices
 from excite.errors import InputError
 from excite.identification.problem import IdentificationProblem
 from excite.motion.motion import Motion, closed_contacts, interpolate_motion
+from excite.regressor.base_parameters import r_factor
 from excite.regressor.columns import base_wrench
 from excite.regressor.contact_forces import contact_elimination
 from excite.robot.joint_values import per_joint
@@ -157,7 +158,7 @@ def whitened_factor(
         for start in range(0, len(kept), FREQUENCIES_AT_ONCE):
             part = slice(start, start + FREQUENCIES_AT_ONCE)
             z = (whiten[part] @ transformed[part]).reshape(-1, columns.shape[1])
-            factor = upper_triangle(np.vstack([factor, z.real, z.imag]))
+            factor = r_factor(np.vstack([factor, z.real, z.imag]))
     return factor
 
 
@@ -177,11 +178,6 @@ def _transform_columns(
         spread = grid.spread(columns[grid.rows, part] / scale, problem.channel, n_channels)
         found[:, :, part] = np.fft.rfft(spread, axis=0)[kept]
     return found
-
-
-def upper_triangle(rows: Array) -> Array:
-    """``R`` of ``rows = Q R``: of rows ``(m, n)`` an upper triangle ``(min(m, n), n)``."""
-    return np.asarray(np.linalg.qr(rows, mode="r"))
 
 
 def conjugate_counts(n_fft: int) -> Array:

@@ -11,8 +11,9 @@ from scipy.linalg import lstsq, qr, solve_triangular
 from excite.arrays import Array
 from excite.errors import InputError
 from excite.identification.inertia import central_inertia_matrices
-from excite.identification.noise import NoiseModel, TrialGrid, estimate_noise, trial_grids, upper_triangle
+from excite.identification.noise import NoiseModel, TrialGrid, estimate_noise, trial_grids
 from excite.identification.problem import IdentificationProblem, row_blocks
+from excite.regressor.base_parameters import r_factor
 from excite.threads import one_blas_thread
 
 # Singular values of the column-scaled rows below this share of the greatest are structural zeros.
@@ -96,7 +97,7 @@ def condense_problem(problem: IdentificationProblem) -> Regression:
         r = np.zeros((0, width))
         for part in row_blocks(len(rows)):
             block = rows[part]
-            r = upper_triangle(np.vstack([r, np.column_stack([problem.Y[block], problem.y[block]])]))
+            r = r_factor(np.vstack([r, np.column_stack([problem.Y[block], problem.y[block]])]))
         factors[c, : len(r)] = r
     return Regression(problem, trial_grids(problem), factors, np.ones(len(problem.channel_names)))
 
@@ -226,7 +227,7 @@ def minimum_norm(a: Array, b: Array) -> Array:
 
 def square_factor(rows: Array) -> Array:
     """``R`` of ``(m, n)`` ``rows = Q R`` as a triangle ``(n, n)``, zero rows added where there are too few."""
-    r = upper_triangle(rows)
+    r = r_factor(rows)
     square = np.zeros((rows.shape[1], rows.shape[1]))
     square[: len(r)] = r
     return square

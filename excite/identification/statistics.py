@@ -19,11 +19,10 @@ from excite.identification.noise import (
     TrialGrid,
     conjugate_counts,
     filter_amplitude,
-    upper_triangle,
 )
 from excite.identification.problem import IdentificationProblem, row_blocks
 from excite.identification.regression import RANK_TOLERANCE, Regression, leaves_freedom
-from excite.regressor.base_parameters import BaseParameters, base_parameters
+from excite.regressor.base_parameters import BaseParameters, base_parameters, r_factor
 from excite.regressor.columns import PARAMETERS
 from excite.threads import one_blas_thread
 
@@ -101,7 +100,7 @@ def base_statistics(rows: Regression, base: BaseParameters | None = None) -> Bas
     if base is None:
         base = base_parameters(rows.factor[:, :n], parameter_labels(problem), RANK_TOLERANCE)
     columns = base.independent
-    r = upper_triangle(rows.factor[:, [*columns, n]])
+    r = r_factor(rows.factor[:, [*columns, n]])
     factor, rotated = r[: base.rank, : base.rank], r[: base.rank, base.rank]
     estimate = solve_triangular(factor, rotated)
     weight = 1.0 / rows.std[problem.channel]

@@ -174,10 +174,11 @@ def rounded_step(levels: Array, cell: float, least: float = 0.0) -> float:
     cells = int(at[-1]) + 1
     size = _FINER * 2 ** int(np.ceil(np.log2(cells)))
     there = np.bincount(at, minlength=size)
-    coherence = np.abs(np.fft.rfft(there)) / len(few)
-    high = np.flatnonzero(coherence > _COHERENT)
+    wave = np.fft.rfft(there)
+    power = wave.real**2 + wave.imag**2
+    high = np.flatnonzero(power > (_COHERENT * len(few)) ** 2)
     high = high[high >= _FEWEST_STEPS * size / cells]
-    peaks = [k for k in high if coherence[k] == coherence[max(k - _FINER, 0) : k + _FINER + 1].max()]
+    peaks = [k for k in high if power[k] == power[max(k - _FINER, 0) : k + _FINER + 1].max()]
     for k in peaks[:_TRIED]:
         step = _fit_period(number, few, width * size / float(k))
         if step > 0.0:

@@ -17,18 +17,35 @@ from excite.export.registry import EXPORTERS
 from excite.identification.estimators.registry import ESTIMATORS
 from excite.motion.generators.registry import GENERATORS
 from tests.architecture.source_tree import PACKAGE, ROOT
-from tests.architecture.toys import TOYS, add_toys
+from tests.architecture.toys import TOYS, add_toys, touched_files
 
 
 @pytest.fixture(scope="module")
 def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with the package (what is compiled of it too, which takes longest), the toys in it, and the robots."""
+    """A folder with the package, the toys in it, and the robots.
+
+    Folders that no toy touches are links, so that what numba compiles of them is kept for all, and taken from there.
+    """
     folder = tmp_path_factory.mktemp("axes")
-    shutil.copytree(ROOT / PACKAGE, folder / PACKAGE)
+    touched = {Path(PACKAGE, file).parent for file in touched_files()}
+    copy_around(Path(PACKAGE), folder, touched)
     (folder / "robots").symlink_to(ROOT / "robots")
     (folder / "tests").symlink_to(ROOT / "tests")
     add_toys(folder / PACKAGE)
     return folder
+
+
+def copy_around(place: Path, folder: Path, touched: set[Path]) -> None:
+    """Copy the files of a place below the root, and link those of its folders that hold nothing touched."""
+    (folder / place).mkdir()
+    for path in (ROOT / place).iterdir():
+        inner = place / path.name
+        if not path.is_dir():
+            shutil.copy2(path, folder / inner)
+        elif any(one.is_relative_to(inner) for one in touched):
+            copy_around(inner, folder, touched)
+        elif path.name != "__pycache__":
+            (folder / inner).symlink_to(path)
 
 
 def run(folder: Path, *arguments: str) -> str:

@@ -296,6 +296,12 @@ def show_toy(findings):
 }
 
 
+def touched_files() -> set[str]:
+    """Files below the package that the toys add or change."""
+    changed = {name for toy in TOYS.values() for name, _, _ in toy.lines}
+    return changed | {toy.file for toy in TOYS.values() if not toy.axis}
+
+
 def add_toys(package: Path) -> None:
     """Write the files of all toys into a copy of the package, and their lines into its registries."""
     for toy in TOYS.values():
@@ -304,6 +310,8 @@ def add_toys(package: Path) -> None:
             raise FileExistsError(file)
         file.write_text(toy.text)
         for name, before, line in toy.lines:
+            if not (package / name).resolve().is_relative_to(package.resolve()):
+                raise FileExistsError(f"{name} lies behind a link, in the package itself")
             rows = (package / name).read_text().splitlines()
             place = min(i for i, row in enumerate(rows) if row.startswith(before))
             rows.insert(place, line)

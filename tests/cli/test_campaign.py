@@ -12,6 +12,8 @@ from typer.testing import CliRunner
 
 from excite.cli.main import app
 
+pytestmark = pytest.mark.usefixtures("readers_here")
+
 
 def test_it_ends_with_the_command_that_its_page_proposes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch

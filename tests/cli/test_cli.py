@@ -50,13 +50,12 @@ Here = Callable[..., tuple[int, str]]
 
 
 @pytest.fixture
-def here(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Here:
-    """Runs a command in this process, which has loaded what every command would load for itself: exit code, stdout."""
+def here(excite_here: Callable[..., subprocess.CompletedProcess[str]]) -> Here:
+    """Runs a command in this process: exit code, stdout."""
 
     def run(*arguments: object, cwd: Path) -> tuple[int, str]:
-        monkeypatch.chdir(cwd)
-        code = _run_command([*map(str, arguments)])
-        return code, capfd.readouterr().out
+        done = excite_here(*arguments, cwd=cwd)
+        return done.returncode, done.stdout
 
     return run
 
@@ -179,7 +178,7 @@ def test_alone_it_shows_its_help(tmp_path: Path) -> None:
     assert "nobody foresaw" not in done.stderr
 
 
-def test_wrong_usage_is_2(tmp_path: Path) -> None:
-    assert excite("plan", cwd=tmp_path).returncode == 2
-    assert excite("plan", "g1", "--candidates", 0, cwd=tmp_path).returncode == 2
+def test_wrong_usage_is_2(tmp_path: Path, here: Here) -> None:
+    assert here("plan", cwd=tmp_path)[0] == 2
+    assert here("plan", "g1", "--candidates", 0, cwd=tmp_path)[0] == 2
     assert excite("no-such-command", cwd=tmp_path).returncode == 2

@@ -11,7 +11,6 @@ import pytest
 
 from excite.conversion.episodes import examine_episodes, is_of_episodes
 from excite.errors import LogError
-from tests.cli.test_cli import excite
 
 JOINTS = ("pan", "lift", "elbow", "wrist_1", "wrist_2", "gripper")
 RATE = 50.0
@@ -185,9 +184,9 @@ def test_what_is_no_data_set_is_told_from_one(tmp_path):
         examine_episodes(tmp_path / "words")
 
 
-def test_the_command_writes_table_and_plot_and_ends_by_the_verdict(tmp_path):
+def test_the_command_writes_table_and_plot_and_ends_by_the_verdict(tmp_path, excite_here):
     data = lerobot(tmp_path / "data", [episode(k) for k in range(20)], "v3.0")
-    done = excite("doctor", data, "--out", tmp_path / "out", "--json", cwd=tmp_path)
+    done = excite_here("doctor", data, "--out", tmp_path / "out", "--json", cwd=tmp_path)
     assert done.returncode == 1, done.stderr
     document = json.loads(done.stdout)
     assert document["schema"] == "excite.doctor/1" and len(document["episodes"]) == 20
@@ -196,7 +195,7 @@ def test_the_command_writes_table_and_plot_and_ends_by_the_verdict(tmp_path):
     assert len(rows) == 20 and "zero.elbow" in header.split(",") and ",ok," in rows[-1]
     assert (tmp_path / "out" / "drift.png").read_bytes().startswith(b"\x89PNG")
     well = lerobot(tmp_path / "well", [episode(k, faults={}) for k in range(20)], "v2.1")
-    done = excite("doctor", well, "--jobs", 2, cwd=tmp_path)
+    done = excite_here("doctor", well, "--jobs", 2, cwd=tmp_path)
     assert done.returncode == 0 and "20 episodes, 0 with something wrong" in done.stdout
-    refused = excite("doctor", well, "--repair", "x", cwd=tmp_path)
+    refused = excite_here("doctor", well, "--repair", "x", cwd=tmp_path)
     assert refused.returncode == 2 and "this is a data set" in refused.stderr

@@ -22,6 +22,8 @@ from tests.conversion import written
 from tests.conversion.test_written_otherwise import N, holds, table, whole
 from tests.conversion.written import JOINTS
 
+pytestmark = pytest.mark.usefixtures("readers_here")
+
 
 @pytest.fixture(scope="module")
 def data() -> dict[str, np.ndarray]:

@@ -24,6 +24,8 @@ from excite.robot.robot import Robot
 from excite.simulation.true_parameters import scattered_parameters
 from tests.export.identified import identification_of
 
+pytestmark = pytest.mark.usefixtures("readers_here")
+
 ROBOTS = ("g1", "talos", "ur10", "panda", "iiwa14", "human")
 
 

@@ -260,6 +260,16 @@ def split_in_three(plates):
     return made
 
 
+@pytest.fixture(scope="module")
+def on_three_plates(session):
+    """The person on three plates as they should be, by whether the file says where they are."""
+    own = split_in_three(session.trial.plates)
+    placed = {True: own, False: [replace(one, corners=None) for one in own]}
+    return {
+        known: measured(session, replace(session.trial, plates=tuple(some))) for known, some in placed.items()
+    }
+
+
 def posed(plate, turn=((1, 0, 0), (0, 1, 0), (0, 0, 1)), force=1.0, lever=1.0, by=(0.0, 0.0, 0.0)):
     """A plate as it reads that is turned about its middle, in other units, or stands elsewhere than is said."""
     middle, turned = plate.corners.mean(axis=0), force * plate.force @ np.transpose(turn)
@@ -290,13 +300,14 @@ QUARTER = ((0, -1, 0), (1, 0, 0), (0, 0, 1))
         ),
     ],
 )
-def test_one_plate_of_three_is_mended(session, fault, kind, index, with_places):
+def test_one_plate_of_three_is_mended(session, on_three_plates, fault, kind, index, with_places):
     """In C3D plates have places; tables have none."""
     own = split_in_three(session.trial.plates)
     plates = [posed(one, **fault) if i == index else one for i, one in enumerate(own)]
     if not with_places:
-        own, plates = ([replace(one, corners=None) for one in some] for some in (own, plates))
-    healthy, found = (measured(session, replace(session.trial, plates=tuple(some))) for some in (own, plates))
+        plates = [replace(one, corners=None) for one in plates]
+    healthy = on_three_plates[with_places]
+    found = measured(session, replace(session.trial, plates=tuple(plates)))
     known = {one.kind for one in healthy.findings} | {"shared_plate"}
     said = {(one.kind, *one.places) for one in found.findings if one.kind not in known}
     assert said == {(kind, own[index].name)}

@@ -13,7 +13,6 @@ from excite.identification.load import weigh_load
 from excite.logs.files import save_log
 from excite.robot.loading import load_robot
 from excite.rows.settings import ProblemSettings
-from tests.cli.test_cli import excite
 from tests.identification.practice_log import arm_log, changed
 from tests.identification.synthetic import add_body
 
@@ -117,12 +116,12 @@ def test_contradictions_are_refused(robot, logs):
         weigh_load(robot, logs[0], logs[2], calibration=(logs[1], -2.0))
 
 
-def test_the_command_writes_the_load(robot, logs, tmp_path):
+def test_the_command_writes_the_load(robot, logs, tmp_path, excite_here):
     names = ["bare", "known", "unknown"]
     for name, log in zip(names, logs, strict=True):
         stated = log.header.model_copy(update={"torque_constants": constants()})
         save_log(replace(log, header=stated, robot_text=robot.urdf), tmp_path / name)
-    done = excite(
+    done = excite_here(
         "identify-load", "ur10", tmp_path / "bare", tmp_path / "unknown", "--calibration", tmp_path / "known",
         "--calibration-mass", "2.5", "--format", "ur", "--out", tmp_path / "out", "--json", cwd=tmp_path,
     )  # fmt: skip
@@ -133,7 +132,7 @@ def test_the_command_writes_the_load(robot, logs, tmp_path):
     assert abs(document["parameters"]["m"]["value"] - MASS) < 0.05
     assert (tmp_path / "out" / "load.script").read_text() == document["controller"]["text"]
     assert document["controller"]["mass"] == document["parameters"]["m"]["value"]
-    lone = excite("identify-load", "ur10", "bare", "unknown", "--calibration-mass", "2", cwd=tmp_path)
+    lone = excite_here("identify-load", "ur10", "bare", "unknown", "--calibration-mass", "2", cwd=tmp_path)
     assert lone.returncode == 4 and lone.stderr.count("\n") == 1 and "give both" in lone.stderr
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from excite.errors import LogError
@@ -42,6 +42,7 @@ def test_any_bytes(tmp_path, data):
 
 @MANY
 @given(field=st.sampled_from([*LogHeader.model_fields, "schema", "other"]), value=VALUES)
+@example(field="torque_constants", value={"\n": None})
 def test_any_value_of_a_field(tmp_path, field, value):
     path = tmp_path / "log.yaml"
     path.write_text(yaml.safe_dump(header() | {field: value}), encoding="utf-8")

@@ -18,6 +18,8 @@ from excite.motion.readers.tables import STATEMENT
 from excite.robot.robot import Robot
 from excite.safety.check import check_motion
 
+pytestmark = pytest.mark.usefixtures("readers_here")
+
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "cases"
 STEP_S = 0.1
 

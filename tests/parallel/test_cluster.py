@@ -9,7 +9,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -129,9 +129,12 @@ def test_a_command_plans_on_a_cluster_to_the_same_bytes(
     ],
 )
 def test_options_that_nobody_can_mean_are_refused_in_one_line(
-    options: tuple[str, ...], what: str, tmp_path: Path
+    options: tuple[str, ...],
+    what: str,
+    tmp_path: Path,
+    excite_here: Callable[..., subprocess.CompletedProcess[str]],
 ) -> None:
-    done = _excite("plan", "ur10", *options, cwd=tmp_path)
+    done = excite_here("plan", "ur10", *options, cwd=tmp_path)
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1 and what in done.stderr
     assert not list(tmp_path.iterdir())

@@ -11,6 +11,8 @@ from excite.robot.init_robot.files import write_scaffold
 from excite.robot.loading import load_robot
 from excite.robot.shapes.collision import collision_shapes
 
+pytestmark = pytest.mark.usefixtures("readers_here")
+
 # A bar of 0.3 m along its file's z, from the origin, 0.04 m by 0.02 m across.
 _CORNERS = np.array([[x, y, z] for x in (-0.02, 0.02) for y in (-0.01, 0.01) for z in (0.0, 0.3)])
 _FACES = [(0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1), (2, 3, 7), (2, 7, 6), (0, 2, 6)]

@@ -23,6 +23,8 @@ from excite.robot.urdf.inertia import symmetric_matrix
 from tests.corpus.arm import MJCF, replaced
 from tests.robot.small import ARM
 
+pytestmark = pytest.mark.usefixtures("readers_here")
+
 SHARED = Path(__file__).parents[3] / "shared" / "cases"
 Change = Callable[[ElementTree.Element], None]
 # Of the six numbers in the Frobenius norm.

@@ -14,6 +14,8 @@ from excite.robot.robot import Robot
 from tests.robot.small import ARM, ELBOW_LIMIT
 from tests.safety.motions import joint_motion, smooth
 
+pytestmark = pytest.mark.usefixtures("readers_here")
+
 MARGIN = 0.03
 CONTROL = (
     '<ros2_control name="arm" type="system"><joint name="elbow"><command_interface name="position">'

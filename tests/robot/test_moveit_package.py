@@ -11,6 +11,8 @@ import pytest
 import excite
 from excite.errors import RobotError
 
+pytestmark = pytest.mark.usefixtures("readers_here")
+
 BODY = (
     '<link name="{0}"><inertial><mass value="1"/><inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/>'
     '</inertial><collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision></link>'

@@ -418,6 +418,7 @@ def test_an_arm_without_limits_or_geometry_is_complete(tmp_path: Path) -> None:
     }
 
 
+@pytest.mark.usefixtures("reader_here")
 def test_xacro_takes_its_arguments(tmp_path: Path) -> None:
     text = ARM.replace("<robot ", '<robot xmlns:xacro="http://www.ros.org/wiki/xacro" ', 1)
     start = text.index(">", text.index("<robot")) + 1
@@ -429,6 +430,7 @@ def test_xacro_takes_its_arguments(tmp_path: Path) -> None:
         write_scaffold(path, tmp_path / "out", source=Source(arguments={"tool": "drill"}))
 
 
+@pytest.mark.usefixtures("reader_here")
 @pytest.mark.parametrize("given", ["", "clones", "clones/utils-main"])
 def test_a_package_is_found_by_the_name_in_its_package_xml(given: str, tmp_path: Path) -> None:
     """PAL's pal_urdf_utils is a repository of another name; a folder of that name that is another package is not it."""
@@ -457,6 +459,7 @@ def test_a_package_is_found_by_the_name_in_its_package_xml(given: str, tmp_path:
     assert load_robot(write_scaffold(path, tmp_path / "out", source=source).description).n_joints == 2
 
 
+@pytest.mark.usefixtures("reader_here")
 def test_a_package_elsewhere_in_the_same_clone_is_found(tmp_path: Path) -> None:
     """Realman's torso takes its arm from a package beside the one that holds its own."""
     for folder, name in (("arms/reach", "reach"), ("humanoids/torso", "torso")):
@@ -474,6 +477,7 @@ def test_a_package_elsewhere_in_the_same_clone_is_found(tmp_path: Path) -> None:
     assert load_robot(write_scaffold(path, tmp_path / "out").description).n_joints == 2
 
 
+@pytest.mark.usefixtures("reader_here")
 @pytest.mark.parametrize(
     ("body", "what", "remedy"),
     [

@@ -13,6 +13,8 @@ from excite.robot.mechanisms.mechanism import ConstantRatios, Mechanism
 from tests.robot.mechanisms.test_public_path import MIMIC, brought, shaped_four_bar
 from tests.robot.small import ELBOW_LIMIT, spoiled
 
+pytestmark = pytest.mark.usefixtures("readers_here")
+
 
 @pytest.fixture(scope="module")
 def finger(tmp_path_factory: pytest.TempPathFactory) -> Mechanism:
