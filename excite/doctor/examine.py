@@ -11,7 +11,7 @@ import numpy as np
 from excite.doctor.case import KINDS, Case
 from excite.doctor.channel_errors import OF_TORQUES, OF_WRENCHES
 from excite.doctor.channel_mapping import Reading
-from excite.doctor.checks.channels import find_misreadings, put_weight_back
+from excite.doctor.checks.channels import find_misreadings, find_zeroed_torques, put_weight_back
 from excite.doctor.checks.clock import (
     find_counted_rows,
     find_held_rows,
@@ -35,6 +35,7 @@ from excite.doctor.checks.values import (
     find_missing_friction,
     find_motor_side,
     find_range_ends,
+    find_stopped_torques,
     find_torque_ends,
     find_weak_torques,
 )
@@ -65,9 +66,11 @@ RULES: tuple[Callable[[Case], None], ...] = (
     find_range_ends,
     find_degrees,
     find_constants,
+    find_stopped_torques,
     find_standing,
     find_jumps,
     find_velocity_errors,
+    find_zeroed_torques,
     find_misreadings,
     find_weak_torques,
     find_motor_side,

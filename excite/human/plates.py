@@ -454,10 +454,13 @@ def _changed_poses(own: Sequence[PlateRecording], balance: _Balance) -> Iterator
             if i != j and own[j].corners is not None
         }
         yield _Change.of(own, exchanged, "swapped_plates", "are swapped", "put back")
-    for i, plate in enumerate(own):
-        mirrored = {i: replace(plate, moment=2.0 * np.cross(middles[i], plate.force) - plate.moment)}
-        yield _Change.of(own, mirrored, "moments", "has moments that count the other way", "turned round")
     for which in list(product((False, True), repeat=n))[1:]:
+        mirrored = {
+            i: replace(one, moment=2.0 * np.cross(middles[i], one.force) - one.moment)
+            for i, one in enumerate(own)
+            if which[i]
+        }
+        yield _Change.of(own, mirrored, "moments", "with moments that count the other way", "turned round")
         moved, shifts = balance.moved(own, {i: own[i] for i in range(n) if which[i]})
         by = " and ".join(f"({x:.2f}, {y:.2f}) m" for x, y, _ in shifts)
         if (np.linalg.norm(shifts, axis=1) > NEAR).all():

@@ -12,6 +12,7 @@ from scipy.linalg import qr
 
 from excite.arrays import Array, Indices
 from excite.identification.noise import NoiseModel, whitened_factor
+from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import RANK_TOLERANCE, Regression, least_squares, prior_std
 from excite.results import HIDDEN, Name, Stated, Unbounded, UnboundedPositive
 from excite.rows.drive_terms import DRIVE_TERMS
@@ -53,8 +54,8 @@ class ChangedSegment(Stated):
         centre_m: centre of mass of what came or went, in the frame of the segment's joint [m]; None where the rows do
             not say how heavy it is.
         centre_std_m: its standard deviations [m].
-        tied_terms: factors and zeros of torques that would explain the measurement as well in its place, as
-            ``gain.JOINT`` and ``offset.JOINT``.
+        tied_terms: factors and zeros of torques, and drives, that would explain the measurement as well in its place,
+            as ``gain.JOINT``, ``offset.JOINT`` and ``armature.JOINT``.
     """
 
     segment: Name
@@ -70,11 +71,11 @@ class ChangedSegment(Stated):
 
 @dataclass(frozen=True)
 class BesideTerm(Stated):
-    """A torque's factor or zero that is part of what explains the rows, beside bodies.
+    """A torque's factor or zero, or a drive, that is part of what explains the rows, beside bodies.
 
     Attributes:
-        name: ``gain.JOINT``, the share by which the torque is too great, or ``offset.JOINT``.
-        value: its size [1, or N·m].
+        name: ``gain.JOINT``, the share by which the torque is too great, ``offset.JOINT``, or a drive's.
+        value: its size [1, N·m, or the drive's unit].
         std: its standard deviation, the bodies' changes unknown.
     """
 
@@ -92,7 +93,7 @@ class Changes(Stated):
         explained: share of the nominal model's excess residual power that they explain, 0 to 1.
         dispersion: what remains, per base parameter, in units of the noise's variance: 1 means nothing but
             noise; far above it, something else is wrong with the model or the log.
-        beside: factors and zeros of torques that explain a part of it.
+        beside: factors and zeros of torques, and drives, that explain a part of it.
     """
 
     segments: tuple[ChangedSegment, ...] = field(metadata=HIDDEN)
@@ -101,7 +102,13 @@ class Changes(Stated):
     beside: tuple[BesideTerm, ...] = ()
 
 
-def find_changes(rows: Regression, noise: NoiseModel, *, bodies_alone: bool = False) -> Changes:
+def find_changes(
+    rows: Regression,
+    noise: NoiseModel,
+    *,
+    bodies_alone: bool = False,
+    asked: IdentificationProblem | None = None,
+) -> Changes:
     """Find the changed segments by growing sets of whole bodies (a beam of the best), exchange and removal.
 
     The whitened rows condense to as many independent numbers ``b`` as there are base parameters; a set of ``k``
@@ -110,10 +117,11 @@ def find_changes(rows: Regression, noise: NoiseModel, *, bodies_alone: bool = Fa
     the full model and ``σ² = max(1, G/b)``: what no set explains widens the noise instead of naming bodies.
     The last term asks for more than chance as the reason of a change.
 
-    What imitates bodies in joints' torques competes with them: a factor on each joint's torque and a zero of each, of
-    one parameter each, ``t`` of them for ``t·ln b + 2·ln C(m, t)``. A change of mass is the mean over all sets that
-    differ from the best by one such term, weighted by their probability, and its variance is that within the sets and
-    between them (Raftery, Sociological Methodology 1995).
+    What imitates bodies in joints' torques competes with them: a factor on each joint's torque, a zero of each, and
+    what of the drives was left out because bodies explain it as well, as rotors, of one parameter each, ``t`` of them
+    for ``t·ln b + 2·ln C(m, t)``. A change of mass is the mean over all sets that differ from the best by one such
+    term, weighted by their probability, and its variance is that within the sets and between
+    them (Raftery, Sociological Methodology 1995).
 
     All other bodies are off by chance, by a share of themselves that the rows tell along (random effects, Harville
     1977): beside nominal bodies that are taken as exact, what all of them are off by would be called a load. They are
@@ -124,8 +132,9 @@ def find_changes(rows: Regression, noise: NoiseModel, *, bodies_alone: bool = Fa
         noise: noise of the residuals of the full model.
         bodies_alone: whether factors and zeros of torques, and chance, are left out: what bodies would have to be if
             they were all.
+        asked: the same rows with all drives that were asked of them, of which some were left out.
     """
-    exact, last = _Search(rows, noise, bodies_alone=bodies_alone), (np.inf, np.inf)
+    exact, last = _Search(rows, noise, asked, bodies_alone=bodies_alone), (np.inf, np.inf)
     found: list[tuple[_Search, tuple[int, ...], float]] = []
     for share in (0.0,) if bodies_alone else _DEVIATIONS:
         search = exact.beside_deviations(share)
@@ -143,11 +152,18 @@ def find_changes(rows: Regression, noise: NoiseModel, *, bodies_alone: bool = Fa
 class _Search:
     """Sets of candidates: bodies by the index of their segment, then terms of torques, and what each set leaves."""
 
-    def __init__(self, rows: Regression, noise: NoiseModel, *, bodies_alone: bool):
+    def __init__(
+        self,
+        rows: Regression,
+        noise: NoiseModel,
+        asked: IdentificationProblem | None = None,
+        *,
+        bodies_alone: bool,
+    ):
         problem = rows.problem
         self.rows, n = rows, problem.n_params
         self.n_segments = len(problem.robot.segments)
-        self.terms, columns = _torque_terms(rows, none=bodies_alone)
+        self.terms, columns = _torque_terms(rows, asked, none=bodies_alone)
         residual = problem.residual(problem.prior)
         stacked = np.column_stack([problem.Y, columns, residual])
         factor = whitened_factor(problem, rows.grids, stacked, noise)
@@ -311,7 +327,9 @@ class _Search:
         return inverse @ (q.T @ target), inverse @ inverse.T
 
 
-def _torque_terms(rows: Regression, *, none: bool) -> tuple[tuple[str, ...], Array]:
+def _torque_terms(
+    rows: Regression, asked: IdentificationProblem | None, *, none: bool
+) -> tuple[tuple[str, ...], Array]:
     """Names and columns ``(n_rows, m)`` of what imitates bodies in joints' torques; none of contact wrenches.
 
     A torque read too great by a share holds that share of itself. Its column is what least squares make of it, so that
@@ -325,11 +343,17 @@ def _torque_terms(rows: Regression, *, none: bool) -> tuple[tuple[str, ...], Arr
     zeros = [
         k for k, name in enumerate(problem.channel_names) if f"offset.{name}" not in problem.parameter_names
     ]
+    gone = [
+        k
+        for k, name in enumerate(() if asked is None else asked.parameter_names)
+        if name not in problem.parameter_names and not name.startswith("offset.")
+    ]
     names = (
         *(f"gain.{name}" for name in problem.channel_names),
         *(f"offset.{problem.channel_names[k]}" for k in zeros),
+        *((asked or problem).parameter_names[k] for k in gone),
     )
-    return names, np.hstack([there * torque[:, None], there[:, zeros]])
+    return names, np.hstack([there * torque[:, None], there[:, zeros], (asked or problem).Y[:, gone]])
 
 
 def _log_binomial(n: int, k: int) -> float:

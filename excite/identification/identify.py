@@ -159,7 +159,7 @@ def identify_problem(
     boxes, notes = _find_com_boxes(robot, settings)
     if isinstance(settings, BoxSettings):
         settings = replace(settings, com_boxes=boxes)
-    names = problem.parameter_names[problem.n_inertial :]
+    names, whole = problem.parameter_names[problem.n_inertial :], problem
     if isinstance(settings, AdaptiveSettings):
         problem = with_shown_drives(problem, asked, settings)
         validation = None if validation is None else validation.with_drives(problem.parameter_names)
@@ -172,7 +172,7 @@ def identify_problem(
     changes = guess = Changes((), 0.0, 1.0)
     wrenches = plain.channel_names[0] == "fx"
     if not too_few:
-        changes = find_changes(weighted, weighted_statistics.noise)
+        changes = find_changes(weighted, weighted_statistics.noise, asked=without_terms(whole, addable))
         # A guess for the estimate, which blocks and evidence judge: that bodies have taken all of the change.
         guess = find_changes(weighted, weighted_statistics.noise, bodies_alone=True)
     informed = _informed_settings(robot, settings, guess)

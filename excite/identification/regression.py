@@ -178,7 +178,7 @@ def _probable_variances(rows: Regression) -> Array:
     """
     parameters, covariance = _most_probable(rows)
     columns = rows.channel_factors[:, :, :-1] / rows.std[:, None, None]
-    taken = np.einsum("cij,jk,cik->c", columns, covariance, columns, optimize=True)
+    taken = ((columns @ covariance) * columns).sum(axis=(1, 2))
     numbers = np.maximum(rows.problem.numbers(), 1.0)
     left = np.maximum(numbers - taken, np.finfo(float).eps)
     return np.asarray(rows.residual_variances(parameters) * numbers / left)

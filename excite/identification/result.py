@@ -314,7 +314,7 @@ class Identification(Tabled, Stated):
 
     def _change_lines(self) -> list[str]:
         beside = [f"{item.name} {item.value:+.3g} ± {item.std:.2g}" for item in self.changes.beside]
-        torques = [f"  beside them, factors and zeros of torques: {list_names(beside, 5)}"] if beside else []
+        torques = [f"  beside them, torques and drives: {list_names(beside, 5)}"] if beside else []
         if not self.changes.segments:
             said = "none found that stands out; all parameters are estimated anew"
             return [

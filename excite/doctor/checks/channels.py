@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from excite.arrays import Flags
+from excite.arrays import Array, Flags
 from excite.display import percent
 from excite.doctor.case import Case
 from excite.doctor.channel_errors import DELAY, OF_TORQUES, OF_WRENCHES, Misreading, misreadings, refine_zeros
@@ -16,7 +16,14 @@ from excite.doctor.channel_mapping import Reading
 from excite.doctor.checks.values import of_unknown_unit
 from excite.doctor.doubt import Doubt
 from excite.doctor.inertial_prior import STRONG_ODDS
-from excite.doctor.mistakes.torques import ADDED, OtherMachine, best_load, find_delay, other_machine
+from excite.doctor.mistakes.torques import (
+    ADDED,
+    OtherMachine,
+    best_load,
+    find_delay,
+    other_machine,
+    take_weight,
+)
 from excite.doctor.samples import Mistake
 from excite.doctor.thresholds import THRESHOLD
 from excite.doctor.torque_samples import TorqueSamples
@@ -24,11 +31,12 @@ from excite.doctor.wrench_samples import wrench_samples
 from excite.finding import list_names
 from excite.logs.log import Trial
 from excite.logs.robot import robot_in_log
+from excite.regressor.kernels import inverse_dynamics
 from excite.regressor.tree import read_tree
 from excite.rows.kinematics import in_configurations
 
 Found = tuple[Misreading, ...]
-_SIZES = frozenset({Doubt.SIZE, Doubt.CLOCK})
+_OF_BODIES = frozenset({Doubt.SIZE, Doubt.CLOCK, Doubt.POSITION})
 
 
 def find_misreadings(case: Case) -> None:
@@ -67,14 +75,16 @@ def _find_in_torques(
         reading, found = misreadings(beside, stated, possible)
     bodies = None if case.log.header.torque == "current" else _compare_bodies(samples, reading)
     if bodies is not None:
-        # Units, clocks, weights are told by how large the nominal bodies' torques are: with those of another robot 44
-        # times what its model needs is no unit of a wrist's torque.
-        fewer = [one for one in possible if not (one.leaves & _SIZES or one.may_surprise)]
-        if any(item.mistake not in fewer for item in found):
-            less = refine_zeros(samples, *misreadings(samples, stated, fewer), fewer)
+        # Units, clocks, weights are told by how large the nominal bodies' torques are, and zeros by where their centres
+        # lie: with those of another robot 44 times what its model needs is no unit of a wrist's torque.
+        # What other bodies explain as it is logged needs no mistake at all.
+        fewer = [one for one in possible if not (one.leaves & _OF_BODIES or one.may_surprise)]
+        for some in ([], fewer):
+            less = refine_zeros(samples, *misreadings(samples, stated, some), some)
             again = _compare_bodies(samples, less[0])
             if again is not None:
                 bodies, (reading, found) = again, less
+                break
         _report_other_model(case, samples, reading, bodies)
     _correct(case, reading, found, samples.what)
 
@@ -101,10 +111,61 @@ def _correct(case: Case, reading: Reading, found: Found, what: str) -> None:
         reading = reading if back is None else back(reading)
     if not all(item.correction.ask for item in found):
         case.log = reading.of(case.log)
-    # Where the weight of a payload was left in the torques it is told beside that of the bodies.
-    beside = any(key.startswith("payload.") for item in found for key in item.correction.figures)
-    if reading.is_compensated and (beside or not reading.weightless):
+    if reading.is_compensated and any(item.correction.mends == ADDED for item in found):
         put_weight_back(case, reading)
+
+
+def find_zeroed_torques(case: Case) -> None:
+    """Torques that were zeroed while they held the robot's weight: what they carried then is off them.
+
+    They are next to nothing as a trial begins, where the bodies' weight is not. What is off them is told by the mean of
+    each trial, in which inertial forces and friction cancel; trials of which some begin otherwise were zeroed at once.
+    A first row that a logger filled with zeros is another thing: the other rows agree with the model as they are.
+    """
+    samples, header = case.samples, case.log.header
+    if samples is None or header.torque == "current" or header.coupling:
+        return
+    mechanics, places = samples.robot, samples.places[samples.measured]
+    tree, into = read_tree(mechanics.model), [header.joints.index(joint) for joint in samples.channels]
+    off: dict[str, Array] = {}
+    zeroed: list[bool] = []
+    for trial in case.log.trials:
+        if trial.tau is not None:
+            some = slice(None, None, max(1, int(trial.n_samples / THRESHOLD.torque_samples)))
+            q = in_configurations(mechanics, header.joints, trial.q[some])
+            rest = np.zeros((len(q), tree.nv))
+            weight, tau = inverse_dynamics(tree, q, rest, rest)[:, places], trial.tau[some][:, into]
+            off[trial.name] = (weight - tau).mean(axis=0)
+            first = np.linalg.norm([tau[0], weight[0]], axis=1)
+            zeroed.append(bool(first[0] < THRESHOLD.next_to_nothing * first[1]))
+    if not any(zeroed):
+        return
+    mean = np.mean(list(off.values()), axis=0)
+    added = off if all(zeroed) else {name: mean for name in off}
+
+    def add(trial: Trial) -> Trial:
+        tau = None if trial.tau is None else trial.tau.copy()
+        if tau is not None:
+            tau[:, into] += added[trial.name]
+        return replace(trial, tau=tau)
+
+    mended = Case(case.robot, replace(case.log, trials=tuple(map(add, case.log.trials))))
+    stated, then = Reading.as_stated(case.log), mended.samples
+    ways = [(samples, stated), (samples, take_weight(stated, stated.gravity)), (then or samples, stated)]
+    whole, bare, left = (one.measured_torque(way) - one.predicted(way).torque for one, way in ways)
+    # Torques off which the weight was taken begin with next to nothing, too, whatever constants are in them.
+    least = min(float((whole**2).sum()), float(((bare - bare.mean(axis=0)) ** 2).sum()))
+    if float((left**2).sum()) > THRESHOLD.explained * least:
+        return
+    case.log = mended.log
+    case.doubts.add(Doubt.SIZE)
+    most = int(np.argmax(np.abs(mean)))
+    text = (
+        f"torques are zero as {sum(zeroed)} of {len(zeroed)} trials begin, where the bodies' weight is not: they were "
+        f"zeroed under load, and lack a constant ({samples.channels[most]} {mean[most]:.3g} N·m)"
+    )
+    each = {f"added.{joint}": float(x) for joint, x in zip(samples.channels, mean, strict=True)}
+    case.add("zeroed_torques", text, each, samples.channels)
 
 
 def put_weight_back(case: Case, reading: Reading) -> None:

@@ -21,12 +21,15 @@ _TURN = 2.0 * np.pi
 
 
 def _smooth_velocity(trial: Trial, cutoff_hz: float, settlings: int) -> Array | None:
-    """Velocities without the encoders' noise, ``(n, n_joints)``; None for a trial too short to filter."""
+    """Velocities without the encoders' noise at even times, ``(n, n_joints)``; None for a trial too short to filter."""
     rate = median_rate([trial])
     cutoff = min(cutoff_hz, 0.2 * rate)
     if trial.n_samples <= settlings * settling_samples(rate, cutoff):
         return None
-    return np.gradient(lowpass(trial.q, rate, cutoff), trial.time, axis=0)
+    # Rows may be missing, for long, too.
+    time = np.arange(trial.time[0], trial.time[-1], 1.0 / rate)
+    even = np.column_stack([np.interp(time, trial.time, q) for q in trial.q.T])
+    return np.gradient(lowpass(even, rate, cutoff), 1.0 / rate, axis=0)
 
 
 def _top_speeds(case: Case) -> Array:

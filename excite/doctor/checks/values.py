@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -128,6 +129,52 @@ def find_constants(case: Case) -> None:
     case.add("constant", text, figures, places, **more)
 
 
+# Torques that stop in some trials, or rows, of a log.
+
+
+def find_stopped_torques(case: Case) -> None:
+    """Torques that stop while the joints go on: a drive switched off, a sensor or a bus that was lost.
+
+    No torque changes over half a second and more while some joint moves; or one joint's never does in a trial in which
+    it moves. What is left of such trials is used.
+    """
+    header = case.log.header
+    columns = [header.joints.index(joint) for joint in header.torque_joints]
+    lost = {trial.name: stopped_rows(trial, columns) for trial in case.log.trials if columns}
+    count = {name: int(rows.sum()) for name, rows in lost.items() if rows.any()}
+    if not count:
+        return
+    gone = {trial.name for trial in case.log.trials if lost[trial.name].sum() > 0.5 * len(trial.time)}
+    kept = [k for k, trial in enumerate(case.log.trials) if trial.name not in gone]
+    if not any(case.log.trials[k].role == "identification" for k in kept):
+        return
+    said = list_names([f"{rows} rows of {name}" for name, rows in count.items()])
+    text = f"torques stop while joints move, in {said}: the drives were off, or their channel was lost"
+    case.add("stopped_torques", text, {"rows": float(sum(count.values()))}, trials=tuple(count))
+    trials = tuple(case.log.trials[k].rows(~lost[case.log.trials[k].name]) for k in kept)
+    case.log = replace(case.log, trials=trials)
+    case.change_header(trials=tuple(header.trials[k] for k in kept))
+
+
+def stopped_rows(trial: Trial, columns: Sequence[int]) -> Flags:
+    """Rows of a trial in which torques say nothing, ``(n,)``.
+
+    Args:
+        trial: the trial.
+        columns: joints whose torques were measured.
+    """
+    values, lost = _trial_torques(trial), np.zeros(len(trial.time), dtype=np.bool_)
+    if values is None:
+        return lost
+    changes = np.flatnonzero(np.diff(values[:, columns], axis=0).any(axis=1)) + 1
+    for first, end in pairwise((0, *changes.tolist(), len(lost))):
+        travel = np.ptp(trial.q[first:end], axis=0).max()
+        seconds = trial.time[end - 1] - trial.time[first]
+        lost[first:end] = seconds > THRESHOLD.held_torque_s and travel > THRESHOLD.still * seconds
+    moves = np.ptp(trial.q[:, columns], axis=0) > THRESHOLD.still * (trial.time[-1] - trial.time[0])
+    return lost | bool((moves & (np.ptp(values[:, columns], axis=0) == 0.0)).any())
+
+
 # Torques that are too weak, or those before the gear.
 
 
@@ -204,6 +251,8 @@ def find_missing_friction(case: Case) -> None:
     fast = np.quantile(np.abs(drive[0]), 0.9, axis=0)
     friction = dry + viscous * fast
     left = samples.measured_torque(reading).std(axis=0) * np.exp(judged.left)
+    whole = replace(reading, gravity=case.robot.model.gravity.linear)
+    needed = samples.predicted(whole).torque.std(axis=0)
     joints = np.array(samples.channels)
     limits = np.asarray(case.robot.limits.torque, dtype=float)[[case.robot.joint_index(j) for j in joints]]
     moves = fast > THRESHOLD.still
@@ -211,16 +260,22 @@ def find_missing_friction(case: Case) -> None:
     usual = float(np.median((friction / limits)[clear])) if clear.any() else 0.0
     # What the others have would stand out of what nothing explains there.
     lacks = moves & (friction < THRESHOLD.next_to_nothing * usual * limits) & (left < usual * limits)
-    if clear.sum() > lacks.sum() > 0:
-        each = {f"friction.{joint}": float(size) for joint, size in zip(joints, friction, strict=True)}
-        said = list_names(
-            [f"{joint} {size:.2g} N·m" for joint, size in zip(joints, friction, strict=True)], 8
-        )
-        text = (
-            f"torques of {list_names(joints[lacks])} hold no friction, unlike the others' ({said}): a driver has "
-            "subtracted it, or they were measured behind the gear"
-        )
-        case.add("no_friction", text, each, tuple(joints[lacks]))
+    usual_sizes = THRESHOLD.next_to_nothing * needed, THRESHOLD.gear_friction * limits
+    nowhere = moves & (friction < np.minimum(*usual_sizes)) & (left < np.maximum(*usual_sizes))
+    more: dict[str, object] = {}
+    # Of a robot whose log says nothing of friction none is missed.
+    has_friction = {*DRIVE_TERMS["coulomb"].effects} & {*case.log.header.modelled}
+    if has_friction and 2 * nowhere.sum() > moves.sum():
+        lacks, more = nowhere, {"severity": "note"}
+    elif not clear.sum() > lacks.sum() > 0:
+        return
+    each = {f"friction.{joint}": float(size) for joint, size in zip(joints, friction, strict=True)}
+    said = list_names([f"{joint} {size:.2g} N·m" for joint, size in zip(joints, friction, strict=True)], 8)
+    text = (
+        f"torques of {list_names(joints[lacks])} hold next to no friction ({said}): a driver has subtracted it, or "
+        "they were measured behind the gear"
+    )
+    case.add("no_friction", text, each, tuple(joints[lacks]), **more)
 
 
 def _own_inertia(samples: TorqueSamples) -> Array:

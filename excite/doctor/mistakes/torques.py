@@ -13,7 +13,7 @@ from scipy.optimize import nnls
 from excite.arrays import Array, Flags
 from excite.display import percent, span
 from excite.doctor.channel_mapping import OWN_SHARE, Reading
-from excite.doctor.inertial_prior import half_log, left_of_channels, normal_equations
+from excite.doctor.inertial_prior import STRONG_ODDS, half_log, left_of_channels, normal_equations
 from excite.doctor.model_comparison import Columns, fit_parts, remove_drives
 from excite.doctor.samples import Correction, Samples, minimize_near
 from excite.doctor.thresholds import THRESHOLD, is_near_one
@@ -241,17 +241,15 @@ def _without_weight(
             return
     figures = parts.figures()
     text = f"a driver has subtracted the weight from the torques ({parts.said()})"
-    if load is not None:
+    # Masses that the driver has wrong, too, leave some of the weight, which no payload has to explain.
+    if load is not None and samples.judged(bare).cost > STRONG_ODDS:
         text += f"; the weight of a payload is still in them: {load.sentence()}"
         figures |= load.shares(samples, reading)
     # Bodies that hold nearly all of the inertial forces and nearly nothing of the weight are none.
     whole = np.isfinite(parts.inertia).any() and (np.nan_to_num(parts.inertia, nan=1.0) > 0.5).all()
     clear = whole and parts.lack_weight(THRESHOLD.next_to_nothing)
     surprise = -float(np.log(THRESHOLD.next_to_nothing)) if clear else None
-    mends = (
-        "gravity is taken as [0, 0, 0], and only what the remaining torques determine is identified; "
-        "`excite doctor LOG --repair DIR` adds the nominal weight instead"
-    )
+    mends = ADDED if load is not None else WEIGHTLESS
     yield Correction(bare, text, ("gravity",), figures, surprise=surprise, mends=mends)
 
 
@@ -354,7 +352,11 @@ def _without_weight_somewhere(
 
 
 ADDED = "the nominal weight was added to the torques; log the measured torques"
-"""What was done about torques without weight."""
+WEIGHTLESS = (
+    "gravity is taken as [0, 0, 0], and only what the remaining torques determine is identified; "
+    "`excite doctor LOG --repair DIR` adds the nominal weight instead"
+)
+"""What was done about torques without weight: of all bodies' but a payload's it is told beside theirs."""
 
 
 def take_weight(reading: Reading, gravity: Array) -> Reading:
