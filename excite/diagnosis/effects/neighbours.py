@@ -29,6 +29,10 @@ class TorqueCrosstalk(Effect):
     separating_motion = "a neighbour alone, loaded and unloaded, while the joint stands"
     mujoco = "none: a motor's force is that of its own joint"
 
+    def is_candidate(self, modelled: tuple[str, ...]) -> bool:
+        """Beside given bodies alone: a part of a neighbour's torque is a part of bodies' that are fitted."""
+        return "rigid_body" not in modelled and super().is_candidate(modelled)
+
     def unit_torques(self, context: Context, location: str, theta: Theta) -> Array:
         j, torque = context.row(location), context.baseline.total
         nothing = np.zeros((len(torque), 1))
