@@ -425,10 +425,11 @@ class Armature(Effect):
 
 # A soft gear between motor and link.
 
-# Damping ratio from which a gear's is searched: harmonic drives and servos have some .05 to .3. One damped by half its
-# critical damping gives way late rather than by degrees: on a grid with 0.5, two of them took the place of a delay of
-# 12 ms planted in an xMate3's record.
-_DAMPED = 0.12
+# Natural frequencies [Hz] and damping ratios from which a gear is searched: harmonic drives and servos have ratios of
+# .05 to .3. Within the motion's own band only one damped by half its critical damping is wide enough for the grid.
+# Above it such a one gives way late rather than by degrees: with 0.5 at all, two took the place of a delay of 12 ms
+# that was planted in an xMate3's record; with 0.12 at all, a gear of 1.7 Hz is not found.
+_SWINGS = ((2.0, 0.5), (3.0, 0.5), (4.5, 0.12), (6.5, 0.12), (9.0, 0.12), (13.0, 0.12))
 
 
 @dataclass(frozen=True)
@@ -476,7 +477,7 @@ class JointElasticity(GearEffect):
 
     def search_grid(self, context: Context, location: str) -> list[Theta]:
         j = context.row(location)
-        return [(contact_stiffness(context, j, hertz), _DAMPED) for hertz in (2.0, 3.0, 4.5, 6.5, 9.0, 13.0)]
+        return [(contact_stiffness(context, j, hertz), ratio) for hertz, ratio in _SWINGS]
 
     def make_gear(self, context: Context, location: str, theta: Theta) -> Gear:
         return Gear(theta[0], gear_damping(context, context.row(location), theta[0], theta[1]))
