@@ -167,8 +167,31 @@ _ENVIRONMENT = {
     "MALLOC_MMAP_THRESHOLD_": str(32 << 20),
     "MALLOC_TRIM_THRESHOLD_": str(64 << 20),
 }
+
+
+@dataclass(frozen=True, eq=False)
+class _Workers:
+    """Processes of this machine.
+
+    Attributes:
+        executor: hands tasks to them.
+        folder: that they were started in, from which they read relative paths.
+    """
+
+    executor: ProcessPoolExecutor
+    folder: str
+
+
 # By process, its workers that wait for more work.
-_IDLE: dict[int, ProcessPoolExecutor] = {}
+_IDLE: dict[int, _Workers] = {}
+
+
+def _find_folder() -> str:
+    """The working directory; empty where it is gone."""
+    try:
+        return os.getcwd()
+    except OSError:
+        return ""
 
 
 def _worker_numbers(jobs: int, total: int | None) -> tuple[int, int]:
@@ -181,11 +204,12 @@ def _are_ready(jobs: int, total: int | None) -> bool:
     """Whether workers wait that such a round of work would take."""
     least, most = _worker_numbers(jobs, total)
     waiting = _IDLE.get(os.getpid())
-    return waiting is not None and least <= waiting._max_workers <= most
+    here = waiting is not None and waiting.folder == _find_folder()
+    return waiting is not None and here and least <= waiting.executor._max_workers <= most
 
 
-def _take_workers(jobs: int, total: int | None) -> ProcessPoolExecutor:
-    """Workers that wait already, or new ones.
+def _take_workers(jobs: int, total: int | None) -> _Workers:
+    """Workers that wait already in this folder, or new ones.
 
     Loky's, which need no ``if __name__ == "__main__"`` in scripts and serve notebooks. They end with this process,
     whichever way that ends.
@@ -208,13 +232,14 @@ def _take_workers(jobs: int, total: int | None) -> ProcessPoolExecutor:
         os.environ.update({} if said is None else {"PYTHONWARNINGS": said})
     # What is registered last runs first: after the import of loky it is before multiprocessing waits for workers.
     _end_at_exit(os.getpid())
-    return ProcessPoolExecutor(
+    executor = ProcessPoolExecutor(
         max_workers=_worker_numbers(jobs, total)[0],
         timeout=_IDLE_S,
         initializer=begin_worker,
         initargs=(os.getpid(),),
         env=_ENVIRONMENT,
     )
+    return _Workers(executor, _find_folder())
 
 
 @cache
@@ -228,17 +253,17 @@ def _starter_thread(process: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(1, thread_name_prefix=f"excite-starter-{process}")
 
 
-def _kill_workers(workers: ProcessPoolExecutor | None) -> None:
+def _kill_workers(workers: _Workers | None) -> None:
     """End workers at once, whatever they do.
 
     From outside, as if the system had done it: of ``shutdown(kill_workers=True)`` the thread that manages them ends
     in a KeyError where tasks wait, on stderr and without tidying up.
     """
     if workers is not None:
-        for number in tuple(workers._processes):
+        for number in tuple(workers.executor._processes):
             with suppress(ProcessLookupError):
                 os.kill(number, signal.SIGKILL)
-        workers.shutdown(wait=True)
+        workers.executor.shutdown(wait=True)
 
 
 # A task whose worker died may have been beside the one that killed it, or the machine short of memory. After two
@@ -271,7 +296,7 @@ class _Round:
         self, jobs: int | Executor, total: int | None, call: tuple[Callable[..., Any], Any], stage: str
     ) -> None:
         self._jobs, self._total, self._call, self._stage = jobs, total, call, stage
-        self._workers: ProcessPoolExecutor | None = None
+        self._workers: _Workers | None = None
         self._window: deque[_Entry] = deque()
         self._local = isinstance(jobs, int)
         self._in_flight = (
@@ -323,7 +348,7 @@ class _Round:
         if self._workers is None:
             self._workers = _take_workers(self._jobs, self._total)
         # Workers start with a task.
-        return _starter_thread(os.getpid()).submit(self._workers.submit, *call).result()
+        return _starter_thread(os.getpid()).submit(self._workers.executor.submit, *call).result()
 
     def _await_answer(self, entry: _Entry) -> Answer:
         """The answer of the first task of the window, whatever it takes."""

@@ -27,7 +27,7 @@ IMAGE = Path(__file__).resolve().parents[2] / "docs" / "images" / "planning_work
 # Each size in a process of its own, from the start of Python on. Workers that wait for more work are ended before
 # their processor time is asked for: RUSAGE_CHILDREN holds that of processes that are no more.
 _SCRIPT = """
-import json, resource, sys, time
+import json, os, resource, sys, time
 started = time.perf_counter()
 import numpy as np
 from excite.robot.loading import load_robot
@@ -49,8 +49,8 @@ else:
     report = filter_candidates(robot, candidates, jobs=2, keep=Keeper(folder.path))
     Pool(report.kept, folder, ranked_segments(robot)).ranking
     accepted, repairs = len(report.kept), report.seconds
-from excite.parallel.engine import _IDLE
-_IDLE.end()
+from excite.parallel.engine import _IDLE, _kill_workers
+_kill_workers(_IDLE.pop(os.getpid(), None))
 used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
 print(json.dumps({
     "wall": time.perf_counter() - started,

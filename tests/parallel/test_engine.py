@@ -72,6 +72,14 @@ def test_workers_are_kept_for_the_next_round() -> None:
     assert first & set(in_order(work.process, range(40), jobs=2))
 
 
+def test_workers_read_relative_paths_from_where_their_work_is_asked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    list(in_order(work.process, range(40), jobs=2))
+    monkeypatch.chdir(tmp_path)
+    assert set(in_order(work.folder, range(4), jobs=2)) == {str(tmp_path)}
+
+
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_tasks_are_not_taken_ahead_of_what_is_in_flight(jobs: int) -> None:
     taken: list[int] = []

@@ -20,6 +20,11 @@ def draw(shared: int, seed: int) -> tuple[int, bytes]:
     return seed, (matrix @ matrix).tobytes()
 
 
+def folder(shared: None, number: int) -> str:
+    """The working directory."""
+    return os.getcwd()
+
+
 def refuse_three(shared: None, number: int) -> int:
     """Refuse one task."""
     if number >= 3:

@@ -128,6 +128,36 @@ def test_bias_and_gain_follow_their_law(plain: VirtualRobot, plain_run: Recordin
     np.testing.assert_allclose(biased, expected, atol=1e-12)
 
 
+def test_crosstalk_adds_a_share_of_the_joint_before(plain: VirtualRobot, plain_run: Recording) -> None:
+    read = _torque(inject_effects(plain, ["torque_crosstalk:panda_joint3:0.2"]))
+    expected = plain_run.tau_link.copy()
+    expected[:, 2] += 0.2 * expected[:, 1]
+    np.testing.assert_allclose(read, expected, atol=1e-12)
+
+
+def test_a_position_gain_scales_what_the_encoder_and_its_servo_read(plain: VirtualRobot) -> None:
+    motion = _motion(plain)
+    before, after = (
+        simulate(virtual, [motion], seed=0).trials[0]
+        for virtual in (plain, inject_effects(plain, ["position_gain:panda_joint2:1.1"]))
+    )
+    for was, now in ((before.q, after.q), (before.q_cmd, after.q_cmd)):
+        np.testing.assert_allclose(now[:, 1], 1.1 * was[:, 1], atol=1e-12)
+        np.testing.assert_array_equal(np.delete(now, 1, axis=1), np.delete(was, 1, axis=1))
+
+
+def test_a_coupled_motor_rubs_at_both_joints(plain: VirtualRobot, plain_run: Recording) -> None:
+    """Where both joints turn the same way its friction opposes each as much."""
+    run = execute_motion(inject_effects(plain, ["coupled_drive:panda_joint2:2.0"]), _motion(plain))
+    more = run.tau_motor - plain_run.tau_motor
+    both = plain_run.v[:, 0] + plain_run.v[:, 1]
+    fast = np.abs(both) > 0.3 * np.abs(both).max()
+    for joint in (0, 1):
+        # The servos swing a little where it begins to rub.
+        against = more[fast, joint] * np.sign(both[fast])
+        assert np.median(against) == pytest.approx(2.0, abs=0.05) and np.abs(against - 2.0).max() < 0.6
+
+
 def test_a_delay_of_whole_samples_shifts(plain: VirtualRobot, plain_run: Recording) -> None:
     rate = plain.robot.description.sensors.rate_hz
     late = _torque(inject_effects(plain, [f"time_delay:torque:{10 / rate}"]))

@@ -254,6 +254,20 @@ class GearLaw:
         return apply_law
 
 
+@dataclass(frozen=True)
+class CoupledMotor:
+    """Dry friction of a motor that turns with the joint before its own as well, as many wrists' motors do."""
+
+    joint: str
+    before: str
+    coulomb: float  # [N·m]
+
+    def __call__(self, spec: mujoco.MjSpec) -> None:
+        tendon = spec.add_tendon(name=f"{self.joint}.motor", frictionloss=self.coulomb)
+        tendon.wrap_joint(self.joint, 1.0)
+        tendon.wrap_joint(self.before, 1.0)
+
+
 def disconnect_servos(spec: mujoco.MjSpec) -> None:
     """Servos without force of their own: the law computes their command and delivers it."""
     for actuator in spec.actuators:
