@@ -60,6 +60,7 @@ class Belief(NamedTuple):
     Of three drawn arms with 19 effects to be found, chances of 0.02 for 0.1, and torques three times as large as the
     gap, changed no name; torques a third as large let five false ones in. Assembled robots rarely have links of a wrong
     length or encoders off by much: with 0.1 for both, one of eight drawn arms had three lengths that were not there.
+    With 0.02 for scaled positions, three of nine records of a TX40 had one that was not there, with 0.01 one.
 
     Attributes:
         chance: that a place has it.

@@ -50,7 +50,7 @@ class CoupledDrive(Effect):
     """A joint's motor turns with ``u = v_j + c v_{j−1}``: its friction and rotor act along both joints.
 
     ``φ = f_c sign(u) + f_v u + I_a u̇`` is added to joint j and ``c φ`` to the joint before it. Wrists whose motors sit
-    before the joint that carries them are built so (Gautier, Khalil 1990; Stäubli TX: c = 1).
+    before the joint that carries them are built so: Stäubli's TX with c = 1.
     """
 
     name = "coupled_drive"
