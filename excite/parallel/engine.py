@@ -204,8 +204,9 @@ def _are_ready(jobs: int, total: int | None) -> bool:
     """Whether workers wait that such a round of work would take."""
     least, most = _worker_numbers(jobs, total)
     waiting = _IDLE.get(os.getpid())
-    here = waiting is not None and waiting.folder == _find_folder()
-    return waiting is not None and here and least <= waiting.executor._max_workers <= most
+    if waiting is None or waiting.folder != _find_folder():
+        return False
+    return bool(least <= waiting.executor._max_workers <= most)
 
 
 def _take_workers(jobs: int, total: int | None) -> _Workers:

@@ -310,12 +310,11 @@ def build_gap_model(
     sure = [a for a in selected.best_atoms if draws.inclusion[number[group_of(gram.atoms[a].term)]] >= _THERE]
     free = [gram.atoms[a].term for a in sure]
     terms = _with_bodies(free, selected, rows)
-    judge = partial(
-        _readmit_term, rows=rows, floor=floor, scale=_torque_scale(full), context=Context(selected.full)
-    )
-    terms = _terms_with_share(terms, selected, rows, floor, _torque_scale(full), Context(selected.full))
+    scale, context = _torque_scale(full), Context(selected.full)
+    terms = _terms_with_share(terms, selected, rows, floor, scale, context)
     gone = {group_of(term) for term in free} - {group_of(term) for term in terms}
-    terms, asked = _ask_rivals(gone, terms, selected, rows, judge)
+    readmit = partial(_readmit_term, rows=rows, floor=floor, scale=scale, context=context)
+    terms, asked = _ask_rivals(gone, terms, selected, rows, readmit)
     # A body beside what is named alone: what stood beside it may have cancelled a part of it.
     whole = {term.key: term for term in free if term.effect.is_body}
     terms = _with_bodies([whole.get(term.key, term) for term in terms], selected, rows)
