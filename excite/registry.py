@@ -14,12 +14,12 @@ from excite.errors import ExciteError, InputError, UnknownNameError
 
 Member = TypeVar("Member")
 
-# What can be added from outside: the module and the name where its members stand.
+# What can be added from outside: the module and the name where its members stand, and the class that they derive from.
 _AXES = {
-    "effects": ("excite.diagnosis.effects.registry", "EFFECTS"),
-    "exporters": ("excite.export.registry", "EXPORTERS"),
-    "readers": ("excite.conversion.sources.registry", "SOURCES"),
-    "checks": ("excite.safety.check", "CHECKS"),
+    "effects": ("excite.diagnosis.effects.registry", "EFFECTS", "Effect"),
+    "exporters": ("excite.export.registry", "EXPORTERS", "Exporter"),
+    "readers": ("excite.conversion.sources.registry", "SOURCES", "Source"),
+    "checks": ("excite.safety.check", "CHECKS", "Check"),
 }
 
 
@@ -48,11 +48,11 @@ def register(axis: str, member: type) -> None:
 
     Raises:
         UnknownNameError: no such axis.
-        InputError: the name is taken.
+        InputError: the name is taken, or the class is none of the axis or lacks a method.
     """
     if axis not in _AXES:
         raise UnknownNameError("axis", axis, sorted(_AXES))
-    module, table = _AXES[axis]
+    module, table, _ = _AXES[axis]
     _add(axis, getattr(importlib.import_module(module), table), member)
 
 
@@ -63,6 +63,12 @@ def add_installed(axis: str, members: Any) -> None:
 
 
 def _add(axis: str, members: Any, member: Any) -> None:
+    base, kinds = _AXES[axis][-1], [kind.__name__ for kind in getattr(member, "__mro__", ())]
+    lacks = sorted(getattr(member, "__abstractmethods__", ())) if base in kinds else [f"the class {base}"]
+    if lacks:
+        raise InputError(
+            f"lacks {', '.join(lacks)}", source=axis, field=str(member), remedy=f"derive it from {base}"
+        )
     if member.name in members:
         raise InputError("is taken", source=axis, field=member.name, remedy="give the class another name")
     members[member.name] = member() if axis == "effects" else member

@@ -10,8 +10,7 @@ import subprocess
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from types import SimpleNamespace
-from typing import BinaryIO, NoReturn
+from typing import IO, NoReturn
 
 import pytest
 
@@ -48,21 +47,21 @@ def pytest_collection_finish(session: pytest.Session) -> None:
 def reading_here() -> Iterator[None]:
     """Native readers read in this process."""
 
-    def answer(_: list[str], *, input: bytes, stdout: BinaryIO, **__: object) -> SimpleNamespace:
-        function, args, _memory_gb = pickle.loads(input)  # noqa: S301  (from our own code)
+    def answer(file: IO[bytes], *_: object) -> int:
+        file.seek(0)
+        function, args, _memory_gb = pickle.load(file)  # noqa: S301  (from our own code)
         module, _, name = function.partition(":")
         try:
             made = "returned", getattr(importlib.import_module(module), name)(*args)
         except ExciteError as error:
             made = "raised", error
         except Exception:  # noqa: BLE001  (a child would end with it)
-            return SimpleNamespace(returncode=1)
-        pickle.dump(made, stdout)
-        return SimpleNamespace(returncode=0)
+            return 1
+        pickle.dump(made, file)
+        return 0
 
-    processes = SimpleNamespace(run=answer, TimeoutExpired=TimeoutError, DEVNULL=None)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(child, "subprocess", processes)
+        patch.setattr(child, "_run_task", answer)
         yield
 
 

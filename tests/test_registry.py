@@ -9,6 +9,15 @@ from excite.errors import ExciteError, InputError, UnknownNameError
 from excite.export.plain_tables import CsvExporter
 from excite.registry import Registry, load_member
 from excite.safety.check import CHECKS
+from excite.safety.checks.base import Check
+
+
+def test_a_class_of_another_kind_and_one_that_lacks_a_method_are_one_line() -> None:
+    with pytest.raises(InputError, match="lacks the class Effect; derive it from Effect"):
+        excite.catalogue.register("effects", CsvExporter)
+    unfinished = type("Unfinished", (Check,), {"name": "unfinished"})
+    with pytest.raises(InputError, match="lacks judge"):
+        excite.catalogue.register("checks", unfinished)
 
 
 @pytest.mark.parametrize(("axis", "member"), [("exporters", CsvExporter), ("checks", CHECKS["joint_torque"])])

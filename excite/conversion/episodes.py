@@ -8,7 +8,7 @@ import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from excite.conversion.columns.words import read_clue
 from excite.conversion.recording import Column, Recording
 from excite.conversion.recordings import nested_folders, read_recordings, source_files
 from excite.conversion.sources.arrays import recordings_of_episodes
+from excite.data_tables import read_rows
 from excite.display import Row, count
 from excite.errors import InputError, LogError
 from excite.finding import EpisodeFindings, Examination, Finding, Severity, list_names, worst_first
@@ -26,13 +27,18 @@ from excite.parallel.engine import in_order
 from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
 
-MEASURES = ("travel", "leap", "follows", "lag_s", "gain", "zero", "friction")
+MEASURES = ("travel", "asked", "leap", "jump", "gap_s", "follows", "lag_s", "gain", "zero", "friction")
 # What differs from the other episodes by so many of their deviations (by the median), and by more than a share of the
 # joint's travel or of a gain, or by so many rows.
 _DEVIATIONS, _SHARE, _ROWS = 8.0, 0.05, 2.0
 # A command explains a joint's velocity where they correlate by more. Commands lead or follow by no more [s].
 _FOLLOWS, _LAG_S = 0.6, 1.0
+# Over a tenth of that, velocities stand clear of the encoder's noise.
+# Of periodic motion half a period is a turned sign: the longest of these lags counts less by this share.
+_FAR = 0.2
 _STEPS = 3
+# Of fewer episodes none is usual.
+_FEWEST = 5
 # A joint that moves by less of what it does in the other episodes stands.
 _STANDS = 0.02
 
@@ -45,10 +51,10 @@ class Episode:
         name: its name.
         seconds: its length.
         step_s: median time between rows.
-        gap_s: longest time between rows.
         joints: names, as the file has them.
-        measures: by name of ``MEASURES``, ``(n_joints,)``, NaN where it cannot be told: travel, largest step between
-            rows, correlation of velocity and commanded velocity, how late it follows [s], slope and constant of the
+        measures: by name of ``MEASURES``, ``(n_joints,)``, NaN where it cannot be told: travel, commanded travel,
+            largest step between rows, and largest beyond those around it, longest time between rows that have a number
+            [s], correlation of velocity and commanded velocity, how late it follows [s], slope and constant of the
             position by the command, and dry friction. In the file's own units.
         findings: what differs from the others, worst first.
     """
@@ -56,7 +62,6 @@ class Episode:
     name: str
     seconds: float = np.nan
     step_s: float = np.nan
-    gap_s: float = np.nan
     joints: tuple[str, ...] = ()
     measures: Any = None
     findings: tuple[Finding, ...] = ()
@@ -75,14 +80,14 @@ class Episode:
     @property
     def entry(self) -> EpisodeFindings:
         """Its entry under ``episodes``."""
-        told = self.measures if self.measures is not None else {}
+        told = self.measures or {}
         return EpisodeFindings(
             self.name,
             self.verdict,
             self.findings,
             self.seconds,
             self.step_s,
-            self.gap_s,
+            float(np.max(told.get("gap_s", np.nan))),
             {name: dict(zip(self.joints, map(float, values), strict=True)) for name, values in told.items()},
         )
 
@@ -124,13 +129,14 @@ class EpisodeChart(Examination):
         return text.getvalue()
 
     def summary(self) -> str:
-        """A line for each episode in which something was found, and how many are well."""
+        """A line for each episode in which something was found, how many are well, and what changes over all."""
         bad = [one for one in self.episodes or () if one.findings]
         width = max((len(one.episode) for one in bad), default=0)
         lines = [f"{one.episode:{width}}  {'; '.join(found.text for found in one.findings)}" for one in bad]
-        return "\n".join(
-            [*lines, f"{count(len(self.episodes or ()), 'episode')}, {len(bad)} with something wrong"]
-        )
+        lines.append(f"{count(len(self.episodes or ()), 'episode')}, {len(bad)} with something wrong")
+        if len(self.episodes or ()) < _FEWEST:
+            lines.append(f"too few to tell which one differs: record {_FEWEST} or more of one task")
+        return "\n".join([*lines, *(found.text for found in self.findings if not found.trials)])
 
 
 def is_of_episodes(path: Path) -> bool:
@@ -211,14 +217,15 @@ def _measure(recording: Recording, stem: str) -> Episode:
         clocks = [stream.time, *stamps, np.arange(stream.n_rows) / rate if rate else None]
         clock = next((one for one in clocks if one is not None), np.zeros(0))
         for values, what, joint in named if len(clock) >= 8 else ():
-            found.setdefault((what, joint), (clock, values))
+            # A row without a number is a row that is missing.
+            if np.count_nonzero(there := np.isfinite(values)) >= 8:
+                found.setdefault((what, joint), (clock[there], values[there]))
     joints = tuple(joint for what, joint in found if what == "q")
     if not joints:
         text = "no column is the position of a joint, beside a time"
         return Episode(name, findings=(Finding("unreadable", text, severity="fatal"),))
-    time = found["q", joints[0]][0]
-    steps = np.diff(time)
-    step = float(np.median(steps))
+    time = max((found["q", joint][0] for joint in joints), key=len)
+    step = float(np.median(np.diff(time)))
     even = np.arange(time[0], time[-1], step) if step > 0.0 else time
 
     def at_even(what: str) -> Array:
@@ -226,11 +233,19 @@ def _measure(recording: Recording, stem: str) -> Episode:
         return np.column_stack([np.interp(even, *found.get((what, joint), nothing)) for joint in joints])
 
     q, command, torque = at_even("q"), at_even("q_cmd"), at_even("tau")
-    leap = np.array([np.nanmax(np.abs(np.diff(found["q", joint][1])), initial=0.0) for joint in joints])
+    gap = np.array([np.diff(found["q", joint][0]).max() for joint in joints])
+    leap, jump = np.array([_measure_leaps(found["q", joint][1]) for joint in joints]).T
     tracked = np.array([_track(even, *pair, step) for pair in zip(q.T, command.T, strict=True)]).T
     friction = np.array([_friction(*pair, step) for pair in zip(q.T, torque.T, strict=True)])
-    measures = dict(zip(MEASURES, (np.ptp(q, axis=0), leap, *tracked, friction), strict=True))
-    return Episode(name, float(time[-1] - time[0]), step, float(steps.max()), joints, measures)
+    travel, asked = (np.ptp(x, axis=0) for x in (q, command))
+    measures = dict(zip(MEASURES, (travel, asked, leap, jump, gap, *tracked, friction), strict=True))
+    return Episode(name, float(time[-1] - time[0]), step, joints, measures)
+
+
+def _measure_leaps(q: Array) -> tuple[float, float]:
+    """The largest step between two rows, and beyond those two rows before and after it, which fast motion has too."""
+    steps = np.abs(np.diff(q))
+    return float(steps.max()), float(np.max(steps[2:-2] - np.maximum(steps[:-4], steps[4:])))
 
 
 def _meaning(column: Column) -> tuple[str, str]:
@@ -250,11 +265,12 @@ def _track(time: Array, q: Array, command: Array, step: float) -> tuple[float, .
     ``−g c'(t − d)`` in d.
     """
     n, most = len(q), min(round(_LAG_S / step), len(q) - 2)
-    speed, asked = np.diff(q) - np.diff(q).mean(), np.diff(command) - np.diff(command).mean()
+    rows = min(max(round(0.1 * _LAG_S / step), 1), n // 2)
+    speed, asked = (x - x.mean() for x in (q[rows:] - q[:-rows], command[rows:] - command[:-rows]))
     size = float(np.linalg.norm(speed) * np.linalg.norm(asked)) or np.nan
     lags = np.arange(-most, most + 1)
     shape = np.fft.irfft(np.fft.rfft(speed, 2 * n) * np.conj(np.fft.rfft(asked, 2 * n)), 2 * n)[lags] / size
-    best = int(np.argmax(np.abs(np.nan_to_num(shape))))
+    best = int(np.argmax(np.abs(np.nan_to_num(shape)) * (1.0 - _FAR * np.abs(lags) / most)))
     if not abs(shape[best]) > _FOLLOWS:
         return float(shape[best]), np.nan, np.nan, np.nan
     late, inner = step * float(lags[best]), slice(n // 20, -n // 20)
@@ -293,54 +309,52 @@ def _judge(episodes: list[Episode], table: dict[str, Array]) -> Iterator[Episode
     middle = {name: _median(values) for name, values in table.items()}
     spread = {name: 1.4826 * _median(np.abs(values - middle[name])) for name, values in table.items()}
     travel, step = middle["travel"], float(np.median([one.step_s for one in episodes]))
-    told, friction = middle["follows"] > _FOLLOWS, 0.5 * np.abs(middle["friction"])
-    # By measure what it is called and said, the least difference that counts, and where it is told.
-    differ = (
-        ("lag_s", "late", "follows later or sooner than in the other episodes", _ROWS * step, told),
-        ("zero", "zero_position", "has another zero than in the other episodes", _SHARE * travel, told),
-        ("gain", "gain", "follows by another share than in the other episodes", 2.0 * _SHARE, told),
-        (
-            "friction",
-            "friction",
-            "has another friction than in the other episodes",
-            friction,
-            True,
-        ),
-    )
+    told = middle["follows"] > _FOLLOWS
+    # The least difference that counts.
+    floors = {
+        "follows": np.zeros(len(travel)),
+        "lag_s": _ROWS * step,
+        "zero": _SHARE * travel,
+        "gain": 2.0 * _SHARE,
+        "friction": 0.5 * np.abs(middle["friction"]),
+    }
     for k, one in enumerate(episodes):
         now = {name: values[k] for name, values in table.items()}
-        stands, turned = now["travel"] < _STANDS * travel, told & (now["follows"] < -_FOLLOWS)
-        against = (now["friction"] < 0.0) & (middle["friction"] > 0.0)
-        found: list[tuple[str, Severity, Any, str]] = [
-            ("constant", "fatal", stands, "stands while it moves in the other episodes"),
-            ("command_sign", "fatal", turned, "moves against its command"),
-        ]
-        for name, kind, text, floor, where in differ:
-            away = np.abs(now[name] - middle[name])
-            bad = (away > floor) & (away > _DEVIATIONS * spread[name]) & ~stands & ~turned & where
-            if name == "friction":
-                found.append(("torque_sign", "spoils", bad & against, "or its torque is turned"))
-                bad &= now[name] * middle[name] > 0.0
+        away = {name: np.abs(now[name] - middle[name]) for name in floors}
+        differs = {n: (away[n] > floor) & (away[n] > _DEVIATIONS * spread[n]) for n, floor in floors.items()}
+        stands, idle = (now[name] < _STANDS * middle[name] for name in ("travel", "asked"))
+        # A task may leave a joint alone, but not all of them. One that follows in small is scaled.
+        idle &= ~idle.all()
+        stands &= ~idle & ~(now["follows"] > _FOLLOWS)
+        turned = told & (now["follows"] < -_FOLLOWS) & ~differs["lag_s"]
+        moves = ~stands & ~turned & ~idle
+        follows = moves & told
+        against = now["friction"] * middle["friction"] < 0.0
+        missing = now["gap_s"] > max(3.5 * one.step_s, 0.1)
+        leaps = (now["jump"] > 5.0 * middle["leap"]) & (now["jump"] > _SHARE * travel)
+        bad = {
+            "constant": stands,
+            "command_sign": turned,
+            "unfollowed": follows & differs["follows"] & (np.abs(now["follows"]) < _FOLLOWS),
+            "late": follows & differs["lag_s"],
+            "zero_position": follows & differs["zero"] & ~differs["gain"],
+            "gain": follows & differs["gain"],
+            "torque_sign": moves & differs["friction"] & against & (middle["friction"] > 0.0),
+            "friction": moves & differs["friction"] & ~against,
+            "missing_rows": missing,
+            "steps": leaps & ~missing,
+        }
+        findings = []
+        for row in read_rows(__file__, "episodes.csv"):
+            which, name = bad[row["kind"]], row["measure"]
+            pairs = zip(now[name][which], middle[name][which], strict=True)
             figures = ", ".join(
-                f"{now[name][j]:.4g} for {middle[name][j]:.4g}" for j in np.flatnonzero(bad)[:3]
+                f"{is_now:.4g} for {usual:.4g}" for is_now, usual in itertools.islice(pairs, 3)
             )
-            found.append((kind, "spoils", bad, f"{text} ({figures})"))
-        missing = one.gap_s > max(3.5 * one.step_s, 0.1)
-        far = (
-            (now["leap"] > 5.0 * middle["leap"])
-            & (now["leap"] > _SHARE * travel)
-            & (travel > 0.0)
-            & (not missing)
-        )
-        found.append(("steps", "spoils", far, "leaps: rows are missing, or it was set anew"))
-        findings = [
-            Finding(kind, f"{list_names(places)} {text}", places=places, severity=severity)
-            for kind, severity, bad, text in found
-            if (places := tuple(np.array(one.joints)[bad].tolist()))
-        ]
-        if missing:
-            text = f"rows are missing for {one.gap_s:.2f} s"
-            findings.append(Finding("missing_rows", text, {"gap_s": one.gap_s}, severity="spoils"))
+            if places := tuple(np.array(one.joints)[which].tolist()):
+                text = f"{list_names(places)} {row['text']} ({figures})"
+                severity = cast(Severity, row["severity"])
+                findings.append(Finding(row["kind"], text, places=places, severity=severity))
         yield replace(one, findings=worst_first(tuple(findings)))
 
 

@@ -283,7 +283,7 @@ def _find_clocks(state: Guessing) -> None:
             found.ask("unit of the clock", column=name, why=why)
         why += f", times {scale:.6g} as the map says" if scale != 1.0 else ""
         found.mapped = [item for item in found.mapped if item is not stated]
-        factor = scale * (1.0 if seconds is None else seconds)
+        factor = scale * (seconds or 1.0)
         found.mapped.append(Mapped("time", name, factor, f"{because}; {why}", stated=stated is not None))
         state.clocks[name] = stream
 
@@ -308,7 +308,7 @@ def _propose_rate(state: Guessing) -> None:
         """Values by the unit that the name states, and whether it states any."""
         said = state.clues.get(item.source)
         size = None if said is None else TO_SI.get(said.unit)
-        return state.values[item.source] * (1.0 if size is None else size), size is not None
+        return state.values[item.source] * (size or 1.0), size is not None
 
     speeds = {item.joint: numbers(item) for item in found.of("v")}
     both = [(numbers(item), speeds[item.joint]) for item in found.of("q") if item.joint in speeds]

@@ -25,6 +25,9 @@ _FLIGHT, _SLIDE = 5, 8
 # Share of the body's size within which a corner is on the ground, and beyond which it is free of it: motion capture of
 # an acrylic cube of 105 mm lay within 4 mm of its table.
 _ON, _OFF = 0.04, 0.02
+# Of the speed of a face that slides, the most that its turning may add at a corner: friction of corners that slide to
+# different sides adds up to less than all of it, by half the square of this.
+_TURNS = 0.2
 # Fewest tosses that an effect is told of.
 _FEWEST = 5
 # Draws of the tosses behind an interval.
@@ -111,18 +114,25 @@ def diagnose_tosses(
         The effects with intervals, and what the tosses do not tell.
 
     Raises:
-        InputError: no toss lies flat on the ground, or free flights do not fall as gravity has it.
+        InputError: too few corners, no toss lies flat on the ground, or flights do not fall as gravity has it.
     """
+    if np.shape(corners)[1:] != (3,) or len(corners) < 4:
+        raise InputError(
+            f"have the shape {np.shape(corners)}",
+            source="tosses",
+            field="corners",
+            remedy="give four points or more of the body from its centre of mass, a row each [m]",
+        )
     rng = rng or np.random.default_rng(0)
     size = float(np.ptp(corners, axis=0).max())
-    lowest = [_corner_heights(toss, corners) for toss in tosses]
+    lowest = [np.asarray(toss.position[:, 2:] + toss.rotation[:, 2] @ corners.T) for toss in tosses]
     ground = _ground_height(tosses, lowest, _ON * size)
     events: dict[str, list[tuple[int, float]]] = {name: [] for name in _WOULD_TELL}
     falls: list[float] = []
     for number, (toss, above) in enumerate(zip(tosses, lowest, strict=True)):
         heights = above - ground
-        falls += _find_falls(toss, heights.min(axis=1), _OFF * size)
-        events["ground_friction"] += [(number, mu) for mu in _find_slides(toss, heights, _ON * size, gravity)]
+        falls += _find_falls(toss, np.abs(heights.min(axis=1)), _OFF * size)
+        events["ground_friction"] += [(number, mu) for mu in _find_slides(toss, heights, size, gravity)]
         for mu, restitution in _find_strikes(toss, heights, corners, _OFF * size, gravity):
             events["restitution"].append((number, restitution))
             events["impact_friction"] += [] if mu is None else [(number, mu)]
@@ -149,11 +159,6 @@ def diagnose_tosses(
     return ContactDiagnosis(effects, 2.0 * step, lacking)
 
 
-def _corner_heights(toss: Toss, corners: Array) -> Array:
-    """``(n, n_corners)`` [m]."""
-    return np.asarray(toss.position[:, 2:] + toss.rotation[:, 2] @ corners.T)
-
-
 def _ground_height(tosses: Sequence[Toss], heights: Sequence[Array], near: float) -> float:
     """Height of the ground: where three corners lie that neither rise nor sink."""
     found = []
@@ -169,9 +174,9 @@ def _ground_height(tosses: Sequence[Toss], heights: Sequence[Array], near: float
     return float(np.median(found))
 
 
-def _find_falls(toss: Toss, lowest: Array, clear: float) -> Iterator[float]:
-    """Acceleration downwards in free flights [m/s²]."""
-    for window in _find_windows(np.asarray(lowest > clear), _SLIDE):
+def _find_falls(toss: Toss, away: Array, clear: float) -> Iterator[float]:
+    """Acceleration downwards off the ground [m/s²]: above it, or below where z points down."""
+    for window in _find_windows(np.asarray(away > clear), _SLIDE):
         yield -_fit_motion(toss, window)[1][2]
 
 
@@ -190,15 +195,19 @@ def _fit_motion(toss: Toss, window: slice) -> tuple[Array, Array]:
     return velocity, acceleration
 
 
-def _find_slides(toss: Toss, heights: Array, near: float, gravity: float) -> Iterator[float]:
-    """Friction in stretches in which a face slides on, and does not come to rest."""
-    flat = np.asarray(np.all(np.sort(heights, axis=1)[:, :3] < near, axis=1))
+def _find_slides(toss: Toss, heights: Array, size: float, gravity: float) -> Iterator[float]:
+    """Friction in stretches in which a face slides on straight, and does not come to rest."""
+    near = _ON * size
+    flat = np.asarray(np.sort(heights, axis=1)[:, 2] < near)
     for window in _find_windows(flat, _SLIDE):
         velocity, acceleration = _fit_motion(toss, window)
         speed = float(np.hypot(*velocity[:2]))
         slowed = -float(acceleration[:2] @ velocity[:2]) / max(speed, 1e-9)
+        lasts = float(toss.time[window][-1] - toss.time[window][0])
+        turned = float(np.linalg.norm(pin.log3(toss.rotation[window][-1] @ toss.rotation[window][0].T)))
+        straight = 2.0 * _TURNS * speed * lasts / size
         # What it would lose in the rest of the window it still has.
-        if speed > 2.0 * abs(slowed) * float(toss.time[window][-1] - toss.time[window][0]):
+        if speed > 2.0 * abs(slowed) * lasts and turned < straight:
             yield slowed / (gravity + float(acceleration[2]))
 
 

@@ -182,7 +182,7 @@ def even_trials(log: Log, joints: Sequence[str], spans: Sequence[Span] = ()) -> 
         spans: pieces that judge; by default the whole validation trials, all trials where there are none.
     """
     order = [log.header.joints.index(name) for name in joints]
-    rate = common_rate(log)
+    rate = float(np.median([trial_rate(log.header, trial) for trial in log.trials]))
     spared = bool(log.role("validation"))
     made = []
     for trial in log.trials:
@@ -199,11 +199,6 @@ def even_trials(log: Log, joints: Sequence[str], spans: Sequence[Span] = ()) -> 
                 judges |= (time >= first - 1e-9) & (time <= last + 1e-9)
         made.append(EvenTrial(trial.name, learns, trial.repeats, time, position, command, judges))
     return tuple(made)
-
-
-def common_rate(log: Log) -> float:
-    """The rate that all trials are brought to [Hz]."""
-    return float(np.median([trial_rate(log.header, trial) for trial in log.trials]))
 
 
 # Linear filters of finite response from each joint's command to its position; one of one tap is a delay.

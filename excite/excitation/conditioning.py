@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from excite.arrays import Array, Flags, Indices
+from excite.arrays import Array, Indices
 from excite.errors import InputError, MotionError, UnknownNameError
 from excite.motion.motion import Motion, closed_contacts
 from excite.regressor.base_parameters import (
@@ -186,7 +186,9 @@ def motion_factor(
     columns = measured_columns(robot)
     sampled = motion.resampled(robot, rate_hz)
     closed = closed_contacts(robot, sampled)
-    reduced = base if base is not None and _holds_along_motion(base, columns, closed) else None
+    # Base parameters hold along motions with one foot in the air at most, with which they were found.
+    held = bool((closed.sum(axis=1) >= closed.shape[1] - 1).all())
+    reduced = base if base is not None and held and base.names == columns.names else None
     used = columns if reduced is None else columns.only(reduced.independent)
     std = None if row_std is None else _checked_std(row_std, robot.n_equations)
     block = max(1, int(_BLOCK_BYTES / (8 * robot.n_equations * len(used.names))))
@@ -201,11 +203,6 @@ def motion_factor(
         matrix = matrix @ reduced.matrix
     n_rows = sampled.n_samples * robot.n_equations
     return MotionFactor((motion.name,), columns, matrix, n_rows, rate_hz, std)
-
-
-def _holds_along_motion(base: BaseParameters, columns: Columns, closed: Flags) -> bool:
-    """Whether base parameters hold along a motion: they were found with one foot in the air at most."""
-    return base.names == columns.names and bool((closed.sum(axis=1) >= closed.shape[1] - 1).all())
 
 
 def _checked_std(row_std: Array, count: int) -> Array:
@@ -259,7 +256,7 @@ def compute_conditioning(
     Raises:
         InputError: no factor, factors that do not fit together, or base parameters of other columns.
     """
-    base = base if base is not None else structural_base_parameters(robot)
+    base = base or structural_base_parameters(robot)
     factor = stack_factors(factors)
     values = base_singular_values(factor, base)
     rank = int((values > RANK_TOLERANCE * values[0]).sum())
@@ -394,7 +391,7 @@ def rank(robot: Robot, factors: Sequence[MotionFactor], base: BaseParameters | N
     """
     if not factors:
         raise InputError("no motion to rank", remedy="hand over at least one")
-    base = base if base is not None else structural_base_parameters(robot)
+    base = base or structural_base_parameters(robot)
     columns = segment_columns(robot, factors[0].columns, base)
     if any(factor.columns.names != base.names for factor in factors):
         raise InputError("factors of different robots", remedy="rank motions of one robot")

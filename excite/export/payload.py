@@ -124,12 +124,13 @@ def payload_for(load: WeighedLoad, robot: Robot, format: str, flange: str | None
             remedy="record motions that turn the last joints in several postures, or state --mass",
         )
     rated = form.rated_payload(robot.name)
-    if load.mass > rated:
+    if not 0.0 < load.mass <= rated:
         raise InputError(
             f"is {load.mass:.3f} kg, and {robot.name} is rated for {rated:g} kg",
             source="load",
             field="mass",
-            remedy=f"see whether the logs are of this arm, their torques in N·m, and its maker that of {format}",
+            remedy="see whether the first log is that without the load, both are of this arm, their torques in N·m, "
+            f"and its maker that of {format}",
         )
     name, placement = _find_flange(robot, form, flange)
     body = placement.actInv(pin.Inertia.FromDynamicParameters(load.parameters))

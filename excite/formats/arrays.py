@@ -99,15 +99,13 @@ def read_npz(
                     arrays[name] = _read_member(stream, member, longest_text, others_empty=others_empty)
                 left -= member.file_size
     except _Refused as reason:
-        raise error(
-            str(reason), source=path, field=None if name is None else name[:60], remedy=remedy
-        ) from None
+        raise error(str(reason), source=path, field=(name or "")[:60] or None, remedy=remedy) from None
     except DAMAGED as reason:
         if isinstance(reason, error):
             raise
         line = " ".join(str(reason).split())[:160] or type(reason).__name__
         raise error(
-            f"cannot be read ({line})", source=path, field=None if name is None else name[:60], remedy=remedy
+            f"cannot be read ({line})", source=path, field=(name or "")[:60] or None, remedy=remedy
         ) from reason
     return arrays
 

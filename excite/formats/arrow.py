@@ -99,7 +99,7 @@ class ParquetFormat(ColumnFormat):
             said = (file.schema_arrow.metadata or {}).get(b"excite") or (file.metadata.metadata or {}).get(
                 b"excite"
             )
-            return Content(read_numbers(file), "" if said is None else said.decode())
+            return Content(read_numbers(file), (said or b"").decode())
 
     def write(self, columns: Mapping[str, NDArray[Any]], path: Path, statement: str = "") -> None:
         """See :meth:`ColumnFormat.write`."""

@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 import sys
 from abc import ABC, abstractmethod
+from collections import ChainMap
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from excite.data_tables import read_rows
 from excite.errors import InputError
 from excite.formats.file import first_bytes, is_damage
 
@@ -67,15 +69,11 @@ def open_bag(path: Path, error: type[InputError] = InputError, *, indexed: bool 
         yield _Mcap(path, error)
         return
     from rosbags.highlevel import AnyReader
-    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+    from rosbags.typesys import Stores, get_typestore
 
     store = get_typestore(Stores.ROS2_HUMBLE)
-    types: dict[str, Any] = {}
-    for name, text in _DEFINITIONS.items():
-        types |= get_types_from_msg(_message_definition(text), name)
-    store.register(types)
-    reader = AnyReader([path], default_typestore=store)
-    with reader as bag:
+    store.register(_own_types())
+    with AnyReader([path], default_typestore=store) as bag:
         yield _RosBag(bag)
 
 
@@ -123,7 +121,7 @@ class _Mcap(Bag):
         with self._path.open("rb") as stream:
             reader = self._reader(stream, validate_crcs=False)
             for schema, channel, message in reader.iter_messages(log_time_order=False):
-                self.topics[channel.topic] = schema.name if schema is not None else ""
+                self.topics[channel.topic] = getattr(schema, "name", "")
                 kind = "" if channel.message_encoding == "json" else self.topics[channel.topic]
                 if not wanted(channel.topic, kind) or len(message.data) > most_bytes:
                     continue
@@ -216,52 +214,12 @@ def _register_state(store: Any, raw: bytes) -> bool:
     return False
 
 
-def _message_definition(text: str) -> str:
-    """The definition of a message, a field a line, of fields of one type behind it."""
-    parts = (part.split(maxsplit=1) for part in text.split(";"))
-    return "\n".join(f"{kind} {name.strip()}" for kind, names in parts for name in names.split(","))
+@cache
+def _own_types() -> dict[str, Any]:
+    """Types of ``message_definitions.csv``."""
+    from rosbags.typesys import get_types_from_msg
 
-
-# Of Unitree's messages and of what of control_msgs has had one layout only.
-_DEFINITIONS = {
-    "control_msgs/msg/InterfaceValue": "string[] interface_names; float64[] values",
-    "control_msgs/msg/DynamicJointState": (
-        "std_msgs/Header header; string[] joint_names; control_msgs/InterfaceValue[] interface_values"
-    ),
-    "unitree_hg/msg/IMUState": "float32[4] quaternion; float32[3] gyroscope, accelerometer, rpy; int16 temperature",
-    "unitree_hg/msg/MotorState": (
-        "uint8 mode; float32 q, dq, ddq, tau_est; int16[2] temperature; float32 vol; uint32[2] sensor; "
-        "uint32 motorstate; uint32[4] reserve"
-    ),
-    "unitree_hg/msg/MotorCmd": "uint8 mode; float32 q, dq, tau, kp, kd; uint32 reserve",
-    "unitree_hg/msg/LowState": (
-        "uint32[2] version; uint8 mode_pr, mode_machine; uint32 tick; unitree_hg/IMUState imu_state; "
-        "unitree_hg/MotorState[35] motor_state; uint8[40] wireless_remote; uint32[4] reserve; uint32 crc"
-    ),
-    "unitree_hg/msg/LowCmd": (
-        "uint8 mode_pr, mode_machine; unitree_hg/MotorCmd[35] motor_cmd; uint32[4] reserve; uint32 crc"
-    ),
-    "unitree_go/msg/IMUState": "float32[4] quaternion; float32[3] gyroscope, accelerometer, rpy; int8 temperature",
-    "unitree_go/msg/MotorState": (
-        "uint8 mode; float32 q, dq, ddq, tau_est, q_raw, dq_raw, ddq_raw; int8 temperature; uint32 lost; "
-        "uint32[2] reserve"
-    ),
-    "unitree_go/msg/MotorCmd": "uint8 mode; float32 q, dq, tau, kp, kd; uint32[3] reserve",
-    "unitree_go/msg/BmsState": (
-        "uint8 version_high, version_low, status, soc; int32 current; uint16 cycle; int8[2] bq_ntc, "
-        "mcu_ntc; uint16[15] cell_vol"
-    ),
-    "unitree_go/msg/BmsCmd": "uint8 off; uint8[3] reserve",
-    "unitree_go/msg/LowState": (
-        "uint8[2] head; uint8 level_flag, frame_reserve; uint32[2] sn, version; uint16 bandwidth; "
-        "unitree_go/IMUState imu_state; unitree_go/MotorState[20] motor_state; unitree_go/BmsState "
-        "bms_state; int16[4] foot_force, foot_force_est; uint32 tick; uint8[40] wireless_remote; uint8 "
-        "bit_flag; float32 adc_reel; int8 temperature_ntc1, temperature_ntc2; float32 power_v, power_a; "
-        "uint16[4] fan_frequency; uint32 reserve, crc"
-    ),
-    "unitree_go/msg/LowCmd": (
-        "uint8[2] head; uint8 level_flag, frame_reserve; uint32[2] sn, version; uint16 bandwidth; "
-        "unitree_go/MotorCmd[20] motor_cmd; unitree_go/BmsCmd bms_cmd; uint8[40] wireless_remote; "
-        "uint8[12] led; uint8[2] fan; uint8 gpio; uint32 reserve, crc"
-    ),
-}
+    rows = read_rows(__file__, "message_definitions.csv")
+    return dict(
+        ChainMap(*(get_types_from_msg(row["fields"].replace("; ", "\n"), row["type"]) for row in rows))
+    )

@@ -22,6 +22,7 @@ import pyarrow as pa
 import pyarrow.csv
 from numpy.typing import NDArray
 
+from excite.data_tables import read_rows
 from excite.errors import InputError
 from excite.formats.arrow import arrow_table, numpy_columns
 from excite.formats.file import (
@@ -43,25 +44,11 @@ _MOST_COMMENTS = 1000
 _MISSING = ["", "nan", "NaN", "NAN", "NA", "null", "None", "-nan"]
 _INFINITIES = ["inf", "-inf", "Inf"]
 COMMENTS = ("#", "%", "//", ";;", "!")
-# To SI, by the words of lines of units and of brackets behind names.
-SI_FACTORS: dict[str, float] = {
-    **dict.fromkeys(
-        ("", "-", "--", "#", "1", "s", "sec", "rad", "m", "n", "nm", "n.m", "n·m", "n*m", "a"), 1.0
-    ),
-    **dict.fromkeys(
-        ("rad/s", "rad/s^2", "rad/s2", "rad/s²", "m/s", "m/s^2", "m/s2", "m/s²", "kg", "hz"), 1.0
-    ),
-    **dict.fromkeys(("frame", "frames", "v", "bool", "count", "counts"), 1.0),
-    **dict.fromkeys(("ms", "mm", "ma", "mm/s", "nmm", "n.mm", "n·mm", "n*mm", "mrad"), 1e-3),
-    **dict.fromkeys(("us", "µs"), 1e-6),
-    **dict.fromkeys(
-        ("deg", "°", "deg/s", "°/s", "deg/s^2", "deg/s2", "deg/s²", "°/s²", "degrees"), math.pi / 180.0
-    ),
-    "ns": 1e-9,
-    **dict.fromkeys(("lbf", "lb"), 4.4482216152605),
-    **dict.fromkeys(("kgf", "kp"), 9.80665),
-    "cm": 1e-2,
-    "kn": 1e3,
+# To SI, by the words of lines of units and of brackets behind names, of which an empty one is a unit.
+SI_FACTORS = {
+    word: float(row["factor"])
+    for row in read_rows(__file__, "si_factors.csv")
+    for word in row["words"].split(" ")
 }
 _NUMBER = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?$|[+-]?(nan|inf(inity)?)$", re.IGNORECASE)
 _BRACKETS = re.compile(r"\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))\s*$")
@@ -520,7 +507,7 @@ def _is_row(cells: list[str], decimal: str) -> bool:
         cell
         for cell in cells
         if (_NUMBER.match(cell) and ("," not in cell or decimal == ","))
-        or is_stamp(cell)
+        or any(form.fullmatch(cell.strip()) for form in _FORMS)
         or _ARRAY.match(cell)
     ]
     return len(numbers) >= 2 and len(numbers) >= 0.5 * len([cell for cell in cells if cell])
@@ -658,11 +645,6 @@ _FORMS = (
     # 01:23.456: minutes and seconds of a stop watch, which always has a fraction.
     re.compile(r"(?P<m>\d{1,3}):(?P<s>\d{2})[.,](?P<f>\d{1,9})"),
 )
-
-
-def is_stamp(cell: str) -> bool:
-    """Whether a cell is a date with a time, or a time of day."""
-    return any(form.fullmatch(cell.strip()) for form in _FORMS)
 
 
 def seconds(cells: Sequence[str]) -> NDArray[Any] | None:

@@ -285,12 +285,14 @@ class Body:
         dimensions: where the joints lie.
         table: which table the inertial parameters come from.
         inertias: of the segments, in their order.
+        masses_from: where masses of segments are from that are not the table's; empty for none.
     """
 
     subject: Subject
     dimensions: Dimensions
     table: str
     inertias: tuple[pin.Inertia, ...]
+    masses_from: str = ""
 
     @property
     def offsets(self) -> Array:
@@ -301,8 +303,13 @@ class Body:
         """The same body with inertial parameters of another table."""
         return replace(self, table=table, inertias=body_inertias(self.subject, self.dimensions, table))
 
-    def with_masses(self, masses: Mapping[str, float]) -> Body:
-        """The body with nominal masses [kg] of some segments by hand; the others share the rest as they did.
+    @property
+    def mass_origin(self) -> str:
+        """Where inertial parameters are from."""
+        return ", masses from ".join(filter(None, (self.table, self.masses_from)))
+
+    def with_masses(self, masses: Mapping[str, float], source: str = "") -> Body:
+        """The body with nominal masses [kg] of some segments from elsewhere; the others share the rest as they did.
 
         Raises:
             UnknownNameError: no such segment.
@@ -330,7 +337,7 @@ class Body:
             pin.Inertia(mass, b.lever, b.inertia * mass / b.mass)
             for b, mass in zip(self.inertias, wanted, strict=True)
         ]
-        return replace(self, inertias=tuple(inertias))
+        return replace(self, inertias=tuple(inertias), masses_from=source or self.masses_from)
 
 
 def body_of(subject: Subject, dimensions: Dimensions | None = None, table: Anthropometry = "de_leva") -> Body:

@@ -236,7 +236,7 @@ def robot_yaml(body: Body, rate_hz: float, plates: tuple[str, ...] = ()) -> str:
     axes = [f"{s.name}_axis_{i}" for s in SEGMENTS for i in range(1, len(s.axes))]
     content["model"] |= {
         "acknowledged": {link: "massless, an axis of a spherical joint" for link in axes},
-        "source": f"segments by table {body.table}, joints from stature or markers",
+        "source": f"segments by table {body.mass_origin}, joints from stature or markers",
     }
     # A rectangle of the foot's length, 8 cm wide.
     front, back = round(float(d.foot_length - d.heel), 4), round(float(-d.heel), 4)
@@ -439,7 +439,7 @@ class MeasuredPerson(Shown, Stated):
         """In words, for a terminal."""
         subject = self.body.subject
         lines = [
-            f"person of {subject.mass:g} kg, {subject.height:g} m, {subject.sex}; segments by {self.body.table}",
+            f"person of {subject.mass:g} kg, {subject.height:g} m, {subject.sex}; segments by {self.body.mass_origin}",
             f"markers fit the calibrated body to {1e3 * self.calibration.rms:.1f} mm",
         ]
         for trial in self.trials:
@@ -510,7 +510,7 @@ def measure_recordings(
     calibration = calibrate_body(subject, markers.sites, [item.markers for item in (*still, *upright_trials)])
     body = body_of(subject, calibration.dimensions, settings.table)
     if model is not None:
-        body = body.with_masses(model.segment_masses(body))
+        body = body.with_masses(model.segment_masses(body), Path(str(settings.osim)).name)
     body = body.with_masses(settings.segment_mass)
     measured: list[MeasuredTrial] = []
     reports: list[TrialReport] = []

@@ -18,12 +18,12 @@ from excite.human.recording import PlateRecording, Recording
 from excite.human.segments import NAMES, SIDES
 from excite.human.skeleton import Placement
 from excite.logs.signals.butterworth import Derivatives, central_differences, lowpass, settling_samples
+from excite.robot.quantities import GRAVITY
 
 # Centres of pressure, and how far from the feet they lie.
 
 NEAR, FAR = 0.15, 0.25
 """A foot that stands on a plate has the centre of pressure below it; both are good to a few centimetres [m]."""
-GRAVITY = 9.81
 
 
 def pressure_center(force: Array, moment: Array, height: float) -> Array:

@@ -32,16 +32,9 @@ _JOINT_CHANNELS = {
 # overflowed or a float read from the wrong bytes: turns of years, map coordinates, the largest drives in N·mm. Squares
 # and products of what is below stay far from the largest float.
 _LARGEST = {
-    "q": 1e6,
-    "q_cmd": 1e6,
-    "v": 1e6,
-    "a": 1e9,
-    "tau": 1e9,
-    "tau_cmd": 1e9,
-    "i": 1e6,
+    **dict.fromkeys("q q_cmd v i imu".split(), 1e6),
+    **dict.fromkeys("a tau tau_cmd wrench".split(), 1e9),
     "base": 1e7,
-    "wrench": 1e9,
-    "imu": 1e6,
 }
 
 

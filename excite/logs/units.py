@@ -6,13 +6,15 @@ import math
 import re
 from typing import Any, NamedTuple
 
+from excite.data_tables import read_rows
+
 # Powers of angle, length, time, force and current.
-Dimension = tuple[int, int, int, int, int]
-_ANGLE, _LENGTH, _TIME = (1, 0, 0, 0, 0), (0, 1, 0, 0, 0), (0, 0, 1, 0, 0)
-_FORCE, _CURRENT = (0, 0, 0, 1, 0), (0, 0, 0, 0, 1)
-_NONE = (0, 0, 0, 0, 0)
-_G = 9.80665
-_POUND = 0.45359237 * _G
+Dimension = tuple[int, ...]
+_DIMENSIONS = {
+    name: tuple(int(k == j) for j in range(5))
+    for k, name in enumerate(("angle", "length", "time", "force", "current", ""))
+}
+_ANGLE, _LENGTH, _TIME, _FORCE, _CURRENT, _ = _DIMENSIONS.values()
 
 
 class Parsed(NamedTuple):
@@ -34,76 +36,25 @@ class Unit(NamedTuple):
         name: in this package's spelling; empty for what stands in compound units alone.
         dimension: what it is of.
         size: in rad, m, s, N or A; nan where no name says it.
-        words: lower case, by which it is written alone and in compound units.
-        alone: words of it alone.
-        inside: words of it in compound units alone.
+        inside: words by which it is written in compound units, lower case.
     """
 
     name: str
     dimension: Dimension
     size: float
-    words: str = ""
-    alone: str = ""
-    inside: str = ""
+    inside: str
 
 
-TABLE = (
-    Unit("rad", _ANGLE, 1.0, "rad radian radians rads"),
-    Unit("deg", _ANGLE, math.pi / 180.0, "deg degs degree degrees ° grad"),
-    Unit("rev", _ANGLE, math.tau, "rev revs turn turns revolution revolutions umdrehungen cycles", "", "u r cycle"),
-    Unit("mrad", _ANGLE, 1e-3, "mrad milliradian milliradians"),
-    Unit("mdeg", _ANGLE, math.pi / 180e3, "mdeg millideg millidegree millidegrees"),
-    Unit("arcmin", _ANGLE, math.pi / 10_800.0, "arcmin arcminutes", "", "arcmins arcminute"),
-    Unit("arcsec", _ANGLE, math.pi / 648e3, "arcsec arcseconds", "", "arcsecs arcsecond"),
-    Unit("m", _LENGTH, 1.0, "m meter metre meters", "", "metres"),
-    Unit("cm", _LENGTH, 1e-2, "cm centimeter centimetre", "", "centimeters centimetres"),
-    Unit("mm", _LENGTH, 1e-3, "mm millimeter", "", "millimeters millimetre millimetres"),
-    Unit("µm", _LENGTH, 1e-6, "um µm micron microns micrometer", "", "micrometers micrometre micrometres"),
-    Unit("in", _LENGTH, 0.0254, "in inch", "", "inches"),
-    Unit("ft", _LENGTH, 0.3048, "", "", "ft foot feet"),
-    Unit("s", _TIME, 1.0, "s sec secs second seconds"),
-    Unit("ms", _TIME, 1e-3, "ms msec milliseconds", "msecs millis", "millisecond"),
-    Unit("us", _TIME, 1e-6, "", "us µs usec usecs micros microseconds"),
-    Unit("ns", _TIME, 1e-9, "", "ns nsec nsecs nanos nanoseconds"),
-    Unit("d", _TIME, 86_400.0, "", "day days"),
-    Unit("", _TIME, 60.0, "", "", "min minute minutes"),
-    Unit("N", _FORCE, 1.0, "n newton", "", "newtons"),
-    Unit("kN", _FORCE, 1e3, "kn kilonewton", "", "kilonewtons"),
-    Unit("", _FORCE, 1e-2, "", "", "cn"),
-    Unit("", _FORCE, 1e-3, "", "", "mn millinewton millinewtons"),
-    Unit("", _FORCE, 1e-6, "", "", "un µn micronewton micronewtons"),
-    Unit("kgf", _FORCE, _G, "", "", "kgf kg kp"),
-    Unit("", _FORCE, 1e-3 * _G, "", "", "gf g"),
-    Unit("lb", _FORCE, _POUND, "lb lbf", "", "lbs"),
-    Unit("kip", _FORCE, 1e3 * _POUND, "", "kip kips"),
-    Unit("ozf", _FORCE, _POUND / 16.0, "", "", "ozf oz"),
-    Unit("A", _CURRENT, 1.0, "a amp amps ampere amperes arms"),
-    Unit("mA", _CURRENT, 1e-3, "ma milliamp milliamps milliampere milliamperes mamp", "", "mamps"),
-    Unit("µA", _CURRENT, 1e-6, "ua µa microamp microamps"),
-    # How many are a turn, no name says; nor what is rated.
-    Unit("counts", _ANGLE, math.nan, "", "counts count cnt ticks enccounts"),
-    Unit("V", _NONE, math.nan, "", "v volt volts"),
-    Unit("%", _NONE, math.nan, "", "% ‰ percent %rated p.u. pu"),
-)  # fmt: skip
-# Compound units, which are read by their parts, and words of them that names are cut into. Where two are of one size,
-# as N·mm and mN·m, the first one's name is taken.
-_COMPOUND_WORDS = {
-    "rad/s": "rad/s radps rad_s radpersec", "deg/s": "deg/s degps deg_s dps", "rpm": "rpm 1/min min^-1 min-1",
-    "m/s": "mps", "mm/s": "mmps", "rad/s2": "rad/s2 radps2", "deg/s2": "deg/s2 degps2",
-    "N·m": "nm n_m newtonmeter", "N·mm": "mnm nmm", "N·cm": "ncm cnm", "kN·m": "knm", "kgf·cm": "kgcm kgfcm",
-    "ozf·in": "ozin ozfin", "lbf·in": "lbin lbfin inlb inlbf", "lbf·ft": "lbft lbfft ftlb ftlbf",
-    "rev/s": "rps revps", "mrad/s": "mradps", "in/s": "inps ips", "µN·m": "unm µnm", "kgf·m": "kgm kgfm",
-    "gf·cm": "gcm gfcm",
-}  # fmt: skip
-_PARTS = {
-    word: Parsed(unit.dimension, unit.size)
-    for unit in TABLE
-    for word in f"{unit.words} {unit.inside}".split()
-}
+_ROWS = read_rows(__file__, "units.csv")
+TABLE = [
+    Unit(row["name"], _DIMENSIONS[row["of"]], float(row["size"] or "nan"), f"{row['words']} {row['inside']}")
+    for row in _ROWS
+    if row["of"] != "compound"
+]
+_PARTS = {word: Parsed(unit.dimension, unit.size) for unit in TABLE for word in unit.inside.split()}
 UNITS: dict[str, str] = {
-    **{word: unit.name for unit in TABLE for word in f"{unit.words} {unit.alone}".split()},
+    **{word: row["name"] for row in _ROWS for word in f"{row['words']} {row['alone']}".split()},
     **dict.fromkeys(("per cent", "% rated"), "%"),
-    **{word: name for name, words in _COMPOUND_WORDS.items() for word in words.split()},
 }
 """Units by how they are written, lower case; the word after the name or in brackets."""
 # Written without anything between numerator and denominator; a minute's is that of turns.
@@ -121,12 +72,7 @@ _OTHERWISE = frozenset("u r in g a cycle cycles second seconds turn".split())
 _BETWEEN = re.compile(r"\s*(/|\*|\.|_per_|\bper\b|[-_ ])\s*")
 # What a unit of a joint's motion or load can be of.
 KINDS: dict[Dimension, str] = {
-    _ANGLE: "q",
-    _LENGTH: "q",
-    (1, 0, -1, 0, 0): "v",
-    (0, 1, -1, 0, 0): "v",
-    (1, 0, -2, 0, 0): "a",
-    (0, 1, -2, 0, 0): "a",
+    **{(*moves, -order, 0, 0): kind for order, kind in enumerate("qva") for moves in ((1, 0), (0, 1))},
     (0, 1, 0, 1, 0): "tau",
     _FORCE: "tau",
     _CURRENT: "i",
@@ -230,8 +176,7 @@ def _parse_word(word: str, power: int) -> Parsed | None:
 
 
 def _multiply_dimension(dimension: Dimension, power: int) -> Dimension:
-    a, b, c, d, e = (power * x for x in dimension)
-    return a, b, c, d, e
+    return tuple(power * x for x in dimension)
 
 
 class _Sizes(dict[str, float]):
@@ -267,7 +212,13 @@ def _name_compounds() -> None:
     rates = [f"{unit}/{time}" for time in ("s", "s2") for unit in moves]
     forces = ("N", "kN", "mN", "µN", "kgf", "gf", "lbf", "ozf")
     torques = [f"{force}·{arm}" for force in forces for arm in lengths]
-    for name in (*_COMPOUND_WORDS, *rates, "rpm/s", "krpm", *torques):
+    for name in (
+        *(row["name"] for row in _ROWS if row["of"] == "compound"),
+        *rates,
+        "rpm/s",
+        "krpm",
+        *torques,
+    ):
         parsed = parse_unit(name)
         if parsed is not None:
             key = parsed.dimension, round(math.log(parsed.factor), 3)

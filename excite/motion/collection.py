@@ -97,7 +97,7 @@ def load_motions(paths: PathsLike, robot: RobotLike | None = None) -> list[Motio
         InputError: files, but no robot.
     """
     if robot is None:
-        if not isinstance(paths, str):
+        if not isinstance(paths, str) or (paths not in library_names() and Path(paths).exists()):
             raise InputError(
                 "files of motions without a robot", field="robot", remedy="hand over the robot too"
             )

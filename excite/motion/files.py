@@ -79,7 +79,7 @@ def save_motion(motion: Motion, path: Path, *, single: bool = False) -> Path:
         raise MotionError(f"unknown format {path.suffix!r}", source=path, remedy="use .parquet, .csv or .npz")
     columns: dict[str, NDArray[Any]] = motion_columns(motion)
     if single and path.suffix == ".parquet":
-        columns = narrow_columns(columns)
+        columns = {name: _narrow_column(name, column) for name, column in columns.items()}
     metadata = json.dumps(_motion_document(motion, content_hash(columns)))
     with atomic_path(path) as temporary:
         format_of(path).write(columns, temporary, metadata)
@@ -399,12 +399,8 @@ def thinned(motion: Motion, every: int) -> Motion:
 _POSITIONS = ("q.", "base.p", "base.q")
 
 
-def narrow_columns(columns: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-    """Columns in few bytes: positions in single precision, velocities and accelerations to 16 binary digits."""
-    return {name: _narrow_column(name, column) for name, column in columns.items()}
-
-
 def _narrow_column(name: str, column: NDArray[Any]) -> NDArray[Any]:
+    """A column in few bytes: positions in single precision, velocities and accelerations to 16 binary digits."""
     if name == "time":
         return column
     if column.dtype != float:

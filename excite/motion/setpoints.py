@@ -121,7 +121,7 @@ def _blended(time: Array, q: Array, blend: float | None, path: Path) -> tuple[Ar
         np.diff(time),
         "state how long the parabola at each setpoint lasts, less than the lines beside it",
     )
-    width = 0.0 if blend is None else blend
+    width = blend or 0.0
     outer = np.zeros(len(h))
     outer[0] += 0.5 * width
     outer[-1] += 0.5 * width

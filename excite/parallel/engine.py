@@ -5,7 +5,6 @@ from __future__ import annotations
 import atexit
 import os
 import signal
-import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sized
 from concurrent.futures import BrokenExecutor, Future, ThreadPoolExecutor
@@ -16,6 +15,7 @@ from itertools import chain, islice
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from excite.errors import ExciteError
+from excite.formats.child import processor_s
 from excite.parallel.jobs import AtMost, Executor, Jobs, at_once, check_jobs
 from excite.parallel.worker import Answer, Shared, begin_worker, perform_task
 from excite.progress import Progress, silent
@@ -126,9 +126,9 @@ def _begun_here(
         if _are_ready(jobs.processes, left) or _is_worth_starting(seconds, left, jobs.processes):
             yield from _run_elsewhere(function, chain([task], source), shared, jobs.processes, left, stage)
             return
-        begun = time.process_time()
+        begun = processor_s()
         result = next(_run_here(function, [task], shared.value))
-        seconds.append(time.process_time() - begun)
+        seconds.append(processor_s() - begun)
         yield result
 
 

@@ -259,7 +259,7 @@ def limited_description(robot: Robot, file: Path) -> str:
     if tables:
         content["limits"]["by_position"] = [*content["limits"].get("by_position", []), *tables]
     names = {what: [*joints] for what, joints in changed.items()}
-    said = assumed_limits({file.name: with_tables(names, found.tables)})
+    said = assumed_limits({file.name: with_tables(names, found)})
     content["assumed"] = [*content.get("assumed", []), *(one.to_json() for one in said)]
     return _portable_text(robot, RobotDescription.model_validate(content))
 

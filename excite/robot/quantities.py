@@ -130,6 +130,8 @@ Rate = Annotated[float, Bounded(1e6, "Hz")]
 # Rubber on rubber has 1 … 2; gecko-like pads some tens.
 FrictionCoefficient = Annotated[float, Bounded(100.0, "newtons a newton")]
 DriveFriction = Annotated[float, Bounded(MAX_FORCE, "N·m·s/rad, N·m or kg·m²")]
+# On the ground [m/s²].
+GRAVITY = 9.81
 # On the sun's surface it is 274 m/s²; no robot identifies itself above Jupiter's 25.
 GravityComponent = Annotated[
     float, Bounded(100.0, "m/s²", "any", "write m/s²; on the ground it is 9.81 downwards")

@@ -15,17 +15,8 @@ from excite.safety.verdict import Verdict, Violation, unit_of
 # Refusals that a summary lists; the documents have all.
 _LISTED = 5
 _SMALLER_IS_WORSE = frozenset(
-    {
-        "self_collision",
-        "zmp",
-        "com",
-        "weight_share",
-        "foot_below_ground",
-        "rate_too_low",
-        "robust_joint_torque",
-        "robust_zmp",
-        "robust_friction",
-    }
+    "self_collision zmp com weight_share foot_below_ground rate_too_low robust_joint_torque robust_zmp "
+    "robust_friction".split()
 )
 
 

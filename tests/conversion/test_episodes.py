@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 
 import numpy as np
 import pyarrow as pa
@@ -11,6 +12,7 @@ import pytest
 
 from excite.conversion.episodes import examine_episodes, is_of_episodes
 from excite.errors import LogError
+from tests.conversion.written import ros2_store, stamp
 
 JOINTS = ("pan", "lift", "elbow", "wrist_1", "wrist_2", "gripper")
 RATE = 50.0
@@ -103,17 +105,33 @@ def tables(folder, episodes):
     return folder
 
 
+def bags(folder, episodes):
+    """A folder of bags, positions and commands in topics of one type."""
+    from rosbags.rosbag2 import Writer
+
+    store, nothing = ros2_store(), np.zeros(0)
+    state = store.types["sensor_msgs/msg/JointState"]
+    folder.mkdir()
+    for k, (time, *both, _) in enumerate(episodes):
+        with Writer(folder / f"take_{k:03d}", version=9) as writer:
+            for topic, values in zip(("/joint_states", "/joint_commands"), both, strict=True):
+                line = writer.add_connection(topic, state.__msgtype__, typestore=store)
+                for t, row in zip(100.0 + time, values, strict=True):
+                    message = state(stamp(store, t), list(JOINTS), row, nothing, nothing)
+                    writer.write(line, round(1e9 * t), store.serialize_cdr(message, state.__msgtype__))
+    return folder
+
+
 def verdicts(chart):
     return {int(one.episode.split("_")[1]): one for one in chart.episodes if one.findings}
 
 
-@pytest.mark.parametrize("layout", ["v2.1", "v3.0", "csv", "degrees"])
+@pytest.mark.parametrize("layout", ["v2.1", "v3.0", "csv", "degrees", "bags"])
 def test_each_fault_is_named_where_it_is_and_nothing_else(layout, tmp_path):
     made = [episode(k, scale=57.29578 if layout == "degrees" else 1.0) for k in range(20)]
-    data = (
-        tables(tmp_path / "runs", made)
-        if layout == "csv"
-        else lerobot(tmp_path / "data", made, "v2.1" if layout == "v2.1" else "v3.0")
+    version = "v2.1" if layout == "v2.1" else "v3.0"
+    data = {"csv": tables, "bags": bags}.get(layout, partial(lerobot, version=version))(
+        tmp_path / "data", made
     )
     chart = examine_episodes(data)
     bad = verdicts(chart)
@@ -142,6 +160,40 @@ def test_what_drifts_from_episode_to_episode_is_said_of_its_joint(tmp_path):
     (found,) = [one for one in chart.findings if one.kind == "drift"]
     assert found.places == ("elbow",) and chart.healthy
     assert found.figures["zero"] == pytest.approx(0.004 * 29, rel=0.1)
+    assert found.text in chart.summary()
+
+
+def test_joints_that_were_held_exchanged_scaled_or_left_alone_are_told_apart(tmp_path):
+    made = [episode(k, faults={}) for k in range(20)]
+    for k, (_, q, command, _) in enumerate(made):
+        if k == 2:
+            q[:, [1, 2]] = q[:, [2, 1]]
+        if k == 5:
+            q[100:, 3] = q[100, 3] + 1e-3 * np.sin(np.arange(len(q) - 100))
+        if k == 9:
+            q[:, 4] *= np.pi / 180.0
+        if k == 13:
+            q[100:140, 5] = np.nan
+        if k == 15:
+            # The task leaves a joint where it is.
+            q[:, 0], command[:, 0] = 0.2 + 1e-3 * np.random.default_rng(0).standard_normal(len(q)), 0.2
+        if k == 17:
+            q[250, 3] += 3.0
+    bad = verdicts(examine_episodes(lerobot(tmp_path / "data", made, "v2.1")))
+    assert {k: (one.findings[-1].kind, one.findings[-1].places) for k, one in bad.items()} == {
+        2: ("unfollowed", ("lift", "elbow")),
+        5: ("unfollowed", ("wrist_1",)),
+        9: ("gain", ("wrist_2",)),
+        13: ("missing_rows", ("gripper",)),
+        17: ("steps", ("wrist_1",)),
+    }
+
+
+def test_small_motion_to_and_fro_is_no_turned_joint(data_dir):
+    """A servo that is asked to move within its backlash follows half a period late as well as turned."""
+    chart = examine_episodes(data_dir / "so101_sage")
+    assert len(chart.episodes) == 8 and "command_sign" not in {found.kind for found in chart.findings}
+    assert examine_episodes(data_dir / "bam_xl330_pendulum").healthy
 
 
 def test_friction_is_compared_where_torques_are_logged(tmp_path):
@@ -165,6 +217,7 @@ def test_friction_is_compared_where_torques_are_logged(tmp_path):
 def test_a_file_that_cannot_be_read_and_one_of_another_arm_are_episodes_with_a_verdict(tmp_path):
     folder = tables(tmp_path / "runs", [episode(k, faults={}) for k in range(6)])
     (folder / "run_006.csv").write_text("")
+    (folder / "README.txt").write_text("Six runs of one arm.\n")
     (folder / "run_007.csv").write_text(
         "time,q.other\n" + "".join(f"{0.02 * k},{0.01 * k}\n" for k in range(50))
     )
@@ -176,6 +229,7 @@ def test_what_is_no_data_set_is_told_from_one(tmp_path):
     assert not is_of_episodes(tmp_path) and not is_of_episodes(tmp_path / "nowhere")
     folder = tables(tmp_path / "runs", [episode(0)])
     assert is_of_episodes(folder)
+    assert "too few to tell" in examine_episodes(folder).summary()
     (folder / "log.yaml").write_text("schema: excite.log/1\n")
     assert not is_of_episodes(folder)
     (tmp_path / "words").mkdir()

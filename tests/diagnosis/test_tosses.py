@@ -59,6 +59,38 @@ def slid(rng: np.random.Generator, friction: float) -> excite.recordings.Toss:
     )
 
 
+def spun(rng: np.random.Generator, friction: float) -> excite.recordings.Toss:
+    """A cube on its face that turns while it slides: four corners carry a quarter each and slip their own ways."""
+    place, speed = np.array([0.0, 0.0, HALF]), np.append(rng.uniform(0.8, 1.5, 2), 0.0)
+    angle, rate, fine, poses = 0.0, rng.uniform(8.0, 20.0), 1e-4, []
+    for k in range(round(60 * STEP / fine)):
+        turn = pin.rpy.rpyToMatrix(0.0, 0.0, angle)
+        arms = CORNERS[CORNERS[:, 2] < 0.0] @ turn.T
+        slips = (speed + np.cross([0.0, 0.0, rate], arms))[:, :2]
+        forces = (
+            -0.25
+            * friction
+            * MASS
+            * GRAVITY
+            * slips
+            / np.maximum(np.linalg.norm(slips, axis=1), 1e-3)[:, None]
+        )
+        if k % round(STEP / fine) == 0:
+            poses.append((place.copy(), turn))
+        speed[:2] += fine * forces.sum(axis=0) / MASS
+        rate += fine * float(arms[:, 0] @ forces[:, 1] - arms[:, 1] @ forces[:, 0]) / INERTIA
+        place, angle = place + fine * speed, angle + fine * rate
+    return _toss(poses)
+
+
+def test_friction_of_a_face_that_turns_as_it_slides_is_not_all_along_its_way() -> None:
+    rng = np.random.default_rng(4)
+    tosses = [*(slid(rng, 0.3) for _ in range(6)), *(spun(rng, 0.3) for _ in range(24))]
+    assert excite.recordings.diagnose_tosses(tosses, CORNERS).effects[
+        "ground_friction"
+    ].value == pytest.approx(0.3, rel=0.03)
+
+
 def _toss(poses: list[tuple[np.ndarray, np.ndarray]]) -> excite.recordings.Toss:
     places, turns = map(np.array, zip(*poses, strict=True))
     return Toss(np.arange(len(places)) * STEP, places, turns)
@@ -103,6 +135,11 @@ def test_wrong_units_are_one_line() -> None:
     centimetres = [Toss(one.time, 100.0 * one.position, one.rotation) for one in tosses]
     with pytest.raises(InputError, match=r"fall with 9\d\d m/s².*give metres"):
         excite.recordings.diagnose_tosses(centimetres, 100.0 * CORNERS)
+    turned = [Toss(one.time, one.position * [1.0, 1.0, -1.0], one.rotation) for one in tosses]
+    with pytest.raises(InputError, match=r"fall with -\d.*z up"):
+        excite.recordings.diagnose_tosses(turned, CORNERS)
+    with pytest.raises(InputError, match="corners: have the shape"):
+        excite.recordings.diagnose_tosses(tosses, CORNERS[:0])
     with pytest.raises(InputError, match="never lies on a face"):
         excite.recordings.diagnose_tosses(tosses[1:], CORNERS)
 

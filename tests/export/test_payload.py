@@ -140,6 +140,9 @@ def test_what_cannot_be_written_is_one_line_with_what_to_do(robot, load):
     blind = replace(load, seen=np.array([True, True, True, False, *[True] * 6]))
     with pytest.raises(InputError, match="not told"):
         payload_for(blind, robot, "ur")
+    exchanged = replace(load, parameters=-load.parameters)
+    with pytest.raises(InputError, match=r"is -.* kg.*first log is that without the load"):
+        payload_for(exchanged, robot, "ur", "tool0")
     with pytest.raises(InputError, match="--flange"):
         payload_for(load, load_robot("iiwa14"), "kuka")
     assert payload_for(load, load_robot("iiwa14"), "kuka", "link7").flange == "link7"

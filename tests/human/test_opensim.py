@@ -91,3 +91,5 @@ def test_a_person_that_the_scale_tool_wrote(data_dir: Path) -> None:
     assert found["right_thigh"] == pytest.approx(8.993 * 72.84 / 72.73, abs=0.2)
     assert found["left_forearm"] == pytest.approx(2 * 0.587, abs=0.05)
     assert model.markers.sites["RTB2"].segment == "right_shank" and len(model.markers.sites) == 64
+    own = BODY.with_masses(found, "anna.osim")
+    assert own.mass_origin == f"{BODY.table}, masses from anna.osim" and BODY.mass_origin == BODY.table

@@ -9,6 +9,8 @@ from functools import cache
 from pathlib import Path
 from typing import get_args, get_type_hints
 
+from excite.conversion import episodes
+from excite.data_tables import read_rows
 from excite.doctor.examine import FOUND
 from excite.robot.urdf.inertia import moments_fault
 from excite.safety.check import CHECKS as SAFETY_CHECKS
@@ -113,7 +115,8 @@ def _loop_codes(loop: ast.For, tree: ast.Module) -> Iterator[str]:
 def in_the_program() -> set[str]:
     codes = {code for path in (ROOT / "excite").rglob("*.py") for code in made_in(path)}
     of_moments = set(get_args(get_type_hints(moments_fault)["return"])) - {""}
-    return codes | of_moments | FOUND | {AT_LIMIT, FELL, SLIPPED, TOUCHED}
+    of_episodes = {row["kind"] for row in read_rows(episodes.__file__, "episodes.csv")}
+    return codes | of_moments | of_episodes | FOUND | {AT_LIMIT, FELL, SLIPPED, TOUCHED}
 
 
 def test_every_code_of_the_program_is_on_the_page_and_no_other() -> None:

@@ -29,6 +29,8 @@ def test_names() -> None:
         excite.load_motions("nao")
     with pytest.raises(InputError, match="hand over the robot too"):
         excite.load_motions([library_folder("ur10")])
+    with pytest.raises(InputError, match="without a robot"):
+        excite.load_motions(str(library_folder("ur10")))
 
 
 @pytest.mark.parametrize("name", ROBOTS)

@@ -71,6 +71,16 @@ def test_one_argument_brings_model_pairs_and_limits(word: str, package: Callable
     np.testing.assert_allclose(excite.load_robot(written.parent).limits.velocity, robot.limits.velocity)
 
 
+def test_limits_of_a_joint_that_is_not_there_are_said_to_be_of_no_use(package: Callable[[str], Path]) -> None:
+    folder = package(NOTED.format("urdf"))
+    limits = folder / "config" / "joint_limits.yaml"
+    limits.write_text(LIMITS + "  knee: {has_velocity_limits: true, max_velocity: 0.5}\n")
+    (said,) = [
+        one for one in excite.load_robot(folder).description.assumed if "joint_limits.yaml" in one.what
+    ]
+    assert "velocity of elbow" in said.value and "no such joint, of knee" in said.value
+
+
 def test_a_model_that_is_not_there_is_one_line(package: Callable[[str], Path]) -> None:
     with pytest.raises(RobotError, match=r"holds no|is a folder without a robot\.yaml or a model"):
         excite.load_robot(package(""))

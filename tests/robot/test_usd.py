@@ -14,8 +14,6 @@ from excite.export.models.simulator_model import write_simulator_model
 from excite.regressor.kernels import inverse_dynamics
 from tests.export.models.identified_folder import known
 
-pytest.importorskip("pxr", reason="usd-core reads USD: pip install 'excite[usd]'")
-
 
 @pytest.mark.parametrize("name", ["ur10", "panda", "go2"])
 def test_a_robot_comes_back_from_usd_with_its_torques(name: str, tmp_path: Path) -> None:
@@ -103,5 +101,8 @@ def test_what_no_urdf_can_say_is_one_line(changed: dict[str, str], said: str, tm
 
 def test_what_is_no_usd_is_one_line(tmp_path: Path) -> None:
     (tmp_path / "arm.usda").write_text("#usda 1.0\ndef Xform {{{")
-    with pytest.raises(RobotError, match="USD cannot read it"):
+    with pytest.raises(RobotError, match="USD cannot read it") as caught:
         excite.load_robot(tmp_path / "arm.usda")
+    assert "pxrInternal" not in str(caught.value)
+    with pytest.raises(RobotError, match="no such file"):
+        excite.load_robot(tmp_path / "other.usda")

@@ -15,6 +15,7 @@ from excite.conversion.columns.words import Clue, name_tokens
 from excite.conversion.explicit_mapping import Map
 from excite.conversion.guesses import Guesses, Mapped, message
 from excite.conversion.recording import Column, Machine, Recording
+from excite.data_tables import read_rows
 from excite.logs.robot import foot_headers, sensor_headers
 
 
@@ -42,29 +43,16 @@ def _words(text: str) -> frozenset[str]:
     return frozenset(text.split())
 
 
-_GYRO = _words("gyro gyroscope gyr")
 _KINDS = {
-    "position": _Kind("p", "xyz", _words("pos position positions translation xyz location trans p")),
-    "quaternion": _Kind(
-        "q",
-        "wxyz",
-        _words("quat quats quaternion quaternions orientation orient rot rotation ori attitude att q"),
-    ),
-    "gyro": _Kind(
-        "g",
-        "xyz",
-        _GYRO | _words("omega angvel angular ang g"),
-        _GYRO,
-        _words("vel velocity rate"),
-        of_imu=True,
-    ),
-    "accelerometer": _Kind(
-        "a",
-        "xyz",
-        _words("acc accel accelerometer acceleration accelerations a"),
-        _words("accelerometer"),
-        of_imu=True,
-    ),
+    row["kind"]: _Kind(
+        row["short"],
+        row["axes"],
+        _words(row["words"]),
+        _words(row["alone"]),
+        _words(row["beside"]),
+        bool(row["of_imu"]),
+    )
+    for row in read_rows(__file__, "base_signals.csv")
 }
 _BASE = _words("base root trunk torso pelvis body floating freeflyer odom odometry")
 _IMU = _words("imu ins ahrs")

@@ -16,6 +16,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from excite.arrays import Array, Indices
+from excite.conversion.columns.families import TARGETS
+from excite.conversion.columns.vocabulary import SURELY_COMMANDED
+from excite.conversion.columns.words import name_tokens
 from excite.conversion.recording import Column, Stream
 from excite.data_tables import read_rows
 
@@ -221,7 +224,8 @@ def decode(kind: str, message: Any, topic: str, names: Iterable[str] = ()) -> Ro
         if values is not None and (not part.joints or len(values) == len(names)):
             parts.append(k)
             numbers += np.asarray(values, dtype=float).tolist()
-    return _layout(kind, names, tuple(parts), _sensor(message, topic)), numbers
+    sensor = _topic_word(topic) or getattr(getattr(message, "header", None), "frame_id", "") or "wrench"
+    return _layout(kind, names, tuple(parts), str(sensor), _is_of_commands(topic)), numbers
 
 
 def _follow(message: Any, path: tuple[str, ...]) -> Any:
@@ -231,21 +235,30 @@ def _follow(message: Any, path: tuple[str, ...]) -> Any:
     return None if found is None or (np.ndim(found) and not len(found)) else found
 
 
-def _sensor(message: Any, topic: str) -> str:
+@cache
+def _topic_word(topic: str) -> str:
     words = [word for word in topic.split("/") if word and word not in {"wrench", "data", "raw", "filtered"}]
-    return str(
-        (words[-1] if words else getattr(getattr(message, "header", None), "frame_id", "")) or "wrench"
-    )
+    return "".join(words[-1:])
+
+
+@cache
+def _is_of_commands(topic: str) -> bool:
+    """Whether a topic is called after what was asked for: ``/joint_commands`` has the type of ``/joint_states``."""
+    return not SURELY_COMMANDED.isdisjoint(name_tokens(_topic_word(topic)))
 
 
 # Layouts of some topics; orders of joints may differ from message to message.
 @lru_cache(maxsize=1024)
-def _layout(kind: str, names: tuple[str, ...], parts: tuple[int, ...], sensor: str) -> tuple[Field, ...]:
+def _layout(
+    kind: str, names: tuple[str, ...], parts: tuple[int, ...], sensor: str, commanded: bool
+) -> tuple[Field, ...]:
     """Fields of a message: the same object for the same ones, as making them takes longer than decoding."""
     found: list[Field] = []
     for part in (_types()[kind][k] for k in parts):
         if part.joints:
-            found += [Field(f"{part.field}.{name}", part.channel, name) for name in names]
+            asked = commanded and (part.channel, False) in TARGETS
+            channel = TARGETS.get((part.channel, True), "skip") if asked else part.channel
+            found += [Field(f"{part.field}.{name}", channel, name) for name in names]
         else:
             named = (text.replace("SENSOR", sensor) for text in (part.field, part.label))
             found.append(Field(next(named), part.channel, next(named)))

@@ -45,7 +45,9 @@ SOURCES: Registry[Source] = Registry(
 RECORDED = frozenset(
     ".csv .tsv .txt .dat .log .xml .parquet .feather .arrow .npz .npy .h5 .hdf5 .mat .json .jsonl .bag .db3 .mcap .pt "
     ".pth".split()
-)
+)  # Files that people put beside recordings.
+_BESIDE = frozenset("readme license licence notice changelog requirements".split())
+
 # As long as reading may take: starting, then a tenth of what disks do [s, bytes/s].
 _STARTING_S, _BYTES_PER_S = 30.0, 2e6
 
@@ -90,6 +92,7 @@ def read_source(path: Path) -> tuple[Recording, ...]:
         source=path,
         error=LogError,
         seconds=_STARTING_S + size / _BYTES_PER_S,
+        kept=True,
     )
     return found
 
@@ -103,7 +106,8 @@ def recognised_recording(path: Path) -> bool:
     """Whether a file or folder among others in a folder is a recording, by its ending or as a bag."""
     if path.is_dir():
         return (path / "metadata.yaml").is_file()
-    return path.is_file() and plain_name(path).suffix.lower() in RECORDED
+    name = plain_name(path)
+    return path.is_file() and name.suffix.lower() in RECORDED and name.stem.lower() not in _BESIDE
 
 
 def _read(name: str, path: Path) -> tuple[Recording, ...]:

@@ -421,7 +421,7 @@ class Diagnosis(Tabled, Stated):
         lines += trivial_table(self.trivial)
         if self.next_experiment is not None:
             lines += ["", f"next: {self.next_experiment.why}"]
-        lines += fault_lines(self.faults)
+        lines += [f"log: {i.text} ({i.remedy}{'; repaired' if i.repaired else ''})" for i in self.faults]
         said = {item.text for item in self.faults}
         lines += [f"note: {text}" for text in self.warnings if text not in said and text not in lines[0]]
         return "\n".join(lines)
@@ -605,11 +605,6 @@ def _format_candidate_line(item: Candidate, standing: str) -> str:
         f"{item.effect:24} {item.location or '':24} {standing:9} {item.evidence:9.1f} "
         f"{100 * item.share_closed:6.0f}%  {values}"
     )
-
-
-def fault_lines(faults: Sequence[Finding]) -> list[str]:
-    """One line a finding of the doctor."""
-    return [f"log: {item.text} ({item.remedy}{'; repaired' if item.repaired else ''})" for item in faults]
 
 
 # What a budget's figures leave open, in words: intervals that say little, and a gap that lies elsewhere.

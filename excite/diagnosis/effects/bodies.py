@@ -23,6 +23,7 @@ from excite.identification.inertia import pseudo_inertia_matrices
 from excite.identification.physical.cone_program import TRIANGLE, ConeProgram, solve_cone_program
 from excite.regressor.kernels import placement_gradient
 from excite.robot.links import carried_link
+from excite.robot.quantities import GRAVITY
 
 # The directions in which a tilt of the base turns gravity.
 
@@ -49,7 +50,6 @@ def level_axes(gravity: Array) -> Array:
 
 # A base that does not stand as the model says.
 
-_G = 9.81
 # Distance of link 1's centre of mass from its axis that nobody knew of, with the whole robot's mass in it [m].
 _LEVER = 0.1
 # A tilt that is not seen for the noise [m/s²].
@@ -136,8 +136,8 @@ class BaseTilt(Effect):
         # Of no tilt nobody knows the direction: any is as likely.
         size = float(np.linalg.norm(aside))
         along = aside / size if size > 0.0 else np.full(len(aside), max(len(aside), 1) ** -0.5)
-        std = float(np.linalg.norm(along * spread)) / _G if shown.any() else None
-        angle = Estimate(float(np.arcsin(min(size / _G, 1.0))), std, "rad")
+        std = float(np.linalg.norm(along * spread)) / GRAVITY if shown.any() else None
+        angle = Estimate(float(np.arcsin(min(size / GRAVITY, 1.0))), std, "rad")
         found = super().to_estimates(context, location, theta, fit)
         return {"angle": angle, **{p.name: found[p.name] for p in self.linear[:2] if p.name in found}}
 

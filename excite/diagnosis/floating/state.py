@@ -29,20 +29,19 @@ from excite.regressor.kernels import (
 from excite.regressor.tree import KinematicTree
 from excite.rows.drive_terms import smooth_sign
 
-_MOTION = {"tree", "q"}
-_DEPENDS: dict[str, set[str]] = {
-    "poses": _MOTION,
-    "reading_levers": _MOTION | {"placements"},
-    "contact_maps": _MOTION,
-    "drive_term_shapes": {"v", "a"},
-    "measured_forces": _MOTION | {"readings", "placements"},
-    "measured_phi": {"phi"},
-    "predicted_forces": _MOTION | {"v", "a", "phi", "drives"},
-    "regressor": _MOTION | {"v", "a"},
-    "smooth_torques": _MOTION | {"v", "a", "phi", "readings", "placements"},
-    "joint_torques": _MOTION | {"v", "a", "phi", "readings", "placements"},
-    "turn_cache": _MOTION | {"v", "a", "phi", "placements"},
-    "unit_mass_cache": _MOTION | {"v", "a"},
+_DEPENDS = {
+    "poses": "tree q",
+    "reading_levers": "tree q placements",
+    "contact_maps": "tree q",
+    "drive_term_shapes": "v a",
+    "measured_forces": "tree q readings placements",
+    "measured_phi": "phi",
+    "predicted_forces": "tree q v a phi drives",
+    "regressor": "tree q v a",
+    "smooth_torques": "tree q v a phi readings placements",
+    "joint_torques": "tree q v a phi readings placements",
+    "turn_cache": "tree q v a phi placements",
+    "unit_mass_cache": "tree q v a",
 }
 
 
@@ -96,7 +95,7 @@ class State:
         self.__dict__.setdefault("turn_cache", {})
         self.__dict__.setdefault("unit_mass_cache", {})
         for name, depends in _DEPENDS.items():
-            if name in self.__dict__ and not depends & changed:
+            if name in self.__dict__ and changed.isdisjoint(depends.split()):
                 other.__dict__[name] = self.__dict__[name]
         return other
 

@@ -166,7 +166,10 @@ def _judge_rollouts(result: Diagnosis, record: ServoRecord, closed: ClosedLoop) 
     said += closed.sentences
     if servo.estimated:
         said.append(
-            "not stated and estimated with the nominal masses for a scale: " + ", ".join(servo.estimated)
+            "not stated and estimated with the nominal masses for a scale: "
+            + ", ".join(servo.estimated)
+            + "; gains are told far better where controller in log.yaml states the feedforward, such as none"
+            * ("the feedforward" in servo.estimated)
         )
     if not servo.follows_velocity and any(name.startswith("kd of") for name in servo.estimated):
         said.append(

@@ -16,6 +16,7 @@ from excite.doctor.thresholds import THRESHOLD, is_near_one
 from excite.doctor.torque_samples import TorqueSamples
 from excite.doctor.wrench_samples import WrenchSamples
 from excite.finding import list_names
+from excite.robot.quantities import GRAVITY
 
 Order = Indices
 
@@ -120,8 +121,6 @@ def find_clock(samples: TorqueSamples, reading: Reading) -> Iterable[Correction]
 
 # Gravity that points elsewhere than the log says: a robot on a wall, under a ceiling, or a sign.
 
-_G = 9.81
-
 
 def find_gravity(samples: Samples, reading: Reading) -> Iterable[Correction]:
     """The direction in which gravity explains the torques best."""
@@ -132,7 +131,7 @@ def find_gravity(samples: Samples, reading: Reading) -> Iterable[Correction]:
     stated = reading.gravity / max(float(np.linalg.norm(reading.gravity)), 1e-12)
     tried, best, least = np.vstack([stated, axes]), stated, np.inf
     for step in (0.4, 0.2, 0.1, 0.05, 0.025, 0.0):
-        scores = by_gravity(_G * tried).sum(axis=1)
+        scores = by_gravity(GRAVITY * tried).sum(axis=1)
         if scores.min() < least:
             best, least = tried[int(np.argmin(scores))], float(scores.min())
         if not best.any():
@@ -148,11 +147,11 @@ def find_gravity(samples: Samples, reading: Reading) -> Iterable[Correction]:
     nearest = max(axes, key=lambda axis: float(axis @ best))
     along = _angle_between(nearest, best) < THRESHOLD.along_axis_rad
     best = nearest if along else best
-    x, y, z = (float(value) + 0.0 for value in np.round(_G * best, 12))
+    x, y, z = (float(value) + 0.0 for value in np.round(GRAVITY * best, 12))
     off = f"is {np.degrees(angle):.0f}° off what" if stated.any() else "is not zero as"
     text = f"gravity {off} the log says: write [{x:.2f}, {y:.2f}, {z:.2f}]"
     figures = {"angle_rad": angle, "x": x, "y": y, "z": z}
-    yield Correction(replace(reading, gravity=_G * best), text, ("gravity",), figures, certain=along)
+    yield Correction(replace(reading, gravity=GRAVITY * best), text, ("gravity",), figures, certain=along)
 
 
 def _angle_between(one: Array, other: Array) -> float:

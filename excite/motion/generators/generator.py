@@ -79,8 +79,7 @@ class Generator(ABC):
 
 def child_seed(seed: np.random.SeedSequence, index: int) -> int:
     """The integer seed of child ``index``; unlike ``spawn`` it leaves ``seed`` as it is."""
-    entropy = seed.entropy if seed.entropy is not None else 0
-    child = np.random.SeedSequence(entropy, spawn_key=(*seed.spawn_key, index))
+    child = np.random.SeedSequence(seed.entropy or 0, spawn_key=(*seed.spawn_key, index))
     high, low = child.generate_state(2, np.uint32)
     # Below 2⁵³, so that every JSON reader keeps it exactly.
     return (int(high) & 0x1FFFFF) << 32 | int(low)

@@ -7,25 +7,12 @@ from itertools import chain
 
 import numpy as np
 
+from excite.data_tables import read_rows
 from excite.errors import RobotError
 from excite.motion.generators.generator import Candidate, Generator, Proposal, support_corners
 from excite.motion.generators.registry import GENERATORS, make_generator
 from excite.robot.robot import Robot
 from excite.robot.shapes.shape import has_area
-
-# Shares of a plan by what a robot stands on, and of one that aims at some joints. Leg swings complete the rank
-# of the base-link regressor; squats load legs as no swing does.
-MIXES: Mapping[str, tuple[Mapping[str, float], Mapping[str, float]]] = {
-    "nothing": ({"random_joint": 0.5, "fourier": 0.5, "reach": 1.0}, {"aimed": 1.0}),
-    "two feet": (
-        {"random_joint": 0.5, "leg_swing": 0.3, "squat": 0.2, "reach": 0.5},
-        {"aimed": 0.8, "squat": 0.2},
-    ),
-    "more feet": (
-        {"random_joint": 0.2, "sway": 0.4, "foot_swing": 0.4, "reach": 0.2},
-        {"aimed": 0.4, "sway": 0.2, "foot_swing": 0.4},
-    ),
-}
 
 
 def draw_candidate(robot: Robot, proposal: Proposal) -> Candidate:
@@ -110,7 +97,11 @@ def usual_mix(robot: Robot, *, aimed: bool) -> dict[str, float]:
             remedy="describe more feet or corners, or say that its base is suspended or held",
         )
     stands = "nothing" if not robot.feet else "two feet" if len(robot.feet) <= 2 else "more feet"
-    usual = MIXES[stands][int(aimed)]
+    usual = {
+        row["generator"]: float(row["share"])
+        for row in read_rows(__file__, "mixes.csv")
+        if (row["stands_on"], row["aimed"] == "yes") == (stands, aimed)
+    }
     shares = {name: share for name, share in usual.items() if make_generator(name).applies(robot)}
     if not shares:
         needs = "; ".join(f"{name}: {make_generator(name).needs}" for name in usual)

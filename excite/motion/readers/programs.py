@@ -7,10 +7,8 @@ import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
-from xml.etree.ElementTree import Element
 
 import numpy as np
-from numpy.typing import NDArray
 
 from excite.errors import MotionError
 from excite.formats.documents import parse_json, read_json, read_xml
@@ -85,15 +83,14 @@ class KeyframesReader(MotionReader):
         root = read_xml(path, error=MotionError)
         said = parse_json(root.find("custom/text").get("data", ""))  # type: ignore[union-attr]
         keys = root.findall("keyframe/key")
-        time, qpos, qvel = (_key_numbers(keys, field) for field in ("time", "qpos", "qvel"))
+        # Each attribute of every key, (n, width).
+        time, qpos, qvel = (
+            np.array([[float(value) for value in key.get(field, "").split()] for key in keys], ndmin=2)
+            for field in ("time", "qpos", "qvel")
+        )
         q = qpos[:, [int(k) for k in said["qpos"]]] - np.array(said["zero"], dtype=float)
         v = qvel[:, [int(k) for k in said["qvel"]]]
         return RawMotion(joint_columns(time[:, 0], said["joints"], q=q, v=v), of_robot(said))
-
-
-def _key_numbers(keys: Sequence[Element], field: str) -> NDArray[Any]:
-    """An attribute of every key, ``(n, width)``."""
-    return np.array([[float(value) for value in key.get(field, "").split()] for key in keys], ndmin=2)
 
 
 # Sequences of Unitree's LowCmd that export wrote.

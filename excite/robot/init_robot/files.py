@@ -177,7 +177,7 @@ def _apply_limits(made: ConvertedModel, file: Path, source: Source) -> Converted
     for one in files:
         found = read_limits_file(one, names, given=source.limits is not None)
         named = "/".join(one.parts[-3:] if source.limits is None else one.parts[-1:])
-        tightened[named] = with_tables(tighten_limits(root, found.limits, file, one.name), found.tables)
+        tightened[named] = with_tables(tighten_limits(root, found.limits, file, one.name), found)
         tables += found.tables
     if not any(tightened.values()):
         return made

@@ -16,7 +16,8 @@ import numpy as np
 import pinocchio as pin
 
 from excite.arrays import Array
-from excite.errors import InputError
+from excite.errors import InputError, RobotError
+from excite.formats.file import check_file
 from excite.robot.catalogue import MODEL_SUFFIXES
 from excite.robot.refusal import robot_error
 from excite.robot.shapes.mesh_files import binary_stl
@@ -64,9 +65,10 @@ def convert_usd(path: Path) -> ConvertedModel:
             "needs usd-core to be read", source=path, remedy="pip install 'excite[usd]', or give a URDF"
         ) from error
     try:
-        stage = Usd.Stage.Open(str(path))
+        stage = Usd.Stage.Open(str(check_file(path, error=RobotError)))
     except Tf.ErrorException as error:
-        said = " ".join(str(error).split())[:160]
+        # The library's own sentence, without the place in its source.
+        said = str(error).rpartition(" : ")[2].strip("' \n").splitlines()[0][:160]
         raise robot_error(path, None, f"USD cannot read it ({said})", "export it again") from error
     length, weight = UsdGeom.GetStageMetersPerUnit(stage), UsdPhysics.GetStageKilogramsPerUnit(stage)
     # What is instanced is read as if it stood there.

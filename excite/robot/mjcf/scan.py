@@ -116,13 +116,13 @@ def _check_asset(file: Path, *, may_be_folder: bool) -> None:
 # Numbers in the attributes of a MuJoCo model: finite, of a size that something has, and counts that end.
 
 # Attributes that hold words, which may look like numbers.
-_WORDS = {
-    "name", "class", "childclass", "model", "file", "prefix", "plugin", "instance", "key", "value",
-    "joint", "joint1", "joint2", "body", "body1", "body2", "geom", "geom1", "geom2", "site", "site1", "site2",
-    "mesh", "material", "texture", "hfield", "tendon", "tendon1", "tendon2", "actuator", "sensor", "target",
-    "objname", "refname", "reftype", "objtype", "jointinparent", "sidesite", "refsite", "cranksite", "slidersite",
-    "flex", "skin", "content_type", "dclass", "gridlayout", "quat_order", "eulerseq",
-}  # fmt: skip
+_WORDS = frozenset(
+    "name class childclass model file prefix plugin instance key value "
+    "joint joint1 joint2 body body1 body2 geom geom1 geom2 site site1 site2 "
+    "mesh material texture hfield tendon tendon1 tendon2 actuator sensor target "
+    "objname refname reftype objtype jointinparent sidesite refsite cranksite slidersite "
+    "flex skin content_type dclass gridlayout quat_order eulerseq ".split()
+)
 # Attributes and elements, all where none are named, the largest number there, and what to do about a larger one.
 _LARGEST: tuple[tuple[set[str], set[str], float, str], ...] = (
     # Buffers of a humanoid in a crowd have some thousands; each of these reserves memory for every one.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -196,10 +196,12 @@ class LimitsFile:
     Attributes:
         limits: by joint.
         tables: limits that depend on positions.
+        others: joints of the file that the robot does not have.
     """
 
     limits: Limits
     tables: tuple[PositionTable, ...]
+    others: tuple[str, ...]
 
 
 def read_limits_file(file: Path, names: Sequence[str], *, given: bool = True) -> LimitsFile:
@@ -246,7 +248,8 @@ def read_limits_file(file: Path, names: Sequence[str], *, given: bool = True) ->
     if given and not limits and not tables:
         has = "the model has " + ", ".join(names)
         raise robot_error(file, "joint_limits", "names no joint of the robot", has)
-    return LimitsFile(limits, tuple(tables))
+    others = [name for name in joints if name not in known] if limits else []
+    return LimitsFile(limits, tuple(tables), tuple(others))
 
 
 def _of_block(block: Mapping[str, Any], file: Path, name: str) -> dict[str, Any]:
@@ -267,10 +270,12 @@ def _of_block(block: Mapping[str, Any], file: Path, name: str) -> dict[str, Any]
     return {**({"position": (lower, upper)} if math.isfinite(max(lower, -upper)) else {}), **found}
 
 
-def with_tables(tightened: Mapping[str, list[str]], tables: Iterable[PositionTable]) -> dict[str, list[str]]:
-    """What was tightened by what, and the joints of tables by the quantity that depends on a position there."""
+def with_tables(tightened: Mapping[str, list[str]], file: LimitsFile) -> dict[str, list[str]]:
+    """What a file tightened, the joints of its tables by the quantity that depends on a position, and what is left."""
     found = {what: list(joints) for what, joints in tightened.items()}
-    for table in tables:
+    if file.others:
+        found["no use, as the model has no such joint,"] = list(file.others)
+    for table in file.tables:
         joints = found.setdefault(f"{table.quantity} by position", [])
         joints += [table.joint] if table.joint not in joints else []
     return found

@@ -6,7 +6,6 @@ Between samples a motion follows quintic polynomials; a polynomial never leaves 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import reduce
 from itertools import accumulate, pairwise
 from typing import NamedTuple
@@ -58,7 +57,7 @@ def jerk_bounds(motion: Motion) -> Array:
     q, v, a = motion.joint_positions(), motion.joint_velocities() / 5.0, motion.joint_accelerations() / 20.0
     slopes = _slopes(h, np.diff(q, axis=0), v, a)
     bends = [after - before for before, after in pairwise(slopes)]
-    peaks = _most_of([np.abs(after - before) for before, after in pairwise(bends)])
+    peaks = reduce(np.maximum, [np.abs(after - before) for before, after in pairwise(bends)])
     return np.asarray(60.0 * peaks / (h * h * h))
 
 
@@ -66,9 +65,10 @@ def _bound_between_samples(h: Array, q: Array, v: Array, a: Array) -> JointBound
     """Bounds between samples ``(m + 1, n_joints)`` that are ``h`` ``(m, 1)`` apart, each ``(m, n_joints)``."""
     velocity = _slopes(h, np.diff(q, axis=0), v / 5.0, a / 20.0)
     position = list(accumulate(velocity, initial=np.zeros_like(velocity[0])))
-    lowest, highest = _least_of(position), _most_of(position)
-    fastest = _most_of([np.abs(point) for point in velocity])
-    hardest = _most_of([np.abs(after - before) for before, after in pairwise(velocity)])
+    # Element by element: of stacks of the points the bounds of a G1's motion take 7.7 ms in place of 3.4.
+    lowest, highest = reduce(np.minimum, position), reduce(np.maximum, position)
+    fastest = reduce(np.maximum, [np.abs(point) for point in velocity])
+    hardest = reduce(np.maximum, [np.abs(after - before) for before, after in pairwise(velocity)])
     return JointBounds(q[:-1] + lowest, q[:-1] + highest, 5.0 * fastest / h, 20.0 * hardest / (h * h))
 
 
@@ -81,12 +81,3 @@ def _slopes(h: Array, step: Array, v: Array, a: Array) -> tuple[Array, ...]:
     first, last = h * v[:-1], step - h * v[1:]
     second, third = 2.0 * first + h * h * a[:-1], last - h * v[1:] + h * h * a[1:]
     return first, second - first, third - second, last - third, step - last
-
-
-def _least_of(points: Sequence[Array]) -> Array:
-    """Element by element. Of stacks of the points the bounds of a G1's motion take 7.7 ms in place of 3.4."""
-    return reduce(lambda one, other: np.minimum(one, other), points)
-
-
-def _most_of(points: Sequence[Array]) -> Array:
-    return reduce(lambda one, other: np.maximum(one, other), points)

@@ -16,7 +16,6 @@ from typing import Any
 
 import mujoco
 import numpy as np
-import pytest
 
 HINGE, SLIDE = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE
 DEGREE = np.pi / 180.0
@@ -77,8 +76,7 @@ def assembled(bodies: dict[str, dict[str, Any]], joints: dict[str, dict[str, Any
 
 
 def usd_model(path: Path) -> mujoco.MjModel:
-    """A model of what Pixar's own library finds in a USD file; the test is skipped where that is not installed."""
-    pytest.importorskip("pxr", reason="usd-core reads USD: pip install usd-core")
+    """A model of what Pixar's own library finds in a USD file."""
     from pxr import Usd, UsdPhysics
 
     stage = Usd.Stage.Open(str(path))
