@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from excite.arrays import Array
 from excite.logs.signals.clock import cubic_misfit
@@ -173,12 +174,12 @@ def rounded_step(levels: Array, cell: float, least: float = 0.0) -> float:
     at = ((few - few[0]) // width).astype(np.intp)
     cells = int(at[-1]) + 1
     size = _FINER * 2 ** int(np.ceil(np.log2(cells)))
-    there = np.bincount(at, minlength=size)
-    wave = np.fft.rfft(there)
+    wave = np.fft.rfft(np.bincount(at), size)
     power = wave.real**2 + wave.imag**2
     high = np.flatnonzero(power > (_COHERENT * len(few)) ** 2)
     high = high[high >= _FEWEST_STEPS * size / cells]
-    peaks = [k for k in high if power[k] == power[max(k - _FINER, 0) : k + _FINER + 1].max()]
+    around = sliding_window_view(np.pad(power, _FINER), 2 * _FINER + 1)
+    peaks = high[power[high] == around[high].max(axis=1)]
     for k in peaks[:_TRIED]:
         step = _fit_period(number, few, width * size / float(k))
         if step > 0.0:

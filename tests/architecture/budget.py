@@ -16,7 +16,7 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
-from tests.architecture.source_tree import PACKAGE, ROOT, modules
+from tests.architecture.source_tree import PACKAGE, ROOT, modules, syntax_tree
 
 TABLE = Path(__file__).with_name("budget.csv")
 COUNTS = (
@@ -81,7 +81,7 @@ def write(table: dict[str, dict[str, int]]) -> None:
 @cache
 def _weighed(path: Path) -> dict[str, int]:
     text = path.read_text(encoding="utf-8")
-    tree = ast.parse(text)
+    tree = syntax_tree(path)
     nodes = list(ast.walk(tree))
     functions = [node for node in nodes if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)]
     named = set(_constants(tree))

@@ -52,6 +52,12 @@ class Module:
 
 
 @cache
+def syntax_tree(path: Path) -> ast.Module:
+    """The syntax tree of a file, parsed once for all who look into it."""
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
+@cache
 def modules() -> dict[str, Module]:
     """All modules of the package by their full names."""
     paths = {_name(path): path for path in sorted((ROOT / PACKAGE).rglob("*.py"))}
@@ -116,8 +122,7 @@ def _name(path: Path) -> str:
 
 
 def _module(name: str, path: Path, known: frozenset[str]) -> Module:
-    text = path.read_text()
-    tree = ast.parse(text)
+    text, tree = path.read_text(), syntax_tree(path)
     found = _Imports(name, text.splitlines(), known)
     found.visit(tree)
     lines = len(text.splitlines())

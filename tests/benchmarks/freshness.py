@@ -12,7 +12,7 @@ from datetime import UTC, datetime
 from functools import cache
 from pathlib import Path
 
-from tests.architecture.source_tree import modules
+from tests.architecture.source_tree import modules, syntax_tree
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -71,7 +71,9 @@ def _named(path: Path) -> set[str]:
     """Modules of the package and of the tests' aids that a file imports; commands that it runs reach all of it."""
     text = path.read_text(encoding="utf-8")
     found = {
-        node.module for node in ast.walk(ast.parse(text)) if isinstance(node, ast.ImportFrom) and node.module
+        node.module
+        for node in ast.walk(syntax_tree(path))
+        if isinstance(node, ast.ImportFrom) and node.module
     }
     through_commands = {"excite.cli.main"} if '"excite"' in text or '"-m", "excite' in text else set()
     verbs = {name for name in modules() if name.count(".") == 1} if "import excite" in text else set()
@@ -80,7 +82,7 @@ def _named(path: Path) -> set[str]:
 
 @cache
 def _syntax(path: Path) -> str:
-    return ast.dump(ast.parse(path.read_text(encoding="utf-8")))
+    return ast.dump(syntax_tree(path))
 
 
 def _git(*arguments: str) -> str:

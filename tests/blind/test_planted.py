@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
+import json
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from benchmarks.planted import machines
 from benchmarks.planted.planting import TERM, Bench, Effect
-from benchmarks.planted.score import diagnosis_of, is_met, modelled_beside, save_log, score
+from benchmarks.planted.score import is_met, modelled_beside, save_log, score
 from tests.conftest import lacking
 
 MACHINE = next(machine for machine in machines.MACHINES if machine.name == "emps")
@@ -22,6 +25,12 @@ def bench() -> Bench:
     if not MACHINE.source.is_dir():
         lacking(f"recordings not found in {MACHINE.source}; set EXCITE_DATA to the folder that holds them")
     return Bench(MACHINE)
+
+
+@pytest.fixture
+def diagnosis_of(excite_here: Callable[..., Any], tmp_path: Path) -> Callable[[Path], dict[str, Any]]:
+    """The document of ``excite diagnose`` for a log."""
+    return lambda log: json.loads(excite_here("diagnose", log, "--json", cwd=tmp_path).stdout)
 
 
 def test_friction_is_seen_by_hand_and_nothing_is_not(bench: Bench) -> None:
@@ -42,7 +51,9 @@ def test_planted_torque_is_friction_times_velocity(bench: Bench) -> None:
     assert np.polyfit(speed, added[:, 0], 1)[0] == pytest.approx(FRICTION.size, rel=0.03)
 
 
-def test_friction_planted_in_a_real_record_is_scored(bench: Bench, tmp_path: Path) -> None:
+def test_friction_planted_in_a_real_record_is_scored(
+    bench: Bench, diagnosis_of: Callable[[Path], dict[str, Any]], tmp_path: Path
+) -> None:
     clean, modelled = bench.without("viscous_friction"), modelled_beside("viscous_friction")
     planted = bench.plant(clean, FRICTION)
     without, document = (
@@ -84,7 +95,9 @@ def test_friction_planted_in_a_real_record_is_scored(bench: Bench, tmp_path: Pat
         pytest.param("xmate", Effect("time_delay", 0, 0.012), "torque", marks=pytest.mark.battery),
     ],
 )
-def test_what_is_planted_in_a_record_is_named(name: str, effect: Effect, place: str, tmp_path: Path) -> None:
+def test_what_is_planted_in_a_record_is_named(
+    name: str, effect: Effect, place: str, diagnosis_of: Callable[[Path], dict[str, Any]], tmp_path: Path
+) -> None:
     machine = next(machine for machine in machines.MACHINES if machine.name == name)
     if not machine.source.is_dir():
         lacking(f"recordings not found in {machine.source}; set EXCITE_DATA to the folder that holds them")

@@ -19,6 +19,8 @@ from excite.cli.main import app
 from excite.conversion.capture_sheet import Capture, Run, read_capture
 from excite.errors import InputError, LogError
 
+pytestmark = pytest.mark.usefixtures("unexamined")
+
 OFF = Run(name="zero_torque", kind="zero_torque", duration_s=10.0)
 
 

@@ -17,6 +17,8 @@ from tests.conversion.drawn import _motion
 from tests.conversion.test_recorded import rig
 from tests.conversion.written import WHOLE
 
+pytestmark = pytest.mark.usefixtures("unexamined")
+
 CASES = Path(__file__).resolve().parents[3] / "shared" / "cases"
 
 

@@ -18,7 +18,7 @@ from excite.conversion.guesses import UnclearError
 from tests.conversion import messages, written
 from tests.conversion.written import JOINTS
 
-pytestmark = pytest.mark.usefixtures("readers_here")
+pytestmark = pytest.mark.usefixtures("readers_here", "unexamined")
 
 # Motors of Unitree's quadrupeds in the order of the models' joints, whose first leg is the left one.
 SDK_ORDER = [3, 4, 5, 0, 1, 2, 9, 10, 11, 6, 7, 8]

@@ -41,7 +41,7 @@ def as_json(file: Path, data: dict[str, np.ndarray]) -> Path:
 def as_table(file: Path, data: dict[str, np.ndarray], name: str) -> Path:
     names = ["tick", *(name.format(k=k, field=field) for k in range(COUNT) for field in FIELDS)]
     rows = [500 + 10 * np.arange(N), *(data[field][:, k] for k in range(COUNT) for field in FIELDS)]
-    np.savetxt(file, np.column_stack(rows), delimiter=",", header=",".join(names), comments="", fmt="%.8g")
+    np.savetxt(file, np.column_stack(rows), delimiter=",", header=",".join(names), comments="", fmt="%.17g")
     return file
 
 

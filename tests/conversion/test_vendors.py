@@ -14,7 +14,7 @@ from tests.conversion import written
 from tests.conversion.test_messages import swing
 from tests.conversion.written import JOINTS, WHOLE
 
-pytestmark = pytest.mark.usefixtures("readers_here")
+pytestmark = pytest.mark.usefixtures("readers_here", "unexamined")
 
 UR_POSE = np.array([0.0, -1.2, 1.5, -1.5, -1.5, 0.0])
 PANDA_POSE = np.array([0.0, -0.5, 0.0, -2.0, 0.0, 1.8, 0.5])

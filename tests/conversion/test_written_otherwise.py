@@ -19,7 +19,7 @@ from excite.errors import LogError
 from tests.conversion import written
 from tests.conversion.written import JOINTS, whole
 
-pytestmark = pytest.mark.usefixtures("readers_here")
+pytestmark = pytest.mark.usefixtures("readers_here", "unexamined")
 
 N = 300
 

@@ -63,6 +63,6 @@ def test_a_body_of_which_only_the_size_is_fitted_keeps_its_proportions(baseline:
 
 def test_a_log_without_validation_trials_is_judged_on_those_it_has(gap_dir: Path):
     log = load_log(gap_dir / "arm" / "case_006")
-    result = diagnose(few_trials(log, 2, 0))
+    result = diagnose(few_trials(log, 1, 0))
     assert [(item.effect, item.location) for item in result.effects] == [("torque_bias", "panda_joint4")]
     assert any("no validation trial" in text for text in result.warnings)

@@ -29,6 +29,7 @@ from excite.diagnosis.floating.simulator import (
 from excite.diagnosis.floating.state import State
 from excite.logs.files import load_log
 from excite.motion.content import BASE_POSE
+from tests.diagnosis.few_trials import few_trials
 
 # TALOS over plates and on foot sensors, nominal inertials given and right; of the second, a length is wrong.
 _PLATES, _FEET = "case_013", "case_002"
@@ -251,7 +252,8 @@ def test_what_mujoco_refuses_is_no_reason_to_say_nothing(problem: Problem, tmp_p
 
 
 def test_the_model_is_written_where_there_is_a_folder(gap_dir: Path, tmp_path: Path) -> None:
-    found = diagnose(gap_dir / "floating" / _FEET, out=tmp_path).to_json()["simulation"]
+    log = few_trials(load_log(gap_dir / "floating" / _FEET))
+    found = diagnose(log, out=tmp_path).to_json()["simulation"]
     assert found["model"] == rollout_compare.MODEL
     model = mujoco.MjModel.from_xml_path(str(tmp_path / found["model"]))
     assert model.jnt_type[0] == mujoco.mjtJoint.mjJNT_FREE

@@ -10,6 +10,7 @@ import pytest
 from excite.diagnosis.diagnose import diagnose
 from excite.errors import InputError
 from tests.benchmarks.mechanism_cases import Case, drawn, four_bar, wrist
+from tests.diagnosis.few_trials import few_trials
 
 
 @pytest.mark.parametrize(
@@ -25,7 +26,7 @@ def test_what_a_mechanism_lacks_has_its_name_place_and_size(
     make, word: str, parameter: str | None, tmp_path: Path
 ) -> None:
     case = drawn(make(tmp_path), word, np.random.default_rng(41))
-    found = diagnose(case.log, case.robot)
+    found = diagnose(few_trials(case.log, 1), case.robot)
     assert (found.verdict == "none") is (parameter is None)
     assert [(item.effect, item.location) for item in found.effects] == expected(case)
     assert found.gap.after < 1.3 * found.gap.noise_floor

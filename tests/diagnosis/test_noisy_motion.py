@@ -38,7 +38,7 @@ def test_an_arm_that_moves_as_modelled_has_no_gap_though_its_encoders_are_noisy(
     time = np.arange(round(SECONDS * RATE_HZ)) / RATE_HZ
     trials: list[Trial] = []
     scale = np.zeros(model.nv)
-    for k in range(6):
+    for k in range(4):
         q = turning(rng, time, low, high, model.velocityLimit)
         v = np.gradient(q, time, axis=0)
         a = np.gradient(v, time, axis=0)
@@ -48,7 +48,7 @@ def test_an_arm_that_moves_as_modelled_has_no_gap_though_its_encoders_are_noisy(
         tau += scale * (
             0.1 * np.tanh(v / 0.005) + 0.05 * v + 0.005 * a + 0.02 + 0.02 * rng.normal(size=v.shape)
         )
-        role = "identification" if k < 4 else "validation"
+        role = "identification" if k < 3 else "validation"
         noisy = q + 2e-5 * rng.normal(size=q.shape)
         trials.append(Trial(name=f"trial_{k}", role=role, time=time, q=noisy, tau=tau))
     found = diagnose(

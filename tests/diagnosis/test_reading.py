@@ -31,7 +31,7 @@ def reading(gap_dir: Path) -> BudgetVerdict:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(judged, "BudgetVerdict", kept)
-        diagnose(few_trials(load_log(gap_dir / "arm" / "case_006"), 3, 1))
+        diagnose(few_trials(load_log(gap_dir / "arm" / "case_006")))
     return made[0]
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from excite.diagnosis.diagnose import diagnose
+from tests.diagnosis.few_trials import few_trials
 from tests.diagnosis.servo_arm import arm_log
 
 SLOW = (0.06, 0.11, 0.17, 0.26, 0.37)
@@ -21,7 +22,7 @@ SLOW = (0.06, 0.11, 0.17, 0.26, 0.37)
     ],
 )
 def test_a_delay_is_named_and_sized(name: str, delay: float, tilt: float, tmp_path: Path) -> None:
-    result = diagnose(arm_log(tmp_path / "log", name, delay=delay, tilt=tilt, hertz=SLOW))
+    result = diagnose(few_trials(arm_log(tmp_path / "log", name, delay=delay, tilt=tilt, hertz=SLOW), 1))
     found = {item.effect: item for item in result.effects}
     assert set(found) == ({"time_delay", "base_tilt"} if tilt else {"time_delay"})
     assert found["time_delay"].parameters["delay"].value == pytest.approx(delay, abs=5e-4)
@@ -30,5 +31,5 @@ def test_a_delay_is_named_and_sized(name: str, delay: float, tilt: float, tmp_pa
 
 
 def test_bristles_alone_are_no_delay(tmp_path: Path) -> None:
-    result = diagnose(arm_log(tmp_path / "log", "ur10", hertz=SLOW, breakaway=2e-3))
+    result = diagnose(few_trials(arm_log(tmp_path / "log", "ur10", hertz=SLOW, breakaway=2e-3), 1))
     assert "time_delay" not in {item.effect for item in result.effects}

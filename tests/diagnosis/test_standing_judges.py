@@ -10,6 +10,7 @@ import pytest
 from excite.diagnosis.floating.diagnose import diagnose_floating
 from excite.logs.files import load_log
 from excite.logs.log import Log
+from tests.diagnosis.few_trials import few_trials
 
 # Plates under a TALOS, nominal inertials given and right, nothing hidden.
 _CLEAN = "case_013"
@@ -18,7 +19,7 @@ _CLEAN = "case_013"
 @pytest.fixture(scope="module")
 def gained(gap_dir: Path) -> Log:
     """One plate reads 3 % too much."""
-    log = load_log(gap_dir / "floating" / _CLEAN)
+    log = few_trials(load_log(gap_dir / "floating" / _CLEAN))
     trials = tuple(
         replace(t, wrenches=t.wrenches | {"left_plate": t.wrenches["left_plate"] * [1, 1, 1.03, 1, 1, 1]})
         for t in log.trials

@@ -153,7 +153,7 @@ def test_a_real_cube(data_dir: Path) -> None:
     held, stated = np.load(folder / "tosses.npz"), json.loads((folder / "experiment.json").read_text())
     half = 0.0524
     tosses = []
-    for number in range(0, 450, 2):
+    for number in range(0, 450, 4):
         state = held["state"][held["toss"] == number]
         turns = np.array([pin.Quaternion(*q).normalized().matrix() for q in state[:, 3:7]])
         tosses.append(Toss(stated["dt"] * np.arange(len(state)), half * state[:, :3], turns))

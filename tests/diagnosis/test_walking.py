@@ -25,7 +25,7 @@ def test_a_weak_drive_a_late_one_and_a_worn_one_are_named_at_their_joints(go2: R
         Fault("RR_hip_joint", late_s=0.015),
         Fault("RL_thigh_joint", dry=0.6),
     )
-    found = excite.diagnose(trot(faults, seconds=13.0, seed=3), go2)
+    found = excite.diagnose(trot(faults, seconds=9.0, seed=3), go2)
     sizes = {(one.effect, one.location): one.parameters for one in found.effects}
     assert found.verdict == "effect"
     assert set(sizes) == {
@@ -50,7 +50,7 @@ def test_commands_the_imu_and_a_foot_are_named_where_they_are_off(go2: Robot) ->
         Fault("FR", slippery=0.1),
         Fault(jitter_s=0.004),
     )
-    found = excite.diagnose(trot(faults, seconds=13.0, seed=5), go2)
+    found = excite.diagnose(trot(faults, seconds=9.0, seed=5), go2)
     sizes = {(one.effect, one.location): one.parameters for one in found.effects}
     assert set(sizes) == {
         ("command_scale", "RL_thigh_joint"),
@@ -73,7 +73,7 @@ def test_commands_the_imu_and_a_foot_are_named_where_they_are_off(go2: Robot) ->
 
 
 def test_nothing_is_named_where_nothing_was_changed(go2: Robot) -> None:
-    log = trot(seconds=13.0, seed=91)
+    log = trot(seconds=9.0, seed=91)
     found = excite.diagnose(log, go2)
     assert (found.verdict, found.effects, found.next_experiment) == ("none", (), None)
     # Without torques the stated servo tells them; without its gains nothing does.

@@ -18,6 +18,7 @@ from excite.diagnosis.floating.record import FloatingRecord, prepare_record
 from excite.diagnosis.floating.spectrum import in_band
 from excite.diagnosis.floating.state import State
 from excite.logs.files import load_log
+from tests.diagnosis.few_trials import few_trials
 
 # A human on plates, nominal inertials given and right; nothing hidden.
 _CLEAN = "case_001"
@@ -95,11 +96,18 @@ def still(gap_dir: Path) -> FloatingRecord:
 
 
 @pytest.fixture(scope="module")
-def wobbling(still: FloatingRecord) -> FloatingRecord:
-    return carrying(still, wobble(still, np.ones(3)))
+def short(gap_dir: Path) -> FloatingRecord:
+    """Three of its trials, which are enough for a name."""
+    return prepare_record(few_trials(load_log(gap_dir / "floating" / _CLEAN)))
 
 
-def test_the_wrench_is_that_of_the_mass(still: FloatingRecord, wobbling: FloatingRecord) -> None:
+@pytest.fixture(scope="module")
+def wobbling(short: FloatingRecord) -> FloatingRecord:
+    return carrying(short, wobble(short, np.ones(3)))
+
+
+def test_the_wrench_is_that_of_the_mass(still: FloatingRecord) -> None:
+    wobbling = carrying(still, wobble(still, np.ones(3)))
     logged, effect = State.from_log(wobbling), WobblingMass()
     # Parameters are read back through the report, whatever they are inside.
     theta = np.concatenate([[_MASS], _PLACE, np.zeros(2)])
@@ -140,6 +148,6 @@ def test_a_mass_that_wobbles_is_soft_tissue(wobbling: FloatingRecord) -> None:
     assert found.explained > 0.97
 
 
-def test_a_mass_that_swings_in_the_horizontal_alone_is_no_tissue(still: FloatingRecord) -> None:
-    found = attribute_gap(build_problem(carrying(still, wobble(still, np.array([1.0, 1.0, 0.0])))))
+def test_a_mass_that_swings_in_the_horizontal_alone_is_no_tissue(short: FloatingRecord) -> None:
+    found = attribute_gap(build_problem(carrying(short, wobble(short, np.array([1.0, 1.0, 0.0])))))
     assert found.verdict == "unknown"

@@ -66,10 +66,14 @@ def handless(tmp_path_factory: pytest.TempPathFactory) -> Robot:
     return excite.load_robot(without_meshes(folder, "g1_description", urdf, "hand"))
 
 
-def test_only_links_whose_meshes_are_missing_get_boxes(handless: Robot) -> None:
-    whole = own_shapes(
-        excite.load_robot(example_robot_data() / "g1_description/urdf/g1_29dof_with_hand_rev_1_0.urdf")
-    )
+@pytest.fixture(scope="module")
+def complete() -> Robot:
+    """The same with all its meshes."""
+    return excite.load_robot(example_robot_data() / "g1_description/urdf/g1_29dof_with_hand_rev_1_0.urdf")
+
+
+def test_only_links_whose_meshes_are_missing_get_boxes(handless: Robot, complete: Robot) -> None:
+    whole = own_shapes(complete)
     found, stand_ins = own_shapes(handless), set(handless.description.collision.stand_ins)
     assert stand_ins and all("hand" in link for link in stand_ins)
     kept = set(whole) - stand_ins - {TABLE}
@@ -132,9 +136,9 @@ def test_a_link_of_weight_without_shape_stands_in_the_verdict() -> None:
     assert not links_without_shape(excite.load_robot("ur10"))
 
 
-def test_what_rests_near_each_other_does_not_pass_through(tmp_path: Path) -> None:
+def test_what_rests_near_each_other_does_not_pass_through(complete: Robot) -> None:
     """The upper arm of a G1 rests beside its trunk, nearer than the margin."""
-    robot = excite.load_robot(example_robot_data() / "g1_description/urdf/g1_29dof_rev_1_0.urdf")
+    robot = complete
     near = {pair.links: pair.distance for pair in robot.description.collision.near_pairs}
     pair = ("torso_link", "left_shoulder_yaw_link")
     assert near[pair] == 0.0

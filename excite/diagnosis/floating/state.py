@@ -178,7 +178,7 @@ class State:
         return name not in sensors or sensors[name] in subtree_joints(self.tree.parents, joint)
 
     @cached_property
-    def mass_cache(self) -> dict[int, Array]:
+    def unit_mass_cache(self) -> dict[int, Array]:
         """By segment, what :meth:`on_unit_mass` has found for this motion."""
         return {}
 
@@ -189,11 +189,13 @@ class State:
             segment: its index.
             place: ``(3,)`` of the mass, in the frame of the segment's joint [m].
         """
-        if segment not in self.mass_cache:
+        if segment not in self.unit_mass_cache:
             forces = [self._on_unit_mass(segment, corner) for corner in (np.zeros(3), *np.eye(3))]
-            self.mass_cache[segment] = np.stack([forces[0], *(f - forces[0] for f in forces[1:])], axis=2)
+            self.unit_mass_cache[segment] = np.stack(
+                [forces[0], *(f - forces[0] for f in forces[1:])], axis=2
+            )
         # Accelerations of points of a body are affine in their place.
-        return np.asarray(self.mass_cache[segment] @ np.concatenate([[1.0], place]))
+        return np.asarray(self.unit_mass_cache[segment] @ np.concatenate([[1.0], place]))
 
     def _on_unit_mass(self, segment: int, place: Array) -> Array:
         phi = np.zeros_like(self.phi)

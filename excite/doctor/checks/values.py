@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 
@@ -167,10 +166,11 @@ def stopped_rows(trial: Trial, columns: Sequence[int]) -> Flags:
     if values is None:
         return lost
     changes = np.flatnonzero(np.diff(values[:, columns], axis=0).any(axis=1)) + 1
-    for first, end in pairwise((0, *changes.tolist(), len(lost))):
-        travel = np.ptp(trial.q[first:end], axis=0).max()
-        seconds = trial.time[end - 1] - trial.time[first]
-        lost[first:end] = seconds > THRESHOLD.held_torque_s and travel > THRESHOLD.still * seconds
+    first, end = np.append(0, changes), np.append(changes, len(lost))
+    seconds = trial.time[end - 1] - trial.time[first]
+    for k in np.flatnonzero(seconds > THRESHOLD.held_torque_s):
+        held = slice(first[k], end[k])
+        lost[held] = np.ptp(trial.q[held], axis=0).max() > THRESHOLD.still * seconds[k]
     moves = np.ptp(trial.q[:, columns], axis=0) > THRESHOLD.still * (trial.time[-1] - trial.time[0])
     return lost | bool((moves & (np.ptp(values[:, columns], axis=0) == 0.0)).any())
 

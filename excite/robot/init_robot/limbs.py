@@ -376,7 +376,7 @@ class Footing:
             middles.append(middle[:2])
             heights.append(corners[:, 2].mean())
             if len(corners) >= 3:
-                normal = np.linalg.svd(corners - middle)[2][2]
+                normal = np.linalg.svd(corners - middle, full_matrices=False)[2][2]
                 tilts += list(normal[:2] * np.sign(normal[2]))
                 middles[-1] = middles[-1] + ankle.ease_point(figure.data.oMi, middle[:2], load)
             elif len(corners) == 2:

@@ -51,8 +51,18 @@ def shaped_four_bar() -> str:
     return text
 
 
+# By text and changes: several tests look at one robot.
+BROUGHT: dict[tuple[str, str], Robot] = {}
+
+
 def brought(text: str, folder: Path, **changes: object) -> Robot:
     """A robot from a model's text by its first description, with some of that changed."""
+    if (text, str(changes)) not in BROUGHT:
+        BROUGHT[text, str(changes)] = described(text, folder, changes)
+    return BROUGHT[text, str(changes)]
+
+
+def described(text: str, folder: Path, changes: dict[str, object]) -> Robot:
     suffix = "xml" if text.lstrip().startswith("<mujoco") else "urdf"
     (folder / f"model.{suffix}").write_text(text, encoding="utf-8")
     file = write_scaffold(folder / f"model.{suffix}", folder / "robot").description
