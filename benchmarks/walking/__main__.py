@@ -13,9 +13,12 @@ from pathlib import Path
 import numpy as np
 
 import excite
-from benchmarks.walking.trot import Case, Fallen, draw_case, trot
+from benchmarks.walking import steps, trot
+from benchmarks.walking.servos import Case, Fallen, walk
 
 SECONDS, TRIES = 13.0, 20
+# By robot: its gait, and who draws what is wrong with it.
+ROBOTS = {"go2": (trot.Trot, trot.draw_case), "g1_no_ft": (steps.Steps, steps.draw_case)}
 
 
 @dataclass(frozen=True)
@@ -43,23 +46,24 @@ class Row:
     seconds: float
 
 
-def run_case(seed: int, number: int) -> Row:
+def run_case(name: str, seed: int, number: int) -> Row:
     """Draw, record and diagnose one case; of draws that fall the next one counts."""
-    robot = excite.load_robot("go2")
+    robot, (gait, draw_case) = excite.load_robot(name), ROBOTS[name]
     for attempt in range(TRIES):
         rng = np.random.default_rng([seed, number, attempt])
         case = draw_case(number, rng)
+        rng = np.random.default_rng(int(rng.integers(2**31)))
         try:
-            log = trot((case.fault,), seconds=SECONDS, seed=int(rng.integers(2**31)), robot=robot)
+            log = walk(gait(robot, SECONDS, rng), (case.fault,), rng)
         except Fallen:
             continue
-        return _scored(number, case, log)
+        return _scored(number, case, log, name)
     raise Fallen(f"all draws of case {number}")
 
 
-def _scored(number: int, case: Case, log: excite.Log) -> Row:
+def _scored(number: int, case: Case, log: excite.Log, name: str) -> Row:
     start = time.perf_counter()
-    found = excite.diagnose(log, excite.load_robot("go2"))
+    found = excite.diagnose(log, excite.load_robot(name))
     true = {(effect, place) for effect in case.effects for place in case.places}
     first = (found.effect, found.location)
     placed = bool({*case.places} & {found.location, *found.tied_locations})
@@ -104,6 +108,7 @@ def table(rows: list[Row]) -> Iterator[str]:
 def main() -> None:
     """The command line."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.walking", description=__doc__)
+    parser.add_argument("--robot", choices=sorted(ROBOTS), default="go2")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--cases", type=int, nargs="*", default=list(range(24)), help="numbers of the cases")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
@@ -111,7 +116,9 @@ def main() -> None:
     given = parser.parse_args()
     rows: list[Row] = []
     with ProcessPoolExecutor(given.jobs) as pool:
-        for done in as_completed([pool.submit(run_case, given.seed, number) for number in given.cases]):
+        for done in as_completed(
+            [pool.submit(run_case, given.robot, given.seed, number) for number in given.cases]
+        ):
             rows.append(done.result())
             print(list(table(rows[-1:]))[2], flush=True)
     text = "\n".join(table(rows)) + "\n"

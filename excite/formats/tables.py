@@ -494,7 +494,9 @@ def split_line(line: str, separator: str) -> list[str]:
     if len(line) > csv.field_size_limit():
         # A whole array in a line, as programmes of controllers hold it.
         return [cell.strip().strip('"') for cell in line.split(separator)]
-    return [cell.strip().strip('"') for cell in next(csv.reader([line], delimiter=separator), [])]
+    # A return within a line ends none.
+    cells = next(csv.reader([line.replace("\r", " ")], delimiter=separator), [])
+    return [cell.strip().strip('"') for cell in cells]
 
 
 def of_width(cells: list[str], width: int) -> list[str]:

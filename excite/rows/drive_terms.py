@@ -31,7 +31,9 @@ class JointSamples:
         width: velocity over which Coulomb friction changes sign [rad/s]; joints that slide take a tenth of it in
             m/s, as if they were driven over a drum of 10 cm.
         motors: matrix ``C`` from joint to motor velocities, ``(n_joints, n_joints)``; None for the identity.
-        torque: logged torques ``(m, n_joints)`` [N·m or N], and their rates; None where a term needs neither.
+        load: torques of the nominal bodies, of forces at the feet too, ``(m, n_joints)`` [N·m or N]; None for a robot
+            that has no feet.
+        rate: of the logged torques, likewise [N·m/s or N/s]; None where no term needs it.
     """
 
     robot: Robot
@@ -41,7 +43,8 @@ class JointSamples:
     joints: list[int]
     width: float
     motors: Array | None = None
-    torque: tuple[Array, Array] | None = None
+    load: Array | None = None
+    rate: Array | None = None
 
     @property
     def widths(self) -> Array:
@@ -179,6 +182,8 @@ def bending_columns(samples: JointSamples) -> Array:
 
 def nominal_torques(samples: JointSamples) -> Array:
     """Torques of the nominal bodies, ``(m, n_joints)`` [N·m or N]."""
+    if samples.load is not None:
+        return samples.load
     whole = motor_torques(samples.robot, samples.q, samples.v, samples.a)
     return np.asarray(whole[:, samples.joints])
 
@@ -189,9 +194,9 @@ def load_friction_columns(samples: JointSamples) -> Array:
     return samples.own(smooth_sign(samples.v[:, samples.joints], samples.widths) * load)
 
 
-def logged_columns(samples: JointSamples, order: int) -> Array:
-    """What the log says of each torque, or of its rate, at its own joint, ``(m, n_joints, n_joints)``."""
-    return samples.own(np.zeros_like(samples.velocity) if samples.torque is None else samples.torque[order])
+def late_columns(samples: JointSamples) -> Array:
+    """Rate of what the log says of each torque, at its own joint, ``(m, n_joints, n_joints)``."""
+    return samples.own(np.zeros_like(samples.velocity) if samples.rate is None else samples.rate)
 
 
 def _vectors_across(axis: Array) -> Array:
@@ -235,9 +240,8 @@ DRIVE_TERMS: dict[str, DriveTerm] = {
         DriveTerm("bending", "1", (), bending_columns, axes=(".x", ".y"), spread=3e-3),
         # What a torque is wrong by in proportion: real arms come with constants off by a tenth to two thirds.
         DriveTerm("gain", "1", (), lambda s: s.own(nominal_torques(s)), spread=0.3),
-        # Share of the logged torque that does not arrive, and by how much what arrives is late.
-        DriveTerm("lost", "1", (), lambda s: logged_columns(s, 0), spread=0.3),
-        DriveTerm("late", "s", (), lambda s: logged_columns(s, 1), spread=0.02),
+        # By how much what arrives of a torque is late.
+        DriveTerm("late", "s", (), late_columns, spread=0.02),
         # Harmonic drives of cobots lose 0.05 to 0.1 N·m per N·m of load.
         DriveTerm("load_friction", "1", (), load_friction_columns, spread=0.05),
     )

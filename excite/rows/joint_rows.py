@@ -127,13 +127,17 @@ class JointRows:
                 joints,
                 self.settings.coulomb_width,
                 self.motors,
-                (torque[part], rate[part]),
+                rate=rate[part],
             )
             out = None
             here = closed[part] if closed is not None and self.robot.feet else None
             if here is not None:
                 out = self._contact_elimination_of(k.q[part], here)
                 body = out @ body
+                # Of the log's own torques the noise would stand on both sides and feign that some are lost.
+                samples = replace(
+                    samples, load=torque[part] + self._excess_torques(samples, torque[part], out)
+                )
             drives = []
             for term in self.terms:
                 if here is not None and term == "encoder":
@@ -158,17 +162,20 @@ class JointRows:
         acts on forces as large as the robot's weight.
         """
 
-        def rows_left(q: Array) -> Array:
-            forces = motor_torques(self.robot, q, samples.v, samples.a)
-            forces[:, samples.joints] -= torque
-            return np.asarray(np.einsum("mcv,mv->mc", self._contact_elimination_of(q, closed), forces))
-
-        at_hand, columns = rows_left(samples.q), []
+        at_hand = self._excess_torques(samples, torque, self._contact_elimination_of(samples.q, closed))
+        columns = []
         for joint in samples.joints:
             q = samples.q.copy()
             q[:, joint + samples.q.shape[1] - samples.v.shape[1]] += _TURN
-            columns.append((rows_left(q) - at_hand) / _TURN)
+            out = self._contact_elimination_of(q, closed)
+            columns.append((self._excess_torques(replace(samples, q=q), torque, out) - at_hand) / _TURN)
         return np.stack(columns, axis=2)
+
+    def _excess_torques(self, samples: JointSamples, torque: Array, out: Array) -> Array:
+        """Nominal bodies' torques over the logged ones, contact forces taken out by ``out``, ``(m, n_channels)``."""
+        forces = motor_torques(self.robot, samples.q, samples.v, samples.a)
+        forces[:, samples.joints] -= torque
+        return np.asarray(np.einsum("mcv,mv->mc", out, forces))
 
     def _row_freedom(self, rows: TrialRows, k: TrialKinematics, closed: Flags) -> Array:
         """Share of each row that contacts leave it: the diagonal of what projects their forces out."""
@@ -185,6 +192,20 @@ class JointRows:
             if closed is None or not self.robot.feet:
                 return torque[part, :, None]
             return self._contact_elimination_of(k.q[part], closed[part])[:, :, joints] @ torque[part, :, None]
+
+        rows = filtered_rows(rows_of, k, self.filters, self._usable_samples(trial, k, joints))
+        return self._weigh_standing(away_from_changes(rows, k, closed), k)
+
+    def nominal(self, trial: Trial, k: TrialKinematics) -> TrialRows:
+        """Torques of the nominal bodies, then the measured ones, as :meth:`rows` has them, ``(m, n_joints, 2)``."""
+        torque, joints = forces_on_grid(trial.time, self.torque(trial), k.time), self._joints_of()
+        closed = closed_on_grid(self.robot, trial, k.time)
+
+        def rows_of(part: slice) -> Array:
+            forces = np.zeros((len(k.q[part]), self.robot.model.nv, 2))
+            forces[:, :, 0] = motor_torques(self.robot, k.q[part], k.v[part], k.a[part])
+            forces[:, joints, 1] = torque[part]
+            return np.asarray(self._contact_elimination_of(k.q[part], closed[part]) @ forces)
 
         rows = filtered_rows(rows_of, k, self.filters, self._usable_samples(trial, k, joints))
         return self._weigh_standing(away_from_changes(rows, k, closed), k)

@@ -49,7 +49,7 @@ from excite.rows.kinematics import trial_kinematics
 from excite.rows.settings import ProblemSettings
 
 # Contacts that change more often than this are steps: a trot changes sixteen a second, a foot moved alone one in three.
-_STEPS_HZ = 2.0
+_STEPS_HZ = 0.5
 
 
 def is_walking(log: Log) -> bool:
@@ -76,9 +76,8 @@ def diagnose_walking(robot: Robot, log: Log) -> Diagnosis:
     servos = tuple(read_servos(log)) if log.header.torque in {"motor_side", "link_side"} else ()
     if log.header.torque == "none":
         log = _with_asked_torques(log)
-    cutoff = min(CUTOFF_HZ, 0.2 * log.header.rate_hz)
-    limbs = Limbs.from_log(robot, log, cutoff)
-    others = (*servo_effects(robot, log, servos), *_foot_effects(limbs.problem.robot, log, cutoff))
+    limbs = Limbs.from_log(robot, log, choose_cutoff(robot, log))
+    others = (*servo_effects(robot, log, servos), *_foot_effects(limbs.problem.robot, log))
     effects = tuple(sorted([*others, *limbs.chosen_effects()], key=lambda one: -one.evidence))
     rivals = tuple(limbs.find_rivals())
     at_servos = any(one.effect in OF_COMMANDS for one in effects)
@@ -144,7 +143,7 @@ def _with_asked_torques(log: Log) -> Log:
 
 def _with_servos(gap: Gap, servos: Sequence[Servo]) -> Gap:
     """The gap with a channel ``JOINT.servo`` for each servo: its torque beside what the stated law asks for."""
-    follow = [servo for servo in servos if servo.is_following]
+    follow = [servo for servo in servos if servo.is_told]
     parts = np.array([np.array(servo.gap[:2]) / max(servo.gap[2], 1e-12) for servo in follow]) ** 2
     old, n = np.array([gap.before, gap.after, gap.noise_floor]) ** 2, len(gap.per_channel)
     added = np.array([parts[:, 0].sum(), parts[:, 1].sum(), parts[:, 1].sum()])
@@ -158,6 +157,8 @@ def _with_servos(gap: Gap, servos: Sequence[Servo]) -> Gap:
 
 def _told_of_servos(servos: Sequence[Servo]) -> Iterator[Absorbed]:
     for servo in servos:
+        if not servo.is_told:
+            continue
         sizes, stds = servo.estimate_sizes(np.ones(2))
         for k, name, unit in ((0, "kp", "N·m/rad"), (1, "kd", "N·m·s/rad"), (4, "command_delay", "s")):
             value, std = float(sizes[k]), float(stds[k])
@@ -177,7 +178,7 @@ def _list_limits(log: Log, servos: Sequence[Servo], effects: Sequence[Candidate]
     for servo in servos:
         if not servo.is_following:
             yield (
-                f"{100 * servo.explained:.0f} % of the torque of {servo.joint} follows a servo's law of a command: "
+                f"{100 * servo.unexplained:.0f} % of the torque of {servo.joint} follows no servo's law of a command: "
                 "a feedforward, or gains that change"
             )
         if np.isfinite(servo.limit):
@@ -234,15 +235,10 @@ _SLIDES = 0.15
 _STRETCHES = 10
 
 
-def _foot_effects(robot: Robot, log: Log, cutoff_hz: float) -> Iterator[Candidate]:
-    """Feet that slip for a larger share of the time in which they carry than the others do, or all of them.
-
-    Args:
-        robot: the nominal model.
-        cutoff_hz: of the filter of positions.
-    """
+def _foot_effects(robot: Robot, log: Log) -> Iterator[Candidate]:
+    """Feet that slip for a larger share of the time in which they carry than the others do, or all of them."""
     names = [foot.name for foot in robot.feet]
-    speed = np.concatenate([_foot_speeds(robot, log, trial, cutoff_hz) for trial in log.trials])
+    speed = np.concatenate([_foot_speeds(robot, log, trial) for trial in log.trials])
     parts = [part for part in np.array_split(speed, _STRETCHES) if (~np.isnan(part)).any(axis=0).all()]
     if len(names) < 2 or len(parts) < _STRETCHES // 2:
         return
@@ -261,9 +257,9 @@ def _foot_effects(robot: Robot, log: Log, cutoff_hz: float) -> Iterator[Candidat
         yield replace(named, parameters={**named.parameters, "speed": fast}, tied_locations=alike)
 
 
-def _foot_speeds(robot: Robot, log: Log, trial: Trial, cutoff_hz: float) -> Array:
+def _foot_speeds(robot: Robot, log: Log, trial: Trial) -> Array:
     """Speeds at which feet that carry move along the ground against the others, ``(n, n_feet)`` [m/s]; else NaN."""
-    settings = ProblemSettings(cutoff_hz=cutoff_hz)
+    settings = ProblemSettings(cutoff_hz=_highest_cutoff(log))
     filters = settings.filters(floating=False, lowpass_hz=log.header.lowpass_hz)
     k = trial_kinematics(robot, log.header, trial, settings, filters)
     closed, still = closed_on_grid(robot, trial, k.time), k.v.copy()
@@ -277,11 +273,9 @@ def _foot_speeds(robot: Robot, log: Log, trial: Trial, cutoff_hz: float) -> Arra
         at, feet = np.flatnonzero((member == i) & use), np.flatnonzero(pattern)
         if len(feet) < 2 or not len(at):
             continue
-        maps = contact_maps(robot, k.q[at], [robot.feet[f] for f in feet])
-        moved = np.einsum("nvk,nv->nk", maps, still[at])
-        if moved.shape[1] != 3 * len(feet):
-            continue
-        moved = moved.reshape(len(at), len(feet), 3)[:, :, :2]
+        # A foot's first point, or a sole's ankle, moves by the first three numbers of its map.
+        maps = [contact_maps(robot, k.q[at], [robot.feet[f]])[:, :, :2] for f in feet]
+        moved = np.stack([np.einsum("nvk,nv->nk", own, still[at]) for own in maps], axis=1)
         against = moved[:, ::-1] if len(feet) == 2 else np.median(moved, axis=1, keepdims=True)
         out[at[:, None], feet] = np.linalg.norm(moved - against, axis=2)
     return out
@@ -304,20 +298,22 @@ class Atom(NamedTuple):
 
     Attributes:
         kind: what it is.
-        place: joint, or ``imu``.
+        place: joint, or ``imu``; of what joints of one kind share the first of them.
         first: its first column, counted among effects'.
         width: number of its columns.
+        is_shared: whether all joints of a kind have it: it is the model's, and has no name.
     """
 
     kind: Kind
     place: str
     first: int
     width: int
+    is_shared: bool = False
 
     @property
     def group(self) -> tuple[str, str]:
         """Forms of one effect exclude each other."""
-        return self.kind.effect, self.place
+        return self.kind.effect, "shared with " * self.is_shared + self.place
 
 
 class _FittedSizes(NamedTuple):
@@ -374,22 +370,18 @@ class Limbs:
             used = np.flatnonzero((spread > 0.0) & np.abs(problem.Y[:, :n]).any(axis=0))
             blocks.append(problem.Y[:, used])
             scales += list(spread[used])
-        # What joints of one kind share is the model's: friction, rotors, contacts that are not where it has them.
-        for term in ROW_KINDS:
-            for kind in dict.fromkeys(kinds.values()):
-                alike = [place[f"{term}.{j}"] for j in problem.channel_names if kinds[j] == kind]
-                if alike:
-                    blocks.append(problem.Y[:, alike].sum(axis=1, keepdims=True))
-                    scales.append(max(_expected_scale(term, load[j], fast[j]) for j in problem.channel_names))
         n_base = len(scales)
+        # What joints of one kind share is the model's: friction, rotors, contacts that are not where it has them. It
+        # stands to choice all the same: were it always there, one leg would be as weak as the other is strong.
         for term, kind_of in ROW_KINDS.items():
-            for joint in problem.channel_names:
-                alone = sum(kinds[j] == kinds[joint] for j in problem.channel_names) < 2
-                if alone or not np.isfinite(kind_of.least):
-                    continue
-                atoms.append(Atom(kind_of, joint, len(scales) - n_base, 1))
-                blocks.append(problem.Y[:, [place[f"{term}.{joint}"]]])
-                scales.append(_expected_scale(term, load[joint], fast[joint]))
+            for kind in dict.fromkeys(kinds[j] for j in problem.channel_names):
+                alike = [j for j in problem.channel_names if kinds[j] == kind]
+                for joints in [alike, *([j] for j in alike if len(alike) > 1 and np.isfinite(kind_of.least))]:
+                    shared = len(joints) == len(alike)
+                    atoms.append(Atom(kind_of, joints[0], len(scales) - n_base, 1, shared))
+                    columns = problem.Y[:, [place[f"{term}.{j}"] for j in joints]]
+                    blocks.append(columns.sum(axis=1, keepdims=True))
+                    scales.append(max(_expected_scale(term, load[j], fast[j]) for j in joints))
         readings = list(_imu_readings(log))
         for reading in readings:
             atoms.append(Atom(reading.kind, "imu", len(scales) - n_base, len(reading.changes)))
@@ -397,9 +389,7 @@ class Limbs:
         if readings:
             blocks.append(_row_changes(problem, log, settings, readings))
         columns = np.hstack(blocks) * scales
-        prior = problem.prior.copy()
-        prior[n:] = 0.0
-        target = problem.y - problem.Y @ prior
+        target = problem.y - problem.Y @ problem.prior
         validation = np.array([t.role == "validation" for t in log.trials])
         judge = validation[problem.trial] if validation.any() else np.ones(len(target), dtype=bool)
         fitted = (
@@ -453,7 +443,8 @@ class Limbs:
         free, groups = np.full(k, 1e30), list(dict.fromkeys(atom.group for atom in atoms))
         group = np.array([groups.index(atom.group) for atom in atoms])
         count = np.bincount(group)
-        odds = -np.log(len(groups)) - np.log(count[group])
+        named = ~np.array([atom.is_shared for atom in atoms])
+        odds = -np.log(np.where(named, len(groups), 1)) - np.log(count[group])
         return sampler.Problem(
             gram=np.ascontiguousarray(gram[n:, n:] - gram[n:, :n] @ seen[:, :-1]),
             right=right[n:] - gram[n:, :n] @ seen[:, -1],
@@ -471,18 +462,32 @@ class Limbs:
             needs=np.full(len(groups), -1),
         )
 
-    @cached_property
+    @property
     def chosen_atoms(self) -> dict[int, float]:
-        """Atoms of effects and the evidence of each, most first; none that is small or leaves judging rows more."""
+        """Atoms of effects and the evidence of each, most first."""
+        return {k: gain for k, gain in self._model.items() if not self.atoms[k].is_shared}
+
+    @property
+    def shared_atoms(self) -> list[int]:
+        """Atoms of what joints of one kind share."""
+        return [k for k in self._model if self.atoms[k].is_shared]
+
+    @cached_property
+    def _model(self) -> dict[int, float]:
+        """The likeliest atoms with their evidence, most first; no effect that is small or leaves judging rows more."""
         barred: set[int] = set()
         while True:
             problem = self._selection_problem(barred)
-            mode = sampler.find_mode(problem, np.full(len(problem.begin), -1))
+            nothing = np.full(len(problem.begin), -1)
+            # From own effects too: beside what joints share, one that is weak looks like its fellow that is strong.
+            shared = {k for k, atom in enumerate(self.atoms) if atom.is_shared}
+            own = sampler.find_mode(self._selection_problem(barred | shared), nothing)
+            mode = sampler.find_best_mode(problem, (nothing, own))
             chosen = [int(a) for a in mode if a >= 0]
             gains = {
                 k: self._atom_gains(problem, [other for other in chosen if other != k])[k] for k in chosen
             }
-            idle = {k for k in chosen if not self._is_significant(k, chosen)}
+            idle = {k for k in chosen if not self.atoms[k].is_shared and not self._is_significant(k, chosen)}
             if not idle:
                 return dict(sorted(gains.items(), key=lambda item: -item[1]))
             # One after the other, the faintest first: what stands beside the true one takes its part until it goes.
@@ -522,7 +527,7 @@ class Limbs:
         """What was chosen."""
         before = self.gap.before
         for k, evidence in self.chosen_atoms.items():
-            alone = self._relative_gap(self.with_atoms([k]))
+            alone = self._relative_gap(self.with_atoms([*self.shared_atoms, k]))
             share = share_closed(before, alone, self.gap.noise_floor)
             named = self.make_candidate(k, [other for other in self.chosen_atoms if other != k], evidence)
             yield replace(named, gap_after=alone, share_closed=share)
@@ -530,7 +535,7 @@ class Limbs:
     def make_candidate(self, k: int, others: Sequence[int], evidence: float) -> Candidate:
         """An effect beside others; torque that is lost reads as a gain of what is logged over what is delivered."""
         atom = self.atoms[k]
-        sizes, stds = (part[-atom.width :] for part in self.estimate_sizes([*others, k]))
+        sizes, stds = (part[-atom.width :] for part in self.estimate_sizes([*self.shared_atoms, *others, k]))
         kind, size, std = atom.kind, float(sizes[0]), float(stds[0])
         parameters = {kind.parameter: Estimate(size, std, kind.unit)}
         if atom.width == 3:
@@ -538,22 +543,42 @@ class Limbs:
                 f"{kind.parameter}_{axis}": Estimate(float(s), float(d), kind.unit)
                 for axis, s, d in zip("xyz", sizes, stds, strict=True)
             }
-        if kind.term == "lost":
-            arrives = max(1.0 - size, 1e-3)
+        if kind.term == "gain":
+            arrives, std = self._delivered_share(atom, size, std)
             parameters = {
                 "gain": Estimate(1.0 / arrives, std / arrives**2, "1"),
                 "delivered": Estimate(arrives, std, "1"),
             }
         return Candidate(kind.effect, atom.place, parameters, evidence, 0.0, 0.0, (atom.place,))
 
+    def _delivered_share(self, atom: Atom, error: float, std: float) -> tuple[float, float]:
+        """Share of a logged torque that arrives and its deviation, from the error of the gain on what rows predict.
+
+        Of a torque's error contacts leave its row a share f, so that the row predicts ``1 − f x`` of a logged torque of
+        which x is lost: the error is ``x / (1 − f x)``.
+        """
+        problem, own = self.problem, np.flatnonzero(self.problem.rows_of(atom.place))
+        free = 1.0
+        if problem.freedom is not None:
+            # The rows of an instant tell it together, each by its weight.
+            instants = np.unique([problem.trial, problem.time], axis=1, return_inverse=True)
+            instant = instants[1].ravel()
+            power = np.bincount(instant, (self.weight * self.columns[:, self.n_base + atom.first]) ** 2)
+            free = float(np.average(problem.freedom[own], weights=power[instant[own]]))
+        through = max(1.0 + free * error, 1e-3)
+        return max(1.0 - error / through, 1e-3), std / through**2
+
     def find_rivals(self) -> Iterator[Candidate]:
         """What could stand in the place of the first effect, beside the others, at odds of one to twenty."""
         if not self.chosen_atoms:
             return
         first, *others = self.chosen_atoms
-        taken = {self.atoms[k].group for k in self.chosen_atoms}
-        for k, evidence in self._atom_gains(self._selection_problem(set()), others).items():
-            if self.atoms[k].group not in taken and evidence > self.chosen_atoms[first] - np.log(20.0):
+        taken, beside = {self.atoms[k].group for k in self._model}, [*self.shared_atoms, *others]
+        for k, evidence in self._atom_gains(self._selection_problem(set()), beside).items():
+            atom = self.atoms[k]
+            if atom.is_shared or atom.group in taken:
+                continue
+            if evidence > self.chosen_atoms[first] - np.log(20.0):
                 yield self.make_candidate(k, others, evidence)
 
     def _relative_gap(self, columns: Sequence[int]) -> float:
@@ -569,7 +594,8 @@ class Limbs:
     def gap(self) -> Gap:
         """Before any effect and with those chosen; the floor is what a model with every column leaves."""
         names, rows = self.problem.channel_names, self.judge
-        models = (self.with_atoms([]), self.with_atoms([*self.chosen_atoms]), list(range(len(self.scales))))
+        chosen = [*self.shared_atoms, *self.chosen_atoms]
+        models = (self.with_atoms(self.shared_atoms), self.with_atoms(chosen), list(range(len(self.scales))))
         before, after, floor = (self._relative_gap(columns) for columns in models)
         floor = min(before, after, floor)
         lefts = [self.residual_rows(columns) for columns in models]
@@ -640,6 +666,36 @@ def _row_changes(
         rows = builder.change(trial, k, others)
         parts.append(rows.values[np.nonzero(rows.use)] / [size for _, size in changes])
     return np.asarray(np.concatenate(parts))
+
+
+def choose_cutoff(robot: Robot, log: Log) -> float:
+    """Cut-off of the rows' filter at which the nominal robot leaves the least share of the torques' power [Hz].
+
+    Steps are sharp, and what a low filter smears over a change of contacts is in no model; noise of the base's
+    acceleration and of the joints' grows with the square of the frequency.
+    """
+    highest = _highest_cutoff(log)
+    return min((highest / 2**k for k in range(4)), key=lambda cutoff: _nominal_misfit(robot, log, cutoff))
+
+
+def _highest_cutoff(log: Log) -> float:
+    return min(CUTOFF_HZ, 0.2 * log.header.rate_hz)
+
+
+def _nominal_misfit(robot: Robot, log: Log, cutoff_hz: float) -> float:
+    """Power that the nominal robot leaves of torques over these, mean over joints; infinite without rows."""
+    settings = ProblemSettings(cutoff_hz=cutoff_hz)
+    filters, left, whole = settings.filters(floating=False, lowpass_hz=log.header.lowpass_hz), [], []
+    builder = JointRows(robot, log.header, settings, filters, ())
+    for trial in log.trials:
+        rows = builder.nominal(trial, trial_kinematics(robot, log.header, trial, settings, filters))
+        values = rows.values[rows.use.all(axis=1)]
+        left.append(values[:, :, 1] - values[:, :, 0])
+        whole.append(values[:, :, 1])
+    if min(map(len, whole)) < _BLOCKS:
+        return np.inf
+    torque = np.concatenate(whole)
+    return float(np.mean((np.concatenate(left) ** 2).mean(axis=0) / np.maximum(torque.var(axis=0), 1e-12)))
 
 
 def _row_noise(problem: IdentificationProblem, left: Array) -> Array:

@@ -50,7 +50,7 @@ class Kind:
 ROW_KINDS = {
     kind.term: kind
     for kind in (
-        Kind("lost", "torque_gain", "lost_share", "1", 0.3, 0.06),
+        Kind("gain", "torque_gain", "gain_error", "1", 0.3, 0.06),
         Kind("encoder", "encoder_offset", "offset", "rad", 0.05, 0.015),
         Kind("coulomb", "coulomb_friction", "level", "N·m", 0.2, 0.05),
         Kind("viscous", "viscous_friction", "coefficient", "N·m·s/rad", 0.2, 0.05),

@@ -19,7 +19,8 @@ from excite.diagnosis.answer.candidate import Candidate
 from excite.diagnosis.servo.gains import stated_servo
 from excite.diagnosis.walking.kinds import JITTER, ORDER, SATURATION, SERVO_KINDS, SURE, joint_kinds
 from excite.logs.log import Log, Trial
-from excite.logs.signals.butterworth import lowpass
+from excite.logs.quantisation import channel_noise
+from excite.logs.signals.butterworth import lowpass, noise_bandwidth
 from excite.robot.robot import Robot
 
 # Steps are sharp: of a simulated trot rows filtered at 5, 10, 20 and 40 Hz leave the true robot 15, 11, 6 and 3 % of
@@ -33,6 +34,8 @@ _LATEST_S = 0.1
 _FOLLOWS = 0.8
 # Rows for which commands are held, and ticks, that their jitter is told by.
 _HELD, _FEWEST_TICKS = 4, 20
+# Times the power that its own law leaves of a torque, and the others' beside theirs, that the stated one leaves.
+_OWN = 2.0
 # Torques pile up at a limit: they stray from it by less than this share of the power that is asked beyond it.
 _PILED = 0.2
 # Share of samples at the largest torque that is worth a name; times that a law and its limit are told by each other.
@@ -50,16 +53,28 @@ class CommandPath(NamedTuple):
 
 
 class _Law(NamedTuple):
-    """A servo's law: kp, kd, constant, the command beyond kp, its blur, delay in samples ``(6,)``; its rest."""
+    """A servo's law: kp, kd, constant, the command beyond kp, its blur, delay in samples ``(6,)``; its rest.
+
+    Attributes:
+        left: what it leaves of the torque's power.
+        power: of the torque, with noise.
+        noise: of which is the torque's noise.
+    """
 
     sizes: Array
     left: float
     power: float
+    noise: float
 
     @property
     def r_squared(self) -> float:
-        """Share of the torque's power."""
+        """Share of the torque's power that it explains."""
         return 1.0 - self.left / max(self.power, 1e-300)
+
+    @property
+    def unexplained(self) -> float:
+        """Share that neither it nor noise explains."""
+        return max(self.left - self.noise, 0.0) / max(self.power, 1e-300)
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +88,9 @@ class Servo:
             [N·m·s²/rad] (in the mean delays that scatter add a command's second derivative), delay [samples].
         parts: ``(n_stretches, 6)`` the same with a stretch left out.
         stated: gains that the log states, kp and kd, NaN where it does not.
+        excess: by delay of the command, power that the stated law leaves over what this one does, ``(n_delays,)``.
         explained: share of the torque's power that the law explains.
+        unexplained: share that neither the law nor the torque's noise explains.
         gap: of the torque [N·m or N]: what the stated law leaves, without a delay, what this one leaves, and the
             torque's own deviation.
         limit: torque beyond which it is cut [N·m], infinite where it is not.
@@ -86,7 +103,9 @@ class Servo:
     law: Array
     parts: Array
     stated: Array
+    excess: Array
     explained: float
+    unexplained: float
     gap: tuple[float, float, float]
     limit: float
     cut: float
@@ -94,7 +113,12 @@ class Servo:
 
     @property
     def is_following(self) -> bool:
-        """Whether the joint has such a servo."""
+        """Whether the joint may have such a servo, as one that hardly moves may."""
+        return self.unexplained < 1.0 - _FOLLOWS
+
+    @property
+    def is_told(self) -> bool:
+        """Whether it has one, whose gains the log tells."""
         return self.explained > _FOLLOWS
 
     def estimate_sizes(self, usual: Array) -> tuple[Array, Array]:
@@ -127,25 +151,29 @@ def read_servos(log: Log) -> Iterator[Servo]:
             (_fit_law(signals, j, CommandPath(j, rate)) for rate in stated.follows),
             key=lambda one: one.law.r_squared,
         )
-        if told.law.r_squared <= _FOLLOWS or not 0.5 < 1.0 + told.law.sizes[3] / told.law.sizes[0] < 1.5:
+        if (
+            told.law.unexplained >= 1.0 - _FOLLOWS
+            or not 0.5 < 1.0 + told.law.sizes[3] / told.law.sizes[0] < 1.5
+        ):
             # What follows no command of its own, or turned about, may follow another's as it is.
             ways = [CommandPath(k, rate) for k in columns for rate in stated.follows]
-            plain = {way: _solve_law(_delay_grams(signals, j, way), scaled=False) for way in ways}
+            plain = {way: _solve_law(_delay_products(signals, j, way), scaled=False) for way in ways}
             other = max(plain, key=lambda one: plain[one].r_squared)
             told = _fit_law(signals, j, other) if plain[other].r_squared > _FOLLOWS else told
-        way, grams, law, limit, cut = told
-        whole, kept = grams.sum(axis=0), np.array([stated.kp[j], stated.kd[j], np.nan])
-        usual = np.where(np.isnan(kept), law.sizes[:3], kept)
-        meant = whole[0][5, 5] - 2.0 * usual @ whole[0][:3, 5] + usual @ whole[0][:3, :3] @ usual
-        count = max(float(whole[0][2, 2]), 1.0)
-        gap = [float(np.sqrt(max(x, 0.0) / count)) for x in (meant, law.left, law.power)]
+        way, products, law, limit, cut = told
+        kept = np.array([stated.kp[j], stated.kd[j]])
+        meant = _stated_left(products, np.where(np.isnan(kept), law.sizes[:2], kept))
+        count = max(float(products.grams[:, 0, 2, 2].sum()), 1.0)
+        gap = [float(np.sqrt(max(x, 0.0) / count)) for x in (meant[0], law.left, law.power)]
         yield Servo(
             joint,
             way,
             law.sizes,
-            np.array([_solve_law(grams, without=k).sizes for k in range(len(grams))]),
-            kept[:2],
+            np.array([_solve_law(products, without=k).sizes for k in range(len(products.noise))]),
+            kept,
+            meant / max(law.left, 1e-300),
             law.r_squared,
+            law.unexplained,
             (gap[0], gap[1], gap[2]),
             limit if cut > _CUT_OFTEN else np.inf,
             cut,
@@ -153,34 +181,51 @@ def read_servos(log: Log) -> Iterator[Servo]:
         )
 
 
+class _Products(NamedTuple):
+    """Products that laws are fitted by, and the power of the torque's noise in them.
+
+    Attributes:
+        grams: ``(n_stretches, n_delays, 6, 6)`` of errors of position and velocity, one, the command, its bend, torque.
+        noise: ``(n_stretches,)``.
+    """
+
+    grams: Array
+    noise: Array
+
+
 class _FittedLaw(NamedTuple):
     """A joint's law: of which command, its products, and where it is cut how often."""
 
     way: CommandPath
-    grams: Array
+    products: _Products
     law: _Law
     limit: float
     cut: float
 
 
 def _fit_law(signals: Sequence[_Signals], j: int, way: CommandPath) -> _FittedLaw:
-    law = _solve_law(grams := _delay_grams(signals, j, way))
+    law = _solve_law(products := _delay_products(signals, j, way))
     limit, cut = _torque_limit(signals, j, way, law)
     for _ in range(_TIMES if cut > _CUT_OFTEN else 0):
-        law = _solve_law(grams := _delay_grams(signals, j, way, limit))
+        law = _solve_law(products := _delay_products(signals, j, way, limit))
         limit, cut = _torque_limit(signals, j, way, law)
-    return _FittedLaw(way, grams, law, limit, cut)
+    return _FittedLaw(way, products, law, limit, cut)
 
 
 @dataclass(frozen=True, eq=False)
 class _Signals:
-    """A trial's positions, velocities, torques, commands and their rates, ``(n, n_joints)``, filtered; raw ones."""
+    """A trial's positions, velocities, torques, commands and their rates, ``(n, n_joints)``, filtered; raw ones.
+
+    Attributes:
+        noise: variances of the noise that is left in positions, velocities and torques, ``(3, n_joints)``.
+    """
 
     q: Array
     v: Array
     tau: Array
     command: Array
     rate: Array
+    noise: Array
     raw: tuple[Array, Array, Array, Array]
     step: float
 
@@ -194,7 +239,13 @@ class _Signals:
         raw = (trial.q, v, tau, command)
         cutoff = min(CUTOFF_HZ, 0.2 / step)
         q, v, tau, command = (lowpass(x, 1.0 / step, cutoff) for x in raw)
-        return cls(q, v, tau, command, np.gradient(command, step, axis=0), raw, step)
+        passed = noise_bandwidth(1.0 / step, cutoff)
+        white = passed * np.square([channel_noise(trial.time, list(x.T)) for x in raw[:3]])
+        # Vibration is no noise: in the band velocities stray from those of positions by no less than theirs.
+        white[1] = np.minimum(white[1], (v - np.gradient(q, step, axis=0)).var(axis=0))
+        if trial.v is None:
+            white[1] = (2.0 * np.pi * cutoff) ** 2 / 3.0 * white[0]
+        return cls(q, v, tau, command, np.gradient(command, step, axis=0), white, raw, step)
 
     def asked_torque(self, j: int, way: CommandPath, sizes: Array) -> Array:
         """Torque ``(n,)`` that a law asks for, unfiltered."""
@@ -211,12 +262,11 @@ def _shift_later(values: Array, samples: int) -> Array:
     return np.asarray(values[np.maximum(np.arange(len(values)) - samples, 0)])
 
 
-def _delay_grams(signals: Sequence[_Signals], j: int, way: CommandPath, limit: float = np.inf) -> Array:
-    """By stretch and delay, products of errors of position and velocity, one, the command, its bend, and torque.
-
-    ``(n_stretches, n_delays, 6, 6)``, of samples that no torque at a limit is filtered into.
-    """
-    made = []
+def _delay_products(
+    signals: Sequence[_Signals], j: int, way: CommandPath, limit: float = np.inf
+) -> _Products:
+    """By stretch and delay, of samples that no torque at a limit is filtered into."""
+    made, noise = [], []
     for one in signals:
         delays = np.arange(1 + round(_LATEST_S / one.step))
         rows = np.arange(delays[-1], len(one.q))
@@ -233,25 +283,39 @@ def _delay_grams(signals: Sequence[_Signals], j: int, way: CommandPath, limit: f
             x[:, :, :2] = heard[:, :, :2] - moved
             x[:, :, 2], x[:, :, 5] = one_tau.T
             x[:, :, 3], x[:, :, 4] = heard[:, :, 0] - mean, heard[:, :, 2]
-            made.append(x.transpose(0, 2, 1) @ x)
-    return np.array(made)
+            gram = x.transpose(0, 2, 1) @ x
+            # Noise of what a law multiplies bends its gains towards zero by the noise's share of the power.
+            gram[:, [0, 1], [0, 1]] -= len(part) * one.noise[:2, j]
+            made.append(gram)
+            noise.append(len(part) * one.noise[2, j])
+    return _Products(np.array(made), np.array(noise))
 
 
-def _solve_law(grams: Array, *, without: int | None = None, scaled: bool = True) -> _Law:
+def _solve_law(products: _Products, *, without: int | None = None, scaled: bool = True) -> _Law:
     """Law of least squares over all delays, a stretch left out; unless ``scaled`` the command counts as kp says."""
-    whole = grams.sum(axis=0) - (0.0 if without is None else grams[without])
+    whole, noise = (part.sum(axis=0) - (0.0 if without is None else part[without]) for part in products)
     a, b = whole[:, :5, :5], whole[:, :5, 5]
     ridge = (1e-10 * np.einsum("dii->di", a) + 1e-300)[:, :, None] * np.eye(5)
     ridge[:, 3, 3] += 0.0 if scaled else 1e12
     sizes = np.linalg.solve(a + ridge, b[:, :, None])[:, :, 0]
     left = whole[:, 5, 5] - (sizes * b).sum(axis=1)
-    best = int(np.argmin(left))
+    # Gains are positive: a delay at which they are not is none.
+    best = int(np.argmin(left + 1e12 * np.abs(left).max() * (sizes[:, :2] <= 0.0).any(axis=1)))
     between = 0.0
     if 0 < best < len(left) - 1:
         before, here, after = left[best - 1 : best + 2]
-        between = 0.5 * (before - after) / max(before - 2.0 * here + after, 1e-300)
+        between = float(np.clip(0.5 * (before - after) / max(before - 2.0 * here + after, 1e-300), -0.5, 0.5))
     mean = whole[best][2, 5] ** 2 / max(whole[best][2, 2], 1e-300)
-    return _Law(np.array([*sizes[best], best + between]), float(left[best]), float(whole[best][5, 5] - mean))
+    law = np.array([*sizes[best], best + between])
+    return _Law(law, float(left[best]), float(whole[best][5, 5] - mean), float(noise))
+
+
+def _stated_left(products: _Products, gains: Array) -> Array:
+    """Power that a law of kp and kd ``(2,)`` leaves of the torque by delay, ``(n_delays,)``; jitter is free to blur."""
+    whole, sizes = products.grams.sum(axis=0), np.concatenate([gains, np.zeros(2)])
+    left = whole[:, 5, 5] - 2.0 * whole[:, 5, :4] @ sizes + whole[:, :4, :4] @ sizes @ sizes
+    bent = whole[:, 4, 5] - whole[:, 4, :4] @ sizes
+    return np.asarray(left - bent**2 / np.maximum(whole[:, 4, 4], 1e-300))
 
 
 def _torque_limit(signals: Sequence[_Signals], j: int, way: CommandPath, law: _Law) -> tuple[float, float]:
@@ -271,7 +335,7 @@ def _torque_limit(signals: Sequence[_Signals], j: int, way: CommandPath, law: _L
 
 def servo_effects(robot: Robot, log: Log, servos: Sequence[Servo]) -> Iterator[Candidate]:
     """What of servos is not as stated, or not as those of the joint's kind, of one drive or of all."""
-    follow = [servo for servo in servos if servo.is_following]
+    follow = [servo for servo in servos if servo.is_told]
     if not follow:
         return
     yield from _size_candidates(robot, follow)
@@ -293,6 +357,11 @@ def _size_candidates(robot: Robot, servos: Sequence[Servo]) -> Iterator[Candidat
         usual = np.where(servo.stated > 0.0, servo.stated, np.median(alike, axis=0))
         told.append(servo.estimate_sizes(np.where(usual == 0.0, 1e-9, usual)))
     sizes, stds = (np.array(part) for part in zip(*told, strict=True))
+    # Jitter of all commands moves the joints, which bends every gain that is fitted: a drive's own law is one where the
+    # stated one leaves more than it does elsewhere.
+    excess = np.array([servo.excess for servo in servos])
+    excess = excess[:, int(np.argmin(np.median(np.log(excess), axis=0)))]
+    own = excess > _OWN * np.median(excess)
     # A command that is scaled about some pose is off at any other: its offset is no cause of its own.
     scaled = np.abs(sizes[:, 3] - 1.0) > np.maximum(SERVO_KINDS[3].least, SURE * stds[:, 3])
     sizes[scaled, 2] = 0.0
@@ -302,8 +371,8 @@ def _size_candidates(robot: Robot, servos: Sequence[Servo]) -> Iterator[Candidat
             yield kind.make_candidate("command", common, std)
         else:
             common = kind.usual
-        for servo, size, spread in zip(servos, sizes[:, k], stds[:, k], strict=True):
-            if abs(size - common) > max(kind.least, SURE * spread):
+        for servo, size, spread, clear in zip(servos, sizes[:, k], stds[:, k], own, strict=True):
+            if clear and abs(size - common) > max(kind.least, SURE * spread):
                 yield kind.make_candidate(servo.joint, size, spread, usual=common)
 
 
