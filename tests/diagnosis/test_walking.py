@@ -53,7 +53,7 @@ def test_commands_the_imu_and_a_foot_are_named_where_they_are_off(go2: Robot) ->
         Fault("FR", slippery=0.1),
         Fault(jitter_s=0.004),
     )
-    found = excite.diagnose(trot(faults, seconds=9.0, seed=5), go2)
+    found = excite.diagnose(trot(faults, seconds=13.0, seed=5), go2)
     sizes = {(one.effect, one.location): one.parameters for one in found.effects}
     assert set(sizes) == {
         ("command_scale", "RL_thigh_joint"),

@@ -17,7 +17,6 @@ once. What the second draws from is the list of rivals.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -431,12 +430,6 @@ def find_mode(problem: Problem, state: Indices) -> Indices:
     state = state.copy()
     _ascend_to_mode(problem, state, _make_room())
     return state
-
-
-def find_best_mode(problem: Problem, states: Sequence[Indices]) -> Indices:
-    """The likeliest of the modes that ascents from several models reach, ``(n_groups,)``."""
-    modes = [find_mode(problem, state) for state in states]
-    return max(modes, key=lambda mode: float(_log_posterior(problem, mode, _make_room())))
 
 
 def draw_models(problem: Problem, state: Indices, sweeps: int, burnt: int, rng: np.random.Generator) -> Draws:

@@ -301,19 +301,19 @@ class Atom(NamedTuple):
         place: joint, or ``imu``; of what joints of one kind share the first of them.
         first: its first column, counted among effects'.
         width: number of its columns.
-        is_shared: whether all joints of a kind have it: it is the model's, and has no name.
+        shared: column of the baseline, what all joints of the place's kind have of it; None of the IMU's.
     """
 
     kind: Kind
     place: str
     first: int
     width: int
-    is_shared: bool = False
+    shared: int | None = None
 
     @property
     def group(self) -> tuple[str, str]:
         """Forms of one effect exclude each other."""
-        return self.kind.effect, "shared with " * self.is_shared + self.place
+        return self.kind.effect, self.place
 
 
 class _FittedSizes(NamedTuple):
@@ -370,18 +370,20 @@ class Limbs:
             used = np.flatnonzero((spread > 0.0) & np.abs(problem.Y[:, :n]).any(axis=0))
             blocks.append(problem.Y[:, used])
             scales += list(spread[used])
+        alike = [
+            [j for j in problem.channel_names if kinds[j] == kind] for kind in dict.fromkeys(kinds.values())
+        ]
+        # What joints of one kind share is the model's: friction, rotors, contacts that are not where it has them.
+        shared = {(term, joints[0]): joints for term in ROW_KINDS for joints in alike if joints}
+        for (term, _), joints in shared.items():
+            blocks.append(problem.Y[:, [place[f"{term}.{j}"] for j in joints]].sum(axis=1, keepdims=True))
+            scales.append(max(_expected_scale(term, load[j], fast[j]) for j in problem.channel_names))
         n_base = len(scales)
-        # What joints of one kind share is the model's: friction, rotors, contacts that are not where it has them. It
-        # stands to choice all the same: were it always there, one leg would be as weak as the other is strong.
-        for term, kind_of in ROW_KINDS.items():
-            for kind in dict.fromkeys(kinds[j] for j in problem.channel_names):
-                alike = [j for j in problem.channel_names if kinds[j] == kind]
-                for joints in [alike, *([j] for j in alike if len(alike) > 1 and np.isfinite(kind_of.least))]:
-                    shared = len(joints) == len(alike)
-                    atoms.append(Atom(kind_of, joints[0], len(scales) - n_base, 1, shared))
-                    columns = problem.Y[:, [place[f"{term}.{j}"] for j in joints]]
-                    blocks.append(columns.sum(axis=1, keepdims=True))
-                    scales.append(max(_expected_scale(term, load[j], fast[j]) for j in joints))
+        for column, ((term, _), joints) in enumerate(shared.items(), n_base - len(shared)):
+            for joint in joints if len(joints) > 1 and np.isfinite(ROW_KINDS[term].least) else ():
+                atoms.append(Atom(ROW_KINDS[term], joint, len(scales) - n_base, 1, column))
+                blocks.append(problem.Y[:, [place[f"{term}.{joint}"]]])
+                scales.append(_expected_scale(term, load[joint], fast[joint]))
         readings = list(_imu_readings(log))
         for reading in readings:
             atoms.append(Atom(reading.kind, "imu", len(scales) - n_base, len(reading.changes)))
@@ -443,8 +445,7 @@ class Limbs:
         free, groups = np.full(k, 1e30), list(dict.fromkeys(atom.group for atom in atoms))
         group = np.array([groups.index(atom.group) for atom in atoms])
         count = np.bincount(group)
-        named = ~np.array([atom.is_shared for atom in atoms])
-        odds = -np.log(np.where(named, len(groups), 1)) - np.log(count[group])
+        odds = -np.log(len(groups)) - np.log(count[group])
         return sampler.Problem(
             gram=np.ascontiguousarray(gram[n:, n:] - gram[n:, :n] @ seen[:, :-1]),
             right=right[n:] - gram[n:, :n] @ seen[:, -1],
@@ -462,36 +463,47 @@ class Limbs:
             needs=np.full(len(groups), -1),
         )
 
-    @property
-    def chosen_atoms(self) -> dict[int, float]:
-        """Atoms of effects and the evidence of each, most first."""
-        return {k: gain for k, gain in self._model.items() if not self.atoms[k].is_shared}
-
-    @property
-    def shared_atoms(self) -> list[int]:
-        """Atoms of what joints of one kind share."""
-        return [k for k in self._model if self.atoms[k].is_shared]
-
     @cached_property
-    def _model(self) -> dict[int, float]:
-        """The likeliest atoms with their evidence, most first; no effect that is small or leaves judging rows more."""
+    def chosen_atoms(self) -> dict[int, float]:
+        """Atoms of effects and the evidence of each, most first; none that is small or leaves judging rows more."""
         barred: set[int] = set()
         while True:
             problem = self._selection_problem(barred)
-            nothing = np.full(len(problem.begin), -1)
-            # From own effects too: beside what joints share, one that is weak looks like its fellow that is strong.
-            shared = {k for k, atom in enumerate(self.atoms) if atom.is_shared}
-            own = sampler.find_mode(self._selection_problem(barred | shared), nothing)
-            mode = sampler.find_best_mode(problem, (nothing, own))
+            mode = sampler.find_mode(problem, np.full(len(problem.begin), -1))
             chosen = [int(a) for a in mode if a >= 0]
             gains = {
                 k: self._atom_gains(problem, [other for other in chosen if other != k])[k] for k in chosen
             }
-            idle = {k for k in chosen if not self.atoms[k].is_shared and not self._is_significant(k, chosen)}
+            idle = {k for k in chosen if not self._is_significant(k, chosen)}
             if not idle:
-                return dict(sorted(gains.items(), key=lambda item: -item[1]))
+                return {self._likelier_side(k): gains[k] for k in sorted(gains, key=lambda k: -gains[k])}
             # One after the other, the faintest first: what stands beside the true one takes its part until it goes.
             barred.add(min(idle, key=lambda k: gains[k]))
+
+    def _likelier_side(self, k: int) -> int:
+        """The atom, or that of the other side where it is likelier there."""
+        fellow = self._fellow(k)
+        return k if fellow is None or self._side_evidence(k) >= self._side_evidence(fellow) else fellow
+
+    def _fellow(self, k: int) -> int | None:
+        """The same effect at the only other joint of a kind; None where there are more, or none."""
+        atom = self.atoms[k]
+        alike = [
+            i for i, one in enumerate(self.atoms) if one.shared == atom.shared and one.shared is not None
+        ]
+        return next(i for i in alike if i != k) if len(alike) == 2 else None
+
+    def _side_evidence(self, k: int) -> float:
+        """Log evidence of an effect of one of two joints alone, but for a constant.
+
+        Beside what both share, a joint that is weak looks like another that is strong. That the model is right in the
+        other needs one parameter less.
+        """
+        columns = [column for column in self.with_atoms([k]) if column != self.atoms[k].shared]
+        gram, right = (np.sum(part, axis=0) for part in zip(*self.learning_products, strict=True))
+        factor = cho_factor(gram[np.ix_(columns, columns)] + np.eye(len(columns)))
+        gain = 0.5 * float(right[columns] @ cho_solve(factor, right[columns]))
+        return gain - float(np.log(np.diagonal(factor[0])).sum())
 
     def _atom_gains(self, problem: sampler.Problem, others: Sequence[int]) -> dict[int, float]:
         """By atom, evidence of an effect beside others."""
@@ -527,7 +539,7 @@ class Limbs:
         """What was chosen."""
         before = self.gap.before
         for k, evidence in self.chosen_atoms.items():
-            alone = self._relative_gap(self.with_atoms([*self.shared_atoms, k]))
+            alone = self._relative_gap(self.with_atoms([k]))
             share = share_closed(before, alone, self.gap.noise_floor)
             named = self.make_candidate(k, [other for other in self.chosen_atoms if other != k], evidence)
             yield replace(named, gap_after=alone, share_closed=share)
@@ -535,7 +547,7 @@ class Limbs:
     def make_candidate(self, k: int, others: Sequence[int], evidence: float) -> Candidate:
         """An effect beside others; torque that is lost reads as a gain of what is logged over what is delivered."""
         atom = self.atoms[k]
-        sizes, stds = (part[-atom.width :] for part in self.estimate_sizes([*self.shared_atoms, *others, k]))
+        sizes, stds = (part[-atom.width :] for part in self.estimate_sizes([*others, k]))
         kind, size, std = atom.kind, float(sizes[0]), float(stds[0])
         parameters = {kind.parameter: Estimate(size, std, kind.unit)}
         if atom.width == 3:
@@ -573,12 +585,11 @@ class Limbs:
         if not self.chosen_atoms:
             return
         first, *others = self.chosen_atoms
-        taken, beside = {self.atoms[k].group for k in self._model}, [*self.shared_atoms, *others]
-        for k, evidence in self._atom_gains(self._selection_problem(set()), beside).items():
-            atom = self.atoms[k]
-            if atom.is_shared or atom.group in taken:
-                continue
-            if evidence > self.chosen_atoms[first] - np.log(20.0):
+        taken = {self.atoms[k].group for k in self.chosen_atoms}
+        for k, evidence in self._atom_gains(self._selection_problem(set()), others).items():
+            if k == self._fellow(first):
+                evidence += self._side_evidence(k) - self._side_evidence(first)
+            if self.atoms[k].group not in taken and evidence > self.chosen_atoms[first] - np.log(20.0):
                 yield self.make_candidate(k, others, evidence)
 
     def _relative_gap(self, columns: Sequence[int]) -> float:
@@ -594,8 +605,7 @@ class Limbs:
     def gap(self) -> Gap:
         """Before any effect and with those chosen; the floor is what a model with every column leaves."""
         names, rows = self.problem.channel_names, self.judge
-        chosen = [*self.shared_atoms, *self.chosen_atoms]
-        models = (self.with_atoms(self.shared_atoms), self.with_atoms(chosen), list(range(len(self.scales))))
+        models = (self.with_atoms([]), self.with_atoms([*self.chosen_atoms]), list(range(len(self.scales))))
         before, after, floor = (self._relative_gap(columns) for columns in models)
         floor = min(before, after, floor)
         lefts = [self.residual_rows(columns) for columns in models]
