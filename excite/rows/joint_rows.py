@@ -18,7 +18,14 @@ from excite.robot.joint_values import per_joint
 from excite.robot.prismatic import is_prismatic
 from excite.robot.robot import Robot
 from excite.rows.drive_terms import DRIVE_TERMS, JointSamples
-from excite.rows.kinematics import TrialKinematics, TrialRows, filtered_rows, forces_on_grid, trial_kinematics
+from excite.rows.kinematics import (
+    RowSource,
+    TrialKinematics,
+    TrialRows,
+    filtered_rows,
+    forces_on_grid,
+    trial_kinematics,
+)
 from excite.rows.saturation import beyond_on_grid
 from excite.rows.settings import Filters, ProblemSettings
 
@@ -150,8 +157,20 @@ class JointRows:
                 return np.concatenate([body[:, joints], *drives, measured], axis=2)
             return np.concatenate([body, *drives, out[:, :, joints] @ measured], axis=2)
 
-        rows = filtered_rows(rows_of, k, self.filters, self._usable_samples(trial, k, joints))
-        if closed is not None and self.robot.feet:
+        return self._filter_rows(rows_of, trial, k, closed, freedom=True)
+
+    def _filter_rows(
+        self,
+        source: RowSource,
+        trial: Trial,
+        k: TrialKinematics,
+        closed: Flags | None,
+        *,
+        freedom: bool = False,
+    ) -> TrialRows:
+        """Rows of usable samples, away from changes of contacts, with the freedom that these leave them if asked."""
+        rows = filtered_rows(source, k, self.filters, self._usable_samples(trial, k, self._joints_of()))
+        if freedom and closed is not None and self.robot.feet:
             rows = replace(rows, freedom=self._row_freedom(rows, k, closed))
         return self._weigh_standing(away_from_changes(rows, k, closed), k)
 
@@ -193,8 +212,7 @@ class JointRows:
                 return torque[part, :, None]
             return self._contact_elimination_of(k.q[part], closed[part])[:, :, joints] @ torque[part, :, None]
 
-        rows = filtered_rows(rows_of, k, self.filters, self._usable_samples(trial, k, joints))
-        return self._weigh_standing(away_from_changes(rows, k, closed), k)
+        return self._filter_rows(rows_of, trial, k, closed)
 
     def nominal(self, trial: Trial, k: TrialKinematics) -> TrialRows:
         """Torques of the nominal bodies, then the measured ones, as :meth:`rows` has them, ``(m, n_joints, 2)``."""
@@ -207,15 +225,14 @@ class JointRows:
             forces[:, joints, 1] = torque[part]
             return np.asarray(self._contact_elimination_of(k.q[part], closed[part]) @ forces)
 
-        rows = filtered_rows(rows_of, k, self.filters, self._usable_samples(trial, k, joints))
-        return self._weigh_standing(away_from_changes(rows, k, closed), k)
+        return self._filter_rows(rows_of, trial, k, closed)
 
     def change(self, trial: Trial, k: TrialKinematics, others: Sequence[TrialKinematics]) -> TrialRows:
         """Change of :meth:`rows`' nominal torques where other kinematics are true, ``(m, n_joints, n_others)``.
 
         Others differ from ``k`` in velocities and accelerations alone, as those of another reading of the IMU do.
         """
-        joints, closed = self._joints_of(), closed_on_grid(self.robot, trial, k.time)
+        closed = closed_on_grid(self.robot, trial, k.time)
 
         def rows_of(part: slice) -> Array:
             nominal = motor_torques(self.robot, k.q[part], k.v[part], k.a[part])
@@ -224,8 +241,7 @@ class JointRows:
                 self._contact_elimination_of(k.q[part], closed[part]) @ np.stack(changes, axis=2)
             )
 
-        rows = filtered_rows(rows_of, k, self.filters, self._usable_samples(trial, k, joints))
-        return self._weigh_standing(away_from_changes(rows, k, closed), k)
+        return self._filter_rows(rows_of, trial, k, closed)
 
     def _contact_elimination_of(self, q: Array, closed: Flags) -> Array:
         """What takes unmeasured contact forces out, ``(n, n_channels, nv)``; raises LogError if a torque is missing."""

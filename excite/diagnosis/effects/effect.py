@@ -17,6 +17,8 @@ from excite.diagnosis.equations.own_columns import OwnTerm
 from excite.doctor.doubt import Doubt
 
 Theta = tuple[float, ...]
+SECANT = "secant"
+"""Name of a parameter at which a column is a secant: where the effect's size itself is, of which it is no estimate."""
 
 
 @dataclass(frozen=True)
@@ -245,7 +247,8 @@ class Effect(ABC):
             for p, b, s in zip(self.linear, fit.extra, fit.extra_std, strict=True)
             if np.isfinite(s)
         }
-        return found | {p.name: Estimate(t, None, p.unit) for p, t in zip(self.searched, theta, strict=True)}
+        searched = {p.name: Estimate(t, None, p.unit) for p, t in zip(self.searched, theta, strict=True)}
+        return {name: size for name, size in (found | searched).items() if name != SECANT}
 
     def to_sizes(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, float]:
         """Values of its parameters by name, with further numbers that a simulator needs."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Estimate
-from excite.diagnosis.effects.effect import Belief, Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.effect import SECANT, Belief, Effect, Parameter, Shape, Theta
 from excite.diagnosis.effects.form import Absence, Context, Draft, Form, Note, Sizes
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.dry_friction.reversals import estimate_delay
@@ -188,7 +188,7 @@ class EncoderOffset(Effect):
     belief = Belief(chance=0.04, width=0.05)
     observed_by = frozenset({Doubt.POSITION, Doubt.GRAVITY})
     linear = (Parameter("offset", "rad", -0.5, 0.5),)
-    searched = (Parameter("secant", "1", math.exp(-_WIDEST), math.exp(_WIDEST)),)
+    searched = (Parameter(SECANT, "1", math.exp(-_WIDEST), math.exp(_WIDEST)),)
     confusable_with = ("torque_bias", "base_tilt", "joint_spring")
     separating_motion = "elbow up and elbow down"
     mujoco = "joint ref"
@@ -217,10 +217,6 @@ class EncoderOffset(Effect):
         near = abs(secant - offset) <= abs(offset) + _SMALL
         return near and super().is_admissible(context, location, theta, beta)
 
-    def to_estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
-        value, std = float(fit.extra[0]), float(fit.extra_std[0])
-        return {"offset": Estimate(value, std if np.isfinite(std) else None, "rad")}
-
     def in_mujoco(self, item: Sizes) -> Form:
         def shift_reference(draft: Draft) -> None:
             draft.find_joint(item.location).ref = item.value_of("offset")
@@ -241,7 +237,7 @@ class PositionGain(Effect):
     belief = Belief(chance=0.01, width=0.05)
     observed_by = frozenset({Doubt.POSITION, Doubt.GRAVITY})
     linear = (Parameter("gain_error", "1", -0.5, 1.0),)
-    searched = (Parameter("secant", "1", 0.5, 2.0),)
+    searched = (Parameter(SECANT, "1", 0.5, 2.0),)
     confusable_with = ("encoder_offset", "joint_spring", "link_length_error")
     separating_motion = "the joint over its whole range; a turn of it beside an inclinometer"
     mujoco = "none: the log's positions are divided by it"
@@ -268,10 +264,6 @@ class PositionGain(Effect):
     def is_admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
         near = abs(theta[0] - 1.0 - beta[0]) <= abs(beta[0]) + _SMALL
         return near and super().is_admissible(context, location, theta, beta)
-
-    def to_estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
-        value, std = float(fit.extra[0]), float(fit.extra_std[0])
-        return {"gain_error": Estimate(value, std if np.isfinite(std) else None, "1")}
 
     def in_mujoco(self, item: Sizes) -> Form:
         return Form(absent=Absence.READING)
@@ -340,7 +332,7 @@ class TimeDelay(Effect):
     belief = Belief(group="timing")
     observed_by = frozenset({Doubt.CLOCK, Doubt.DELAY})
     linear: ClassVar[tuple[Parameter, ...]] = (Parameter("delay", "s", 0.0, 0.15),)
-    searched: ClassVar[tuple[Parameter, ...]] = (Parameter("secant", "s", 4e-4, 0.15),)
+    searched: ClassVar[tuple[Parameter, ...]] = (Parameter(SECANT, "s", 4e-4, 0.15),)
     confusable_with = ("actuator_lag", "viscous_friction", "load_dependent_friction")
     separating_motion = "a chirp to some hertz"
     mujoco = "actuator delay (a ring buffer in the control callback)"

@@ -73,7 +73,7 @@ def diagnose_walking(robot: Robot, log: Log) -> Diagnosis:
     Raises:
         LogError: what the log has tells nothing of drives.
     """
-    servos = tuple(read_servos(log)) if log.header.torque in {"motor_side", "link_side"} else ()
+    servos = read_servos(log) if log.header.torque in {"motor_side", "link_side"} else []
     if log.header.torque == "none":
         log = _with_asked_torques(log)
     limbs = Limbs.from_log(robot, log, choose_cutoff(robot, log))

@@ -8,7 +8,7 @@ at another joint, and torques that are cut.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -135,13 +135,29 @@ class Servo:
         return law_sizes(self.law), std
 
 
-def read_servos(log: Log) -> Iterator[Servo]:
-    """The servo of each joint, where commands are logged and the servo is one of positions."""
-    if any(t.q_cmd is None or t.tau is None for t in log.trials):
-        return
+def read_servos(log: Log) -> list[Servo]:
+    """The servo of each joint, where commands are logged and the servo is one of positions.
+
+    Commands that scatter in time shake the joints, which bends the laws: these are fitted again to commands as they
+    acted.
+    """
     said = log.header.controller
+    if any(t.q_cmd is None or t.tau is None for t in log.trials):
+        return []
     if said and said.get("mode", "position") != "position":
-        return
+        return []
+    servos, acted = list(_fit_servos(log)), log
+    for _ in range(_TIMES):
+        jitter = _delay_jitter(acted, [servo for servo in servos if servo.is_told])
+        if jitter is None or not jitter.is_clear:
+            break
+        acted = jitter.retime_commands(acted)
+        servos = list(_fit_servos(acted))
+    return servos
+
+
+def _fit_servos(log: Log) -> Iterator[Servo]:
+    said = log.header.controller
     stated, signals = stated_servo(said, log.header.joints), [_Signals.from_trial(t) for t in log.trials]
     columns = range(len(log.header.joints))
     for j, joint in enumerate(log.header.joints):
@@ -345,8 +361,8 @@ def servo_effects(robot: Robot, log: Log, servos: Sequence[Servo]) -> Iterator[C
         if log.header.joints[servo.way.column] != servo.joint:
             yield ORDER.make_candidate(servo.joint, servo.way.column, 0.0, usual=-1.0)
     jitter = _delay_jitter(log, follow)
-    if jitter is not None and jitter[0] > max(JITTER.least, SURE * jitter[1]):
-        yield JITTER.make_candidate("command", *jitter)
+    if jitter is not None and jitter.is_clear:
+        yield JITTER.make_candidate("command", jitter.deviation, jitter.std)
 
 
 def _size_candidates(robot: Robot, servos: Sequence[Servo]) -> Iterator[Candidate]:
@@ -359,9 +375,10 @@ def _size_candidates(robot: Robot, servos: Sequence[Servo]) -> Iterator[Candidat
     sizes, stds = (np.array(part) for part in zip(*told, strict=True))
     # Jitter of all commands moves the joints, which bends every gain that is fitted: a drive's own law is one where the
     # stated one leaves more than it does elsewhere.
-    excess = np.array([servo.excess for servo in servos])
-    excess = excess[:, int(np.argmin(np.median(np.log(excess), axis=0)))]
-    own = excess > _OWN * np.median(excess)
+    excess = np.log([servo.excess for servo in servos])
+    excess = excess[:, int(np.argmin(np.median(excess, axis=0)))]
+    excess = excess - np.median(excess)
+    own = excess > max(np.log(_OWN), SURE * 1.4826 * float(np.median(np.abs(excess))))
     # A command that is scaled about some pose is off at any other: its offset is no cause of its own.
     scaled = np.abs(sizes[:, 3] - 1.0) > np.maximum(SERVO_KINDS[3].least, SURE * stds[:, 3])
     sizes[scaled, 2] = 0.0
@@ -390,13 +407,47 @@ def _stated_limit(robot: Robot, joint: str) -> float:
     return limit if limit > 0.0 else np.inf
 
 
-def _delay_jitter(log: Log, servos: Sequence[Servo]) -> tuple[float, float] | None:
-    """Deviation of the delays of held commands, and its own deviation [s]; None where commands are not held.
+class _Jitter(NamedTuple):
+    """Delays of held commands, tick by tick, the same for all drives.
+
+    Attributes:
+        deviation: of the delays [s].
+        std: its own deviation [s].
+        ticks: by trial, rows at which commands change.
+        delays: by trial, how much later than usual each acts [s].
+    """
+
+    deviation: float
+    std: float
+    ticks: tuple[Indices, ...]
+    delays: tuple[Array, ...]
+
+    @property
+    def is_clear(self) -> bool:
+        """Whether commands scatter by more than matters, and surely."""
+        return self.deviation > max(JITTER.least, SURE * self.std)
+
+    def retime_commands(self, log: Log) -> Log:
+        """The log with commands as they acted."""
+        trials = []
+        for trial, ticks, late in zip(log.trials, self.ticks, self.delays, strict=True):
+            command = np.array(trial.q_cmd)
+            shift = np.round(late / float(np.median(np.diff(trial.time)))).astype(int)
+            arrived, rows = np.maximum.accumulate(ticks + shift), np.arange(len(command))
+            last = np.searchsorted(arrived, rows, side="right") - 1
+            known = (last >= 0) & (rows <= ticks[-1])
+            command[known] = command[ticks[last[known]]]
+            trials.append(replace(trial, q_cmd=command))
+        return replace(log, trials=tuple(trials))
+
+
+def _delay_jitter(log: Log, servos: Sequence[Servo]) -> _Jitter | None:
+    """Delays of held commands; None where commands are not held.
 
     A command that acts δ late leaves ``−k_p Δq_cmd`` for δ, an area about its tick. Every other joint tells δ for
     itself: what both halves have in common is no noise.
     """
-    areas, pushes = [], []
+    areas, pushes, rows = [], [], []
     for trial in log.trials:
         one = _Signals.from_trial(trial)
         command = one.raw[3]
@@ -414,14 +465,16 @@ def _delay_jitter(log: Log, servos: Sequence[Servo]) -> tuple[float, float] | No
             push.append(servo.law[0] * (command[ticks] - command[ticks - 1])[:, servo.way.column])
         areas.append(np.array(area).T)
         pushes.append(np.array(push).T)
+        rows.append(ticks)
     area, push = np.concatenate(areas), np.concatenate(pushes)
     weight = np.array([(push[:, half::2] ** 2).sum(axis=1) for half in (0, 1)])
-    delays = np.array([-(area * push)[:, half::2].sum(axis=1) for half in (0, 1)]) / np.maximum(
-        weight, 1e-300
-    )
+    late = -np.array([(area * push)[:, half::2].sum(axis=1) for half in (0, 1)]) / np.maximum(weight, 1e-300)
     clear = (weight > 0.1 * np.median(weight, axis=1, keepdims=True)).all(axis=0)
-    delays = delays[:, clear] - np.median(delays[:, clear], axis=1, keepdims=True)
-    shared = np.clip(delays, -_LATEST_S, _LATEST_S).prod(axis=0)
+    late = np.clip(late - np.median(late[:, clear], axis=1, keepdims=True), -_LATEST_S, _LATEST_S)
+    shared = late[:, clear].prod(axis=0)
     parts = np.array([part.mean() for part in np.array_split(shared, 2 * _STRETCHES)])
     deviation = float(np.sqrt(max(shared.mean(), 1e-12)))
-    return deviation, float(parts.std() / np.sqrt(len(parts)) / (2.0 * deviation))
+    ends = np.cumsum([len(ticks) for ticks in rows])[:-1]
+    delays = np.split(np.where(clear, late.mean(axis=0), 0.0), ends)
+    std = float(parts.std() / np.sqrt(len(parts)) / (2.0 * deviation))
+    return _Jitter(deviation, std, tuple(rows), tuple(delays))
