@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.spatial.transform import Rotation
 
-from excite.arrays import Array, distinct_rows, widen_flags
+from excite.arrays import Array, distinct_rows, runs_of, widen_flags
 from excite.diagnosis.answer.answer import Absorbed, Diagnosis, NextExperiment, Verdict
 from excite.diagnosis.answer.candidate import Candidate, Estimate, RobotChanges
 from excite.diagnosis.answer.gap import ChannelGap, Gap, Where, share_closed
@@ -48,16 +48,19 @@ from excite.rows.joint_rows import CHANGE_S, JointRows, closed_on_grid
 from excite.rows.kinematics import trial_kinematics
 from excite.rows.settings import ProblemSettings
 
-# Contacts that change more often than this are steps: a trot changes sixteen a second, a foot moved alone one in three.
-_STEPS_HZ = 0.5
+# Feet that leave the ground more often, for longer than a flag flickers [s], step: those of a trot do eight times a
+# second, of a G1 that walks slowly once in two seconds; a foot that is moved alone leaves it once in seven.
+_STEPS_HZ, _FLICKER_S = 0.25, 0.05
 
 
 def is_walking(log: Log) -> bool:
     """Whether a log is of a robot that steps, whose contact forces nobody measures; moving foot by foot is standing."""
     if log.header.base != "floating" or log.header.sensors:
         return False
-    steps = sum(int((flags[1:] != flags[:-1]).sum()) for t in log.trials for flags in t.contacts.values())
-    return steps > _STEPS_HZ * sum(float(t.time[-1] - t.time[0]) for t in log.trials)
+    flags = [np.asarray(one, dtype=bool) for trial in log.trials for one in trial.contacts.values()]
+    lifted = [end - start for one in flags for start, end in runs_of(~one)]
+    steps = np.sum(np.array(lifted) > _FLICKER_S * log.header.rate_hz)
+    return bool(steps > _STEPS_HZ * sum(float(t.time[-1] - t.time[0]) for t in log.trials))
 
 
 def diagnose_walking(robot: Robot, log: Log) -> Diagnosis:
