@@ -7,15 +7,59 @@ import sys
 from types import ModuleType
 from typing import Any
 
-from excite.data_tables import read_rows
-
-_ROWS = read_rows(__file__, "api.csv")
-SPACES = {
-    group: {row["name"]: row["module"] for row in _ROWS if row["group"] == group}
-    for group in dict.fromkeys(row["group"] for row in _ROWS)
+SPACES: dict[str, dict[str, str]] = {
+    "robots": {
+        "scaffold_description": "excite.robot.init_robot.description",
+        "write_scaffold": "excite.robot.init_robot.files",
+        "robot_for_log": "excite.logs.robot",
+        "examine_description": "excite.robot.inspection.chart",
+    },
+    "recordings": {
+        "join_logs": "excite.logs.load_with_robot",
+        "write_header": "excite.conversion.init_log",
+        "Chart": "excite.doctor.examine",
+        "Toss": "excite.diagnosis.tosses",
+        "diagnose_tosses": "excite.diagnosis.tosses",
+        "estimate_torque_delay": "excite.identification.torque_delay",
+    },
+    "methods": {
+        "EstimatorSettings": "excite.identification.estimators.settings",
+        "estimator_settings": "excite.identification.estimators.method_settings",
+        "ProblemSettings": "excite.rows.settings",
+        "SeriesSettings": "excite.campaign.optimised_series",
+        "CampaignSettings": "excite.campaign.journal",
+        "load_bounds": "excite.identification.physical.bounds_file",
+        "write_bounds_template": "excite.identification.physical.bounds_file",
+        "identify_sessions": "excite.identification.sessions",
+        "split_sessions": "excite.identification.sessions",
+        "write_ranges": "excite.identification.sessions",
+        "save_findings": "excite.campaign.loop",
+    },
+    "models": {
+        "write_urdf": "excite.export.models.simulator_model",
+        "write_mjcf": "excite.export.models.simulator_model",
+        "ParameterSet": "excite.safety.parameter_set",
+        "parameter_set": "excite.safety.parameter_set",
+        "stated_parameters": "excite.safety.parameter_set",
+    },
+    "loads": {
+        "weigh_load": "excite.identification.load",
+    },
+    "people": {
+        "Subject": "excite.human.segments",
+        "MeasureSettings": "excite.human.measure",
+        "measure_person": "excite.human.measure",
+        "write_person": "excite.human.measure",
+    },
+    "catalogue": {
+        "robot_summaries": "excite.robot.load",
+        "method_summaries": "excite.identification.estimators.registry",
+        "effect_summaries": "excite.diagnosis.answer.effect_summary",
+        "file_schema": "excite.campaign.schemas",
+        "register": "excite.registry",
+    },
 }
-PUBLIC = SPACES.pop("")
-"""The module that defines each name that is in no group; by group, likewise, are SPACES."""
+"""By group, the module that defines each of its names."""
 
 _ABOUT = {
     "robots": "Robots of one's own: first descriptions, what is wrong with one, and a log's robot.",

@@ -31,9 +31,9 @@ MEASURES = ("travel", "asked", "leap", "jump", "gap_s", "follows", "lag_s", "gai
 # What differs from the other episodes by so many of their deviations (by the median), and by more than a share of the
 # joint's travel or of a gain, or by so many rows.
 _DEVIATIONS, _SHARE, _ROWS = 8.0, 0.05, 2.0
-# A command explains a joint's velocity where they correlate by more. Commands lead or follow by no more [s].
+# A command explains a joint's velocity where they correlate by more. Commands lead or follow by no more [s]; over a
+# tenth of that, velocities stand clear of the encoder's noise.
 _FOLLOWS, _LAG_S = 0.6, 1.0
-# Over a tenth of that, velocities stand clear of the encoder's noise.
 # Of periodic motion half a period is a turned sign: the longest of these lags counts less by this share.
 _FAR = 0.2
 _STEPS = 3

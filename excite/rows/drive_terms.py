@@ -31,8 +31,8 @@ class JointSamples:
         width: velocity over which Coulomb friction changes sign [rad/s]; joints that slide take a tenth of it in
             m/s, as if they were driven over a drum of 10 cm.
         motors: matrix ``C`` from joint to motor velocities, ``(n_joints, n_joints)``; None for the identity.
-        load: torques of the nominal bodies, of forces at the feet too, ``(m, n_joints)`` [N·m or N]; None for a robot
-            that has no feet.
+        load: makes torques of the nominal bodies, of forces at the feet too, ``(m, n_joints)`` [N·m or N], when a term
+            asks for them; None for a robot that has no feet.
         rate: of the logged torques, likewise [N·m/s or N/s]; None where no term needs it.
     """
 
@@ -43,7 +43,7 @@ class JointSamples:
     joints: list[int]
     width: float
     motors: Array | None = None
-    load: Array | None = None
+    load: Callable[[], Array] | None = None
     rate: Array | None = None
 
     @property
@@ -183,7 +183,7 @@ def bending_columns(samples: JointSamples) -> Array:
 def nominal_torques(samples: JointSamples) -> Array:
     """Torques of the nominal bodies, ``(m, n_joints)`` [N·m or N]."""
     if samples.load is not None:
-        return samples.load
+        return samples.load()
     whole = motor_torques(samples.robot, samples.q, samples.v, samples.a)
     return np.asarray(whole[:, samples.joints])
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -142,9 +142,8 @@ class JointRows:
                 out = self._contact_elimination_of(k.q[part], here)
                 body = out @ body
                 # Of the log's own torques the noise would stand on both sides and feign that some are lost.
-                samples = replace(
-                    samples, load=torque[part] + self._excess_torques(samples, torque[part], out)
-                )
+                excess = partial(self._excess_torques, samples, torque[part], out)
+                samples = replace(samples, load=lambda: torque[part] + excess())
             drives = []
             for term in self.terms:
                 if here is not None and term == "encoder":

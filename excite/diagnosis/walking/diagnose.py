@@ -35,7 +35,7 @@ from excite.diagnosis.walking.kinds import (
     Kind,
     joint_kinds,
 )
-from excite.diagnosis.walking.servos import CUTOFF_HZ, Servo, command_ticks, read_servos, servo_effects
+from excite.diagnosis.walking.servos import Servo, command_ticks, highest_cutoff, read_servos, servo_effects
 from excite.doctor.inertial_prior import count_effective_samples, likely_spread
 from excite.errors import LogError
 from excite.finding import list_names
@@ -262,7 +262,7 @@ def _foot_effects(robot: Robot, log: Log) -> Iterator[Candidate]:
 
 def _foot_speeds(robot: Robot, log: Log, trial: Trial) -> Array:
     """Speeds at which feet that carry move along the ground against the others, ``(n, n_feet)`` [m/s]; else NaN."""
-    settings = ProblemSettings(cutoff_hz=_highest_cutoff(log))
+    settings = ProblemSettings(cutoff_hz=highest_cutoff(log.header.rate_hz))
     filters = settings.filters(floating=False, lowpass_hz=log.header.lowpass_hz)
     k = trial_kinematics(robot, log.header, trial, settings, filters)
     closed, still = closed_on_grid(robot, trial, k.time), k.v.copy()
@@ -301,7 +301,7 @@ class Atom(NamedTuple):
 
     Attributes:
         kind: what it is.
-        place: joint, or ``imu``; of what joints of one kind share the first of them.
+        place: joint, or ``imu``.
         first: its first column, counted among effects'.
         width: number of its columns.
         shared: column of the baseline, what all joints of the place's kind have of it; None of the IMU's.
@@ -503,10 +503,9 @@ class Limbs:
         other needs one parameter less.
         """
         columns = [column for column in self.with_atoms([k]) if column != self.atoms[k].shared]
-        gram, right = (np.sum(part, axis=0) for part in zip(*self.learning_products, strict=True))
-        factor = cho_factor(gram[np.ix_(columns, columns)] + np.eye(len(columns)))
-        gain = 0.5 * float(right[columns] @ cho_solve(factor, right[columns]))
-        return gain - float(np.log(np.diagonal(factor[0])).sum())
+        size, covariance = self.fit_columns(columns)
+        gain = 0.5 * float(size @ np.linalg.solve(covariance, size))
+        return gain + 0.5 * float(np.linalg.slogdet(covariance)[1])
 
     def _atom_gains(self, problem: sampler.Problem, others: Sequence[int]) -> dict[int, float]:
         """By atom, evidence of an effect beside others."""
@@ -687,12 +686,8 @@ def choose_cutoff(robot: Robot, log: Log) -> float:
     Steps are sharp, and what a low filter smears over a change of contacts is in no model; noise of the base's
     acceleration and of the joints' grows with the square of the frequency.
     """
-    highest = _highest_cutoff(log)
+    highest = highest_cutoff(log.header.rate_hz)
     return min((highest / 2**k for k in range(4)), key=lambda cutoff: _nominal_misfit(robot, log, cutoff))
-
-
-def _highest_cutoff(log: Log) -> float:
-    return min(CUTOFF_HZ, 0.2 * log.header.rate_hz)
 
 
 def _nominal_misfit(robot: Robot, log: Log, cutoff_hz: float) -> float:

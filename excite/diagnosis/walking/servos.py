@@ -25,7 +25,7 @@ from excite.robot.robot import Robot
 
 # Steps are sharp: of a simulated trot rows filtered at 5, 10, 20 and 40 Hz leave the true robot 15, 11, 6 and 3 % of
 # its torques. Logs that are too slow for it take less.
-CUTOFF_HZ = 40.0
+_CUTOFF_HZ = 40.0
 # Stretches of a trial by which sizes are told anew, each left out once.
 _STRETCHES = 5
 # Commands are looked for that much earlier [s].
@@ -34,7 +34,8 @@ _LATEST_S = 0.1
 _FOLLOWS = 0.8
 # Rows for which commands are held, and ticks, that their jitter is told by.
 _HELD, _FEWEST_TICKS = 4, 20
-# Times the power that its own law leaves of a torque, and the others' beside theirs, that the stated one leaves.
+# Power that the stated law leaves of a drive's torque over that which a fitted one leaves, from which the drive has a
+# law of its own: of a G1's walks without jitter healthy drives had 1.02 at most, those with a fault 18 and more.
 _OWN = 2.0
 # Torques pile up at a limit: they stray from it by less than this share of the power that is asked beyond it.
 _PILED = 0.2
@@ -43,6 +44,11 @@ _CUT_OFTEN, _TIMES = 0.005, 3
 
 
 Indices = NDArray[np.int64]
+
+
+def highest_cutoff(rate_hz: float) -> float:
+    """Cut-off of filters of what steps move, by the log's rate [Hz]."""
+    return min(_CUTOFF_HZ, 0.2 * rate_hz)
 
 
 class CommandPath(NamedTuple):
@@ -253,7 +259,7 @@ class _Signals:
         nothing = np.full_like(trial.q, np.nan)
         tau, command = (nothing if x is None else x for x in (trial.tau, trial.q_cmd))
         raw = (trial.q, v, tau, command)
-        cutoff = min(CUTOFF_HZ, 0.2 / step)
+        cutoff = highest_cutoff(1.0 / step)
         q, v, tau, command = (lowpass(x, 1.0 / step, cutoff) for x in raw)
         passed = noise_bandwidth(1.0 / step, cutoff)
         white = passed * np.square([channel_noise(trial.time, list(x.T)) for x in raw[:3]])
@@ -286,7 +292,7 @@ def _delay_products(
     for one in signals:
         delays = np.arange(1 + round(_LATEST_S / one.step))
         rows = np.arange(delays[-1], len(one.q))
-        cut = widen_flags(np.abs(one.raw[2][:, j]) > 0.95 * limit, round(0.5 / CUTOFF_HZ / one.step))
+        cut = widen_flags(np.abs(one.raw[2][:, j]) > 0.95 * limit, round(0.5 / _CUTOFF_HZ / one.step))
         rows = rows[~cut[rows]]
         rate = one.rate[:, way.column]
         asked = np.column_stack([one.command[:, way.column], way.rate * rate, np.gradient(rate, one.step)])
