@@ -33,7 +33,6 @@ from excite.diagnosis.budget.thresholds import THRESHOLDS
 from excite.diagnosis.effects.form import Context
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.dry_friction.fitted_signs import refit_signs
-from excite.diagnosis.selection.predictive import predictive_nats
 
 # Candidates that are listed.
 _LISTED = 8
@@ -64,25 +63,27 @@ class BudgetVerdict:
         sure = [item for item in self.budget.named if item.clear and is_accepted(item)]
         whole = is_gap_explained(self.budget, sure)
         # What is clear at its own place is there, whatever hides the rest of the machine or explains it.
-        sure = [item for item in sure if self._has_share_at_place(item) and (whole or has_no_rival(item))]
-        if not sure:
-            return self._judge_unnamed_gap()
+        sure = [item for item in sure if self._has_share_at_place(item) and (whole or is_probable(item))]
         # First what surely takes most: of a gap that hardly stands above the noise, shares say little.
-        first, *others = sorted(sure, key=lambda item: -item.surely)
-        # Of what has a rival elsewhere than in the first place nobody knows the name.
-        chosen = [first, *(item for item in others if has_no_rival(item))]
-        kept, accepted = self._keep_explaining(chosen)
-        return self._judge_named_effects(kept, accepted, whole=whole) if kept else self._judge_unnamed_gap()
+        sure.sort(key=lambda item: -item.surely)
+        while sure:
+            first, *others = sure
+            # Of what is no more than likely nobody knows the name, but for the first, whose rivals are told.
+            kept, accepted = self._keep_explaining([first, *(item for item in others if is_probable(item))])
+            if first in kept:
+                return self._judge_named_effects(kept, accepted, whole=whole)
+            sure = others
+        return self._judge_unnamed_gap()
 
     def _has_share_at_place(self, item: Named) -> bool:
-        """Whether an effect surely takes some of the gap of its own joint, and no less there than what has no name.
+        """Whether an effect surely takes some of the gap of its own joint, no trifle and no less than what has no name.
 
         Of what acts on several joints: of any of them.
         """
         own = self._terms_by_key[item.effect, item.location].own
         channels = list(self.budget.channels.values())
         return any(
-            s.interval90[0] > 0.0 and s.share >= max((u.share for u in channel.unnamed), default=0.0)
+            s.interval90[0] > 0.0 and s.share >= max([THRESHOLDS.trifle, *(u.share for u in channel.unnamed)])
             for channel in (channels if own is None else [channels[own]])
             for s in channel.effects
             if (s.effect, s.location) == (item.effect, item.location)
@@ -93,64 +94,36 @@ class BudgetVerdict:
 
         What has not goes one at a time, the weakest first: beside it others may have none.
         """
-        kept, tried = list(chosen), list[Named]()
+        kept = list(chosen)
         while kept:
             model = self._fit_together(kept)
             gone = self._term_to_drop(model)
-            if gone is not None:
-                del kept[gone]
-                continue
-            accepted = self._add_effects(kept, model)
-            # A search that ended where its name stands for something else has found that; beside it another may have,
-            # as of three bodies that share what one takes.
-            made = [scored.hypothesis for scored in accepted]
-            other = [k for k, h in enumerate(made) if not (h.is_physical and h.is_within_scope)]
-            if other:
-                del kept[min(other, key=model.taken_by)]
-                continue
-            dropped = [item for item in chosen if item not in kept and item not in tried]
-            moved = self._move_effect(kept, model, dropped)
-            if moved is None:
-                return kept, accepted
-            tried += kept
-            kept = moved
+            if gone is None:
+                accepted = self._add_effects(kept, model)
+                # A search that ended where its name stands for something else has found that.
+                made = [scored.hypothesis for scored in accepted]
+                other = [k for k, h in enumerate(made) if not (h.is_physical and h.is_within_scope)]
+                if not other:
+                    return kept, accepted
+                gone = min(other, key=model.taken_by)
+            del kept[gone]
         return [], []
-
-    def _move_effect(
-        self, kept: Sequence[Named], model: Model, dropped: Sequence[Named]
-    ) -> list[Named] | None:
-        """The effects, one of them where a dropped one of its name was, if blocks left out are predicted better.
-
-        Of two bodies that share what one takes, rounding may have dropped the one that is there. None where all are at
-        their likeliest places.
-        """
-        for k, item in enumerate(kept):
-            for other in (one for one in dropped if one.effect == item.effect):
-                moved = [*kept[:k], other, *kept[k + 1 :]]
-                found = self._fit_together(moved)
-                likelier = predictive_nats(found, model, np.zeros_like(model.predicted)) > 0.0
-                if likelier and self._term_to_drop(found) is None:
-                    return moved
-        return None
 
     def _term_to_drop(self, model: Model) -> int | None:
         """Index of the term that is dropped next; None where all stay."""
-        left, terms = power_of(model).mean, model.terms
-        if self._scaled_power(left) >= self._scaled_power(power_of(fit_model(model.design, ())).mean):
-            others = [[i for i in model.chosen if i != k] for k in model.chosen]
-            return int(np.argmin([self._scaled_power(judged_power(model.design, o).mean) for o in others]))
+        terms, nothing = model.terms, _log_power_without(model, model.chosen)
+        without = [_log_power_without(model, [k]) for k in model.chosen]
+        if nothing.sum() <= 0.0:
+            return int(np.argmin([gain.sum() for gain in without]))
+        # What acts on several joints leaves less as a mean over them of how many times less.
         gone = [
             k
             for k, term in enumerate(terms)
             if not term.is_possible(term.context, model.term_parameters(k))
             or not self._has_size(model, k)
-            or not _is_gap_reduced(model, k, left)
+            or (without[k].sum() if term.own is None else without[k][term.own]) <= 0.0
         ]
         return min(gone, key=model.taken_by, default=None)
-
-    def _scaled_power(self, power: Array) -> float:
-        """Sum over joints of the mean square residual, each divided by the square of its torque's scale."""
-        return float((power / self.scorer.scale**2).sum())
 
     def _judge_unnamed_gap(self) -> tuple[Attribution, Judgement]:
         """The verdict where no named effect explains the gap."""
@@ -322,15 +295,14 @@ class BudgetVerdict:
         return None if made is None or not made.is_physical else self.scorer.score_fit(baseline.fit, made)
 
 
-def _is_gap_reduced(model: Model, k: int, left: Array) -> bool:
-    """Whether a model's k-th term leaves less of the trials that judge at its own place.
+def _log_power_without(model: Model, gone: Sequence[int]) -> Array:
+    """Logarithm of how many times more some of a model's terms leave of the trials that judge where they are not there.
 
-    What acts on several joints: as a mean over them of how many times less.
+    Of each joint, ``(n_joints,)``.
     """
-    others = [i for i in model.chosen if i != k]
-    gain = np.log(judged_power(model.design, others, model.weight).mean / np.maximum(left, 1e-300))
-    own = model.design.terms[k].own
-    return bool((gain.sum() if own is None else gain[own]) > 0.0)
+    others = [k for k in model.chosen if k not in gone]
+    without = judged_power(model.design, others, model.weight).mean
+    return np.asarray(np.log(without / np.maximum(power_of(model).mean, 1e-300)))
 
 
 def known_hypothesis(term: Term, baseline: Baseline, beta: Array, std: Array) -> Hypothesis:
@@ -436,9 +408,9 @@ def _is_leading_effect(budget: Budget, item: Named, *, most: bool = False) -> bo
 
 def is_accepted(item: Named) -> bool:
     """Whether an effect has the probability of one that is accepted, or shares it with rivals."""
-    return bool(item.rivals) or item.probability >= THRESHOLDS.probable
+    return bool(item.rivals) or is_probable(item)
 
 
-def has_no_rival(item: Named) -> bool:
-    """Whether no effect of another name is a rival."""
-    return item.probability >= THRESHOLDS.probable and all(name == item.effect for name, _ in item.rivals)
+def is_probable(item: Named) -> bool:
+    """Whether an effect has the probability of one that is accepted, whatever its rivals have."""
+    return item.probability >= THRESHOLDS.probable

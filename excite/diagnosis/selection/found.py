@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -23,7 +23,6 @@ from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.standing_joints import stands_throughout
 from excite.diagnosis.selection.gram import Gram, Noise, discrepancy_columns
-from excite.diagnosis.selection.predictive import keep_predictive_terms, predictive_nats
 from excite.diagnosis.selection.prior import (
     Atom,
     Key,
@@ -35,7 +34,13 @@ from excite.diagnosis.selection.prior import (
     with_odds,
 )
 from excite.diagnosis.selection.sampler import Draws, draw_models, find_mode, gains_beside
-from excite.diagnosis.selection.settling import Basis, gears_of, settle_shapes
+from excite.diagnosis.selection.settling import (
+    Basis,
+    gears_of,
+    keep_predictive_terms,
+    predictive_nats,
+    settle_shapes,
+)
 from excite.diagnosis.selection.shapes import (
     other_forms,
     search_further_forms,
@@ -312,9 +317,6 @@ def build_gap_model(
     terms = _with_bodies(free, selected, rows)
     scale, context = _torque_scale(full), Context(selected.full)
     terms = _terms_with_share(terms, selected, rows, floor, scale, context)
-    gone = {group_of(term) for term in free} - {group_of(term) for term in terms}
-    readmit = partial(_readmit_term, rows=rows, floor=floor, scale=scale, context=context)
-    terms, asked = _ask_rivals(gone, terms, selected, rows, readmit)
     # A body beside what is named alone: what stood beside it may have cancelled a part of it.
     whole = {term.key: term for term in free if term.effect.is_body}
     terms = _with_bodies([whole.get(term.key, term) for term in terms], selected, rows)
@@ -332,14 +334,13 @@ def build_gap_model(
     late = _find_delay(terms, selected, rows, effects)
     if late is not None:
         selected, rows, terms = _settle_again(basis, [*terms, late[0]], selected)
-        asked |= {term.key: late[1] for term in terms if term.effect.timing}
     kept = {group_of(term) for term in terms}
     others: list[Term] = []
     rivals: dict[int, tuple[Rival, ...]] = {}
     nats: dict[int, float] = {}
     for k, term in enumerate(terms):
-        if term.key in asked:
-            nats[k] = asked[term.key]
+        if late is not None and term.effect.timing:
+            nats[k] = late[1]
             continue
         chance = float(np.clip(draws.inclusion[number[group_of(term)]], 1e-12, 1.0 - 1e-12))
         nats[k] = float(np.log(chance / (1.0 - chance)))
@@ -457,10 +458,10 @@ def _terms_with_share(
 ) -> list[Term]:
     """Terms whose sizes are what their names say, that take a share of the gap and leave less of what judges.
 
-    What leaves more of what judges goes first, one at a time, and each that went is asked again beside what stays:
-    friction that drifts with time fits its own trials and denies the dry friction beside it in the others.
+    What leaves more of what judges goes first, one at a time: friction that drifts with time fits its own trials and
+    denies the dry friction beside it in the others.
     """
-    kept, gone, changed = list(terms), list[Term](), set[Key]()
+    kept, changed = list(terms), set[Key]()
     while kept:
         model = fit_model(Design(rows, tuple(kept)), range(len(kept)))
         cannot = [k for k, term in enumerate(kept) if not term.is_possible(context, model.term_parameters(k))]
@@ -468,9 +469,7 @@ def _terms_with_share(
             term = kept.pop(min(cannot, key=model.taken_by))
             forms = _possible_forms(term, kept, selected, rows, context)
             like = None if term.key in changed else next(forms, None)
-            if like is None:
-                gone.append(term)
-            else:
+            if like is not None:
                 kept.append(like)
                 changed.add(like.key)
             continue
@@ -478,71 +477,8 @@ def _terms_with_share(
         small = [k for k, term in enumerate(kept) if worth[k] < 1.0 and not term.started]
         if not small:
             break
-        gone.append(kept.pop(min(small, key=lambda k: worth[k])))
-    for term in reversed(gone):
-        for like in _possible_forms(term, kept, selected, rows, context):
-            more = _readmit_term(like, kept, rows, floor, scale, context)
-            if more is not None:
-                kept = more
-                break
+        del kept[min(small, key=lambda k: worth[k])]
     return kept
-
-
-def _ask_rivals(
-    gone: Collection[Key],
-    terms: Sequence[Term],
-    selected: EffectPosterior,
-    rows: Rows,
-    readmit: Callable[[Term, Sequence[Term]], list[Term] | None],
-) -> tuple[list[Term], dict[Key, float]]:
-    """Terms with rivals of what has gone, which took their part, and the log odds of these.
-
-    Each has to predict left-out blocks by more than its odds a priori ask for.
-    """
-    gram, groups = selected.gram, groups_of(selected.gram.atoms)
-    kept, odds = list(terms), dict[Key, float]()
-    instead = selected.draws.rivals[[key in gone for key in groups]].max(axis=0, initial=0.0)
-    for g in np.argsort(-instead):
-        if instead[g] < _RIVAL or groups[g] in gone or groups[g] in {group_of(term) for term in kept}:
-            continue
-        term = _likeliest_term(selected, int(g))
-        if term.started or term.effect.is_body or term.effect.nameless or term.effect.timing:
-            continue
-        more = readmit(term, kept)
-        if more is None:
-            continue
-        with_it, before = (fit_model(Design(rows, tuple(some)), range(len(some))) for some in (more, kept))
-        prior = next(atom.log_prior for atom in gram.atoms if atom.term is term)
-        gain = predictive_nats(with_it, before, np.zeros_like(before.predicted)) + prior
-        if gain > 0.0:
-            kept, odds[term.key] = more, gain
-    return kept, odds
-
-
-def _readmit_term(
-    term: Term, kept: Sequence[Term], rows: Rows, floor: Array, scale: Array, context: Context
-) -> list[Term] | None:
-    """Terms with one more, in the place of those that have no worth beside it; None where that is no better.
-
-    What shares a joint with a small one may have gone before it, while others were there that took its part.
-    """
-    more = [*kept, term]
-    while True:
-        model = fit_model(Design(rows, tuple(more)), range(len(more)))
-        worth = _relative_worth(model, floor, scale)
-        small = [k for k, one in enumerate(more) if worth[k] < 1.0 and not one.started]
-        fits = (one.is_possible(context, model.term_parameters(k)) for k, one in enumerate(more))
-        if not small:
-            break
-        if small[-1] == len(more) - 1:
-            return None
-        del more[min(small, key=lambda k: worth[k])]
-    if not all(fits):
-        return None
-    if len(more) > len(kept):
-        return more
-    before = fit_model(Design(rows, tuple(kept)), range(len(kept)))
-    return more if predictive_nats(model, before, np.zeros_like(model.predicted)) > 0.0 else None
 
 
 def _possible_forms(
