@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -31,9 +31,6 @@ from excite.robot.catalogue import is_robot, robot_of_log
 
 if TYPE_CHECKING:
     from excite.conversion.result import Conversion
-    from excite.doctor.examine import Chart
-    from excite.logs.log import Log
-    from excite.robot.robot import Robot
 
 
 @register_command("capture")
@@ -213,7 +210,7 @@ def examine_log(
     document = chart.to_json()
     if call.out is not None:
         document |= stated_origin(robot or "", log, call.out)
-        _save_findings(nominal, loaded, chart, document, call.out)
+        call.write_document(document, "doctor.json")
     if chart.usable:
         own = robot_of_log(chart.robot, chart.log.header.robot, log)
         then = command_line("identify", robot or own, repair or log, "--out", "result")
@@ -256,15 +253,6 @@ def _examine_robot(robot: Path, call: Call) -> None:
         call.write_document(document | stated_origin(str(robot), None, call.out), "doctor.json")
     then = command_line("plan", robot) if chart.healthy else ""
     call.emit_result(chart.summary(), document, then=then)
-
-
-def _save_findings(robot: Robot, log: Log, chart: Chart, document: dict[str, Any], out: Path) -> None:
-    """Write what was found, and the torques that a page of it shows."""
-    from excite.doctor.model_comparison import beside_model  # lazy: pinocchio
-    from excite.report.comparisons import save_doctor_torques  # lazy: pydantic
-
-    save_doctor_torques(beside_model(robot, log, chart.log) if chart.usable else None, out)
-    write_json(document, out / "doctor.json")
 
 
 _DOCUMENT = "human.json"

@@ -1,4 +1,4 @@
-"""Torques of a trial beside those of the nominal model, and what a model of the drive explains of them."""
+"""What the nominal model and a model of the drive explain of torques."""
 
 from __future__ import annotations
 
@@ -10,110 +10,7 @@ import numpy as np
 
 from excite.arrays import Array, Flags
 from excite.doctor.thresholds import THRESHOLD
-from excite.errors import LogError
-from excite.logs.log import Log, Trial
-from excite.logs.robot import robot_in_log
-from excite.logs.signals.butterworth import lowpass
-from excite.regressor.kernels import inverse_dynamics
-from excite.robot.robot import Robot
 from excite.rows.drive_terms import smooth_sign
-from excite.rows.joint_rows import JointRows
-from excite.rows.kinematics import forces_on_grid, trial_kinematics
-from excite.rows.settings import ProblemSettings
-
-# A trial's torques as they stand in a log and as they were repaired, beside what the nominal model needs.
-
-
-@dataclass(frozen=True, eq=False)
-class BesideModel:
-    """Torques of one trial, filtered alike.
-
-    Attributes:
-        trial: its name.
-        joints: of the columns.
-        units: of each column.
-        time: ``(n,)`` by the repaired log's clock [s].
-        model: of the nominal model's bodies, with an offset, friction and a rotor fitted to the repaired torques:
-            ``(n, n_joints)`` [N·m or N].
-        logged: as they stand in the log, likewise; samples keep their places where the clock was repaired.
-        repaired: as they were repaired, likewise.
-    """
-
-    trial: str
-    joints: tuple[str, ...]
-    units: tuple[str, ...]
-    time: Array
-    model: Array
-    logged: Array
-    repaired: Array
-
-
-def beside_model(robot: Robot, log: Log, repaired: Log) -> BesideModel | None:
-    """The torques of a trial beside the nominal model's: of the first that judges, or else of the first.
-
-    Args:
-        robot: the nominal model.
-        log: as it stands.
-        repaired: the same as it was repaired.
-
-    Returns:
-        None of robots that move freely or hold their joints together, and where no trial has torques or is long enough.
-    """
-    if repaired.header.free_base or robot.mechanism is not None:
-        return None
-    standing = {trial.name: trial for trial in log.trials}
-    for trial in (*repaired.role("validation"), *repaired.role("identification")):
-        try:
-            seen = _compare_trial(robot, (log, standing[trial.name]), (repaired, trial))
-        except (KeyError, LogError):
-            continue
-        if seen is not None:
-            return seen
-    return None
-
-
-def _compare_trial(
-    robot: Robot, stands: tuple[Log, Trial], repaired: tuple[Log, Trial]
-) -> BesideModel | None:
-    (log, as_logged), (mended, trial) = stands, repaired
-    mechanics, settings = robot_in_log(robot, mended.header, mended.folder), ProblemSettings()
-    filters = settings.filters(floating=False)
-    k = trial_kinematics(mechanics, mended.header, trial, settings, filters)
-    before, after = (JointRows(mechanics, of.header, settings, filters, ()) for of in (log, mended))
-    # A torque that is none is left out by the repair.
-    shown = [name for name in after.channel_names if name in before.channel_names]
-    if not shown or not k.valid.any():
-        return None
-    # Samples that were put on another clock keep their places.
-    time = trial.time if len(trial.time) == len(as_logged.time) else as_logged.time
-    columns = [mechanics.joint_index(name) for name in shown]
-
-    def smooth(values: Array) -> Array:
-        return lowpass(values, k.rate_hz, filters.cutoff_hz, filters.order)[k.valid]
-
-    def smooth_torques(rows: JointRows, one: Trial, clock: Array) -> Array:
-        places = [rows.channel_names.index(name) for name in shown]
-        return smooth(forces_on_grid(clock, rows.torque(one)[:, places], k.time))
-
-    torques = smooth_torques(after, trial, trial.time)
-    model = smooth(inverse_dynamics(mechanics.model, k.q, k.v, k.a)[:, columns])
-    # Behind the gear neither its friction nor the rotor is felt.
-    v, a = k.v[:, columns], k.a[:, columns]
-    own = [np.ones_like(v), *(() if mended.header.torque == "link_side" else drive_columns(v, a))]
-    drives = np.stack([smooth(values) for values in own], axis=2)
-    for j, missing in enumerate((torques - model).T):
-        model[:, j] += drives[:, j] @ np.linalg.lstsq(drives[:, j], missing, rcond=1e-10)[0]
-    units = dict(zip(after.channel_names, after.channel_units, strict=True))
-    return BesideModel(
-        trial.name,
-        tuple(shown),
-        tuple(units[name] for name in shown),
-        k.time[k.valid] - k.time[0],
-        model,
-        smooth_torques(before, as_logged, time),
-        torques,
-    )
-
 
 # Torques of joints beside the nominal model's: what model and drive explain of them.
 

@@ -18,8 +18,8 @@ from excite.robot.robot import Robot
 MotionsLike = Motion | str | Path | Iterable[Motion | str | Path]
 """Motions, or files and folders of them."""
 
-# What reports draw from, in folders of results: suffixes of motions, and none.
-_RESULT_ARRAYS = frozenset({"report_data.npz", "doctor_data.npz"})
+# What reports draw from, in folders of results: the suffix of a motion, and none.
+_RESULT_ARRAYS = "report_data.npz"
 
 
 def motion_paths(paths: Iterable[str | Path]) -> list[Path]:
@@ -48,7 +48,7 @@ def _motions_inside(path: Path) -> list[Path]:
         found = sorted(
             item
             for item in inside.iterdir()
-            if item.name[0] != "." and item.name not in _RESULT_ARRAYS and is_motion(item)
+            if item.name[0] != "." and item.name != _RESULT_ARRAYS and is_motion(item)
         )
     except OSError as error:
         raise unreadable_file(inside, error, MotionError) from error

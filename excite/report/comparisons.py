@@ -22,7 +22,6 @@ from excite.robot.robot import Robot
 
 if TYPE_CHECKING:
     from excite.diagnosis.answer.answer import Diagnosis
-    from excite.doctor.model_comparison import BesideModel
 
 # What a file of arrays holds of a field: a kind, and a letter an axis; those of one letter are equally long.
 Text = Annotated[str, ("text", "")]
@@ -49,9 +48,6 @@ class ForceComparison:
         measured: ``(n, n_channels)``.
         nominal: prediction of the nominal model, ``(n, n_channels)``.
         identified: prediction of the identified model, ``(n, n_channels)``; of a diagnosis, the model with the effects.
-
-    Of a log that was looked through, ``measured`` is what the nominal model needs, ``nominal`` the torques as they
-    stand in the log, and ``identified`` the same as they were repaired.
     """
 
     trial: Text
@@ -131,25 +127,18 @@ class PathComparison:
     identified: Curves
 
 
-# The arrays that a report shows and that no JSON file holds: ``report_data.npz``, of a log ``doctor_data.npz``.
-
-DOCTOR_DATA = "doctor_data.npz"
+# The arrays that a report shows and that no JSON file holds: ``report_data.npz``.
 
 
 @dataclass(frozen=True, eq=False)
 class ReportData:
-    """Everything that is in such files; what there is nothing to say about is None.
-
-    ``gap`` is a diagnosis's; ``torques`` are of a log that was looked through, and in a file of their own, since an
-    identification or a diagnosis of the log may be written to the same folder.
-    """
+    """Everything that is in such files; what there is nothing to say about is None. ``gap`` is a diagnosis's."""
 
     forces: ForceComparison | None = None
     masses: MassComparison | None = None
     conditioning: ConditioningComparison | None = None
     gap: ForceComparison | None = None
     path: PathComparison | None = None
-    torques: ForceComparison | None = None
 
 
 _PARTS: dict[str, type] = {name: get_args(hint)[0] for name, hint in get_type_hints(ReportData).items()}
@@ -188,15 +177,6 @@ def save_diagnosis_curves(result: Diagnosis, out: Path) -> None:
         moved = PathComparison(path.trial, path.joints, path.time, path.recorded, path.before, path.after)
     if gap is not None or moved is not None:
         save_report_data(ReportData(gap=gap, path=moved), out / "report_data.npz")
-
-
-def save_doctor_torques(seen: BesideModel | None, out: Path) -> None:
-    """Write the torques that a page of a log shows, those of the model beside them; None of a log without use."""
-    shown = None
-    if seen is not None:
-        curves = (seen.model, seen.logged, seen.repaired)
-        shown = ForceComparison(seen.trial, seen.joints, seen.units, seen.time, *curves)
-    save_report_data(ReportData(torques=shown), out / DOCTOR_DATA)
 
 
 def load_report_data(path: Path) -> ReportData:

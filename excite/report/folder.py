@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,7 @@ from excite.formats.file import MAX_DESCRIPTION_BYTES, check_file
 from excite.motion.files import load_motion
 from excite.motion.motion import Motion
 from excite.registry import Registry
-from excite.report.comparisons import DOCTOR_DATA, Record, ReportData, load_report_data, read_record
+from excite.report.comparisons import Record, ReportData, load_report_data, read_record
 from excite.results import Stated
 from excite.robot.catalogue import find_robot
 from excite.robot.load import load_robot
@@ -85,7 +85,7 @@ class Findings:
         diagnosis: of ``diagnosis.json``, which only ``diagnose`` writes.
         human: of ``human.json``, which only ``human`` writes.
         doctor: of ``doctor.json``.
-        data: of ``report_data.npz`` and ``doctor_data.npz``; empty where there are none.
+        data: of ``report_data.npz``; empty where there are none.
         robot: the robot, None where it cannot be found.
         record: the log that the result was made from, None where none is named or it is gone.
         motions: the plan's chosen motions, else those that were checked, as far as they could be read, in order.
@@ -141,9 +141,6 @@ def read_folder(folder: Path) -> Findings:
     elif documents["diagnosis"] is not None or not alone:
         what = "measured forces, masses and the conditioning before and after"
         left_out.append(f"{'curves of a trial' if alone else what} ({arrays.name})")
-    if documents["doctor"] is not None and os.path.lexists(folder / DOCTOR_DATA):
-        data = replace(data, torques=load_report_data(folder / DOCTOR_DATA).torques)
-        files.append(DOCTOR_DATA)
     if not files:
         what, remedy = f"holds none of {', '.join(f'{name}.json' for name in _KINDS)}, report_data.npz", _HELP
         if os.path.lexists(folder / "log.yaml"):

@@ -12,10 +12,8 @@ from excite.display import count
 from excite.report.conclusions import draw_conclusion
 from excite.report.folder import Findings, Origin, read_folder
 from excite.report.html import (
-    Columns,
     Shown,
     body_scripts,
-    columns_table,
     condition_value,
     content_policy,
     format_number,
@@ -195,19 +193,6 @@ def _key_figures(findings: Findings) -> Iterator[str]:
         yield key_figure(f"{total:.2f} kg", f"{label}; nominal {masses.nominal.sum():.2f} kg")
 
 
-# How long each stage of the plan took.
-
-
-def show_stages(findings: Findings) -> Shown:
-    """Seconds by stage."""
-    stages = (findings.plan or {}).get("stages")
-    if not stages:
-        return ""
-    columns: Columns = {"stage": "stage", "time [s]": lambda one: round(float(one["seconds"]), 2)}
-    total = ("all", sum(float(entry["seconds"]) for entry in stages))
-    return ["The plan's stages in the order in which they ran.", columns_table(stages, columns, total)]
-
-
 # The sections in the order of the page: anchor, heading (the text of its link, too; empty for a part without), content.
 # A new one is a function in a file of ``sections`` and a line here.
 
@@ -216,7 +201,6 @@ SECTIONS: tuple[tuple[str, str, Callable[[Findings], Shown]], ...] = (
     ("verdict", "", diagnosed.show_verdict),
     ("overview", "", show_overview),
     ("findings", "Findings", diagnosed.show_log_findings),
-    ("beside-model", "Torques beside the model", diagnosed.show_torques_beside_model),
     ("moving", "The trial in motion", motions.show_moving),
     ("effects", "Effects", diagnosed.show_effects),
     ("budget", "Where the gap goes", diagnosed.show_budget_by_channel),
@@ -238,5 +222,4 @@ SECTIONS: tuple[tuple[str, str, Callable[[Findings], Shown]], ...] = (
     ("differences", "Differences", identified.show_differences),
     ("parameters", "Parameters", identified.show_parameters),
     ("sessions", "Sessions", identified.show_sessions),
-    ("stages", "Time taken", show_stages),
 )

@@ -290,7 +290,7 @@ def show_toy(findings):
 """,
         (
             ("report/page.py", "from excite.", "from excite.report.sections.toy import show_toy"),
-            ("report/page.py", '    ("stages", ', '    ("toy", "A toy", show_toy),'),
+            ("report/page.py", '    ("sessions", ', '    ("toy", "A toy", show_toy),'),
         ),
     ),
 }

@@ -1,4 +1,4 @@
-"""Recordings as other programs write them: records in XML, nested tables, numpy in cells."""
+"""Recordings as other programs write them: nested tables, numpy in cells."""
 
 from __future__ import annotations
 
@@ -33,27 +33,6 @@ def data() -> dict[str, np.ndarray]:
 @pytest.fixture(scope="module")
 def arm(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return written.arm_urdf(tmp_path_factory.mktemp("arm") / "arm.urdf")
-
-
-def _xml(row: np.ndarray) -> str:
-    return " ".join(f'A{k + 1}="{value:.7f}"' for k, value in enumerate(row))
-
-
-@pytest.mark.parametrize("around", ["{}", "<log>\n{}\n</log>"])
-def test_records_of_kukas_sensor_interface(around, data, arm, tmp_path):
-    """As in KUKA's own example: set and actual positions of axes in degrees, currents, a counter of milliseconds."""
-    records = [
-        f'<Rob Type="KUKA"><RIst X="1.0" Y="2.0" Z="3.0" A="0.1" B="0.2" C="0.3"/><AIPos {_xml(np.degrees(q))}/>'
-        f'<ASPos {_xml(np.degrees(c))}/><MACur {_xml(tau)}/><Delay D="0"/><IPOC>{4208163634 + 10 * k}</IPOC></Rob>'
-        for k, (q, c, tau) in enumerate(zip(data["q"], data["q_cmd"], data["tau"], strict=True))
-    ]
-    file = tmp_path / "rsi.xml"
-    file.write_text(around.format("\n".join(records)))
-    trial = whole(file, arm, tmp_path).log.trials[0]
-    np.testing.assert_allclose(trial.time - trial.time[0], data["time"], atol=1e-6)
-    np.testing.assert_allclose(trial.q, data["q"], atol=1e-6)
-    np.testing.assert_allclose(trial.q_cmd, data["q_cmd"], atol=1e-6)
-    np.testing.assert_allclose(trial.current, data["tau"], atol=1e-6)
 
 
 def test_records_in_the_columns_of_parquet(data, arm, tmp_path):
@@ -258,7 +237,7 @@ def test_commas_between_thousands_in_quotation_marks(data, arm, tmp_path):
 
 def test_a_model_is_no_recording(arm, tmp_path):
     (tmp_path / "arm.xml").write_text(arm.read_text())
-    with pytest.raises(LogError, match="of no format that is known"):
+    with pytest.raises(LogError, match="is XML, in which robots' models are written"):
         whole(tmp_path / "arm.xml", arm, tmp_path)
 
 

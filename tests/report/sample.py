@@ -92,7 +92,6 @@ def sample_data(robot: Robot) -> ReportData:
             names, before, after, 18200.0, 212.0, "one motion", "6 chosen motions"
         ),
         gap=trial(),
-        torques=trial(),
         path=sample_path(robot),
     )
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-from dataclasses import replace
 from html import unescape
 from pathlib import Path
 
@@ -13,12 +12,9 @@ import pytest
 from typer.testing import CliRunner
 
 from excite.cli.main import app
-from excite.doctor.model_comparison import beside_model
-from excite.logs.files import load_log, save_log
-from excite.logs.robot import nominal_robot
+from excite.logs.files import save_log
 from excite.motion.collection import load_motions
 from excite.motion.files import save_motion
-from excite.report.comparisons import MassComparison, ReportData, load_report_data, save_report_data
 from excite.report.page import report
 from excite.robot.loading import load_robot
 from tests.diagnosis.two_joints import moved, two_joint_log
@@ -85,69 +81,6 @@ def test_a_fault_is_said_first_with_what_is_to_be_done(log: Path, tmp_path: Path
         "spoils what is computed torques of <first> look like currents state the scale tau.first; in a 90 %"
         in row
     )
-
-
-def test_torques_are_shown_beside_the_model_as_logged_and_as_repaired(log: Path, tmp_path: Path) -> None:
-    turned = load_log(log)
-    trials = tuple(replace(trial, tau=trial.tau * np.array([1.0, -1.0])) for trial in turned.trials)
-    folder = save_log(replace(turned, trials=trials), tmp_path / "turned")
-    page = looked_through(folder, tmp_path / "out")
-    assert "as they were repaired" in text_of(page, "beside-model")
-    seen = load_report_data(tmp_path / "out" / "doctor_data.npz").torques
-    assert seen is not None and seen.units == ("N·m", "N·m")
-    away, close = (
-        np.sqrt(((values - seen.measured) ** 2).mean(axis=0)) for values in (seen.nominal, seen.identified)
-    )
-    # The joint whose sign was turned comes back to the model, the other stays where it was.
-    assert away[1] > 10.0 * close[1] and away[0] == pytest.approx(close[0])
-    # That it is drawn does not depend on the sign.
-    sound = load_report_data(out_of(log, tmp_path) / "doctor_data.npz").torques
-    assert sound is not None
-    np.testing.assert_allclose(sound.nominal, sound.identified)
-    np.testing.assert_allclose(seen.identified, sound.identified, atol=1e-9)
-
-
-def test_what_an_identification_shows_stays_beside_it(log: Path, tmp_path: Path) -> None:
-    masses = MassComparison(("a",), np.ones(1), np.full(1, 2.0))
-    save_report_data(ReportData(masses=masses), tmp_path / "report_data.npz")
-    page = looked_through(log, tmp_path)
-    assert 'id="beside-model"' in page
-    assert load_report_data(tmp_path / "report_data.npz").masses is not None
-
-
-def test_of_a_sound_log_little_is_left_beside_the_model(log: Path, tmp_path: Path) -> None:
-    seen = load_report_data(out_of(log, tmp_path) / "doctor_data.npz").torques
-    assert seen is not None
-    left = np.sqrt(((seen.identified - seen.measured) ** 2).mean(axis=0))
-    assert (left < 0.1 * np.std(seen.measured, axis=0)).all()
-
-
-def test_a_torque_that_is_none_is_not_drawn_and_one_at_the_end_of_its_range_comes_first(
-    log: Path, tmp_path: Path
-) -> None:
-    whole = load_log(log)
-    for name, change in {
-        "dead": lambda tau: tau * np.array([0.0, 1.0]),
-        "clipped": lambda tau: np.minimum(tau, [np.inf, np.quantile(tau[:, 1], 0.9)]),
-    }.items():
-        trials = tuple(replace(trial, tau=change(trial.tau)) for trial in whole.trials)
-        page = looked_through(
-            save_log(replace(whole, trials=trials), tmp_path / name), tmp_path / f"{name}_out"
-        )
-        titles = re.findall(r'"title":"(\w+) \[N', page)
-        assert titles == {"dead": ["second"], "clipped": ["second", "first"]}[name], name
-
-
-def test_too_little_of_a_trial_is_not_drawn(log: Path) -> None:
-    whole = load_log(log)
-    short = tuple(
-        replace(t, time=t.time[:40], q=t.q[:40], v=None, tau=t.tau[:40], q_cmd=None, tau_cmd=None)
-        for t in whole.trials
-    )
-    assert beside_model(nominal_robot(whole), whole, replace(whole, trials=short)) is None
-    one = (short[0], whole.trials[1])
-    seen = beside_model(nominal_robot(whole), whole, replace(whole, trials=one))
-    assert seen is not None and seen.trial == whole.trials[1].name
 
 
 def test_a_check_says_of_which_robot(tmp_path: Path) -> None:

@@ -83,9 +83,7 @@ def test_the_page_is_well_formed_and_needs_no_network(page):
 def test_every_section_and_every_figure_is_there(page):
     outline = _outline(page)
     # A campaign is of a robot; pages of a person and of a log are looked at elsewhere.
-    assert {name for name, *_ in SECTIONS} - {"person", "moving", "findings", "beside-model"} <= set(
-        outline.ids
-    )
+    assert {name for name, *_ in SECTIONS} - {"person", "moving", "findings"} <= set(outline.ids)
     assert outline.drawings == 7
     assert "Left out" not in page
 
@@ -119,7 +117,7 @@ def test_a_folder_with_a_plan_alone_says_what_is_missing(folder, tmp_path):
     shutil.copytree(folder / "motions", tmp_path / "motions")
     page = report(tmp_path).read_text(encoding="utf-8")
     outline = _outline(page)
-    assert {"motions", "excitation", "stages"} <= set(outline.ids)
+    assert {"motions", "excitation"} <= set(outline.ids)
     assert not {"safety", "certainty", "forces", "masses", "parameters"} & set(outline.ids)
     for name in ("check.json", "identification.json", "campaign.json", "report_data.npz"):
         assert name in page

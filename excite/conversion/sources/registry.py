@@ -35,7 +35,6 @@ SOURCES: Registry[Source] = Registry(
         "hdf5": f"{_HERE}.arrays:Hdf5Source",
         "parquet": f"{_HERE}.arrays:ParquetSource",
         "npz": f"{_HERE}.arrays:NpzSource",
-        "xml": f"{_HERE}.records:XmlSource",
         "json": f"{_HERE}.records:JsonSource",
         "text": f"{_HERE}.text:TextSource",
     },
@@ -43,7 +42,7 @@ SOURCES: Registry[Source] = Registry(
 
 # Endings that stand for recordings where a folder of files is given.
 RECORDED = frozenset(
-    ".csv .tsv .txt .dat .log .xml .parquet .feather .arrow .npz .npy .h5 .hdf5 .mat .json .jsonl .bag .db3 .mcap .pt "
+    ".csv .tsv .txt .dat .log .parquet .feather .arrow .npz .npy .h5 .hdf5 .mat .json .jsonl .bag .db3 .mcap .pt "
     ".pth".split()
 )  # Files that people put beside recordings.
 _BESIDE = frozenset("readme license licence notice changelog requirements".split())

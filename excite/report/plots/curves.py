@@ -27,8 +27,8 @@ _TITLES = {
 _MOST_POINTS = 3000
 # As many joints as the largest robot known here has; the layout of 250 panels takes a minute.
 MOST_PANELS = 60
-MODELS = ("measured", "nominal model", "identified model")
-"""What the three curves of a comparison are as a rule."""
+# What the three curves of a comparison are, and their colours.
+_MODELS = (("measured", INK), ("nominal model", NOMINAL), ("identified model", IDENTIFIED))
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,25 +70,13 @@ def channel_label(channel: str) -> str:
     return _TITLES.get(channel, channel.removesuffix("_joint").replace("_", " "))
 
 
-def compared_lines(
-    labels: Sequence[str], measured: Array, nominal: Array, identified: Array
-) -> tuple[Line, ...]:
-    """What was measured in ink, the nominal model dashed, the identified one strong."""
-    values, roles = (measured, nominal, identified), (INK, NOMINAL, IDENTIFIED)
-    return tuple(Line(*one, one[2] is NOMINAL) for one in zip(labels, values, roles, strict=False))
-
-
-def channel_panels(
-    data: ForceComparison, labels: tuple[str, str, str] = MODELS, channels: Sequence[str] = ()
-) -> list[Panel]:
+def channel_panels(data: ForceComparison) -> list[Panel]:
     """A panel a channel, at most ``MOST_PANELS``; of a wrench forces on the left and moments on the right.
 
     Args:
         data: what is compared; a panel's note says how the RMSE fell.
-        labels: of what is measured, nominal and identified.
-        channels: those shown, in their order; all, if empty.
     """
-    order = channels or data.channels
+    order: Sequence[str] = data.channels
     if order == tuple(_TITLES):
         order = [name for pair in zip(order[:3], order[3:], strict=True) for name in pair]
     panels = []
@@ -96,10 +84,12 @@ def channel_panels(
         i = data.channels.index(name)
         measured, *models = (values[:, i] for values in (data.measured, data.nominal, data.identified))
         before, after = (float(np.sqrt(np.mean((measured - model) ** 2))) for model in models)
-        note = f"RMSE {before:.3g} → {after:.3g} {shorten_name(data.units[i])}"
-        panels.append(
-            Panel(channel_label(name), data.units[i], compared_lines(labels, measured, *models), note)
+        lines = tuple(
+            Line(label, values, role, dashed=role is NOMINAL)
+            for (label, role), values in zip(_MODELS, (measured, *models), strict=True)
         )
+        note = f"RMSE {before:.3g} → {after:.3g} {shorten_name(data.units[i])}"
+        panels.append(Panel(channel_label(name), data.units[i], lines, note))
     return panels
 
 

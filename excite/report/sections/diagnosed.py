@@ -29,7 +29,7 @@ from excite.report.html import (
     percent_text,
 )
 from excite.report.plots.bars import Bars, draw_bars
-from excite.report.plots.curves import MOST_PANELS, Line, Panel, channel_label, channel_panels, show_panels
+from excite.report.plots.curves import Line, Panel, channel_label, show_panels
 from excite.report.theme import IDENTIFIED, INK, NOMINAL, to_svg
 
 if TYPE_CHECKING:
@@ -588,26 +588,3 @@ def _finding_place(item: Document) -> str:
 def _list_places(names: Sequence[str]) -> str:
     more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
     return ", ".join(names[:_NAMED]) + more
-
-
-# Torques of a log that was looked through, beside what the nominal model needs.
-
-
-def show_torques_beside_model(findings: Findings) -> Shown:
-    """A panel a joint, those that something was found at first."""
-    data = findings.data.torques
-    if data is None or findings.doctor is None:
-        return ""
-    # Findings name joints, or channels (``tau.elbow``).
-    named = {place.rpartition(".")[2] for one in findings.doctor["findings"] for place in one["places"]}
-    order = sorted(data.channels, key=lambda name: name not in named)
-    panels = channel_panels(data, ("what the model needs", "as logged", "as repaired"), order)
-    lead = (
-        f"Trial {data.trial}: the torques as they stand in the log and as they were repaired, beside those of the "
-        "nominal model's bodies in the repaired motion, with an offset, friction and a rotor fitted to each joint. "
-        "What is left between them may be the model's fault as well."
-    )
-    if len(panels) < len(data.channels):
-        lead += f" Drawn are {MOST_PANELS} of {len(data.channels)} joints, those of the findings first."
-    said = "Torques as logged, as repaired and as the model needs them"
-    return [lead, show_panels("beside-model", data.time, panels, said)]
