@@ -8,6 +8,7 @@ from __future__ import annotations
 import importlib
 from collections.abc import Iterator, Mapping
 from importlib.metadata import entry_points
+from importlib.util import find_spec
 from typing import Any, Generic, TypeVar
 
 from excite.errors import ExciteError, InputError, UnknownNameError
@@ -37,6 +38,16 @@ def load_member(place: str) -> Any:
         if module.startswith("excite."):
             raise
         raise ExciteError(f"{place}, which an installed package adds, cannot be loaded: {error}") from error
+
+
+def find_failed_member(trace: str) -> str | None:
+    """``package.module:Class`` of an installed package's member whose files a traceback's text goes through, if any."""
+    for place in (place for axis in _AXES for place in installed(axis).values()):
+        spec = find_spec(place.partition(":")[0].partition(".")[0])
+        files = [] if spec is None else [*(spec.submodule_search_locations or ()), str(spec.origin)]
+        if any(f'File "{file}' in trace for file in files):
+            return place
+    return None
 
 
 def register(axis: str, member: type) -> None:

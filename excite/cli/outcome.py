@@ -25,9 +25,10 @@ from typing import Any
 
 import excite
 from excite.atomic import completed_files, discard_unfinished
-from excite.errors import ExciteError, NothingSafeError
+from excite.errors import ExciteError, InputError, NothingSafeError
 from excite.finding import Finding
 from excite.folders import unwritable_error
+from excite.registry import find_failed_member
 from excite.results import to_json
 from excite.temporary_folder import in_temporary_folder
 
@@ -244,14 +245,20 @@ def of_usage(error: Any) -> Failure:
 def of_unforeseen(error: BaseException, arguments: Sequence[str]) -> Failure:
     """An error of our own: the details go to a file, the line says where.
 
-    Not our own is one of loading a package while installed ones are not those that excite asks for.
+    Not our own is one of what an installed package adds, or of loading a package of a version not asked for.
     """
     name = one_line(f"{type(error).__name__}: {error}")[:200]
     unmet = unmet_requirements()
     if unmet and isinstance(error, ImportError):
-        return _of_packages(name, unmet)
+        what = f"versions do not go together: {', '.join(one.text for one in unmet)} ({name})"
+        remedy = "pip install " + " ".join(shlex.quote(one.asked) for one in unmet)
+        return of_error(InputError(what, source="installed packages", remedy=remedy))
     details = _write_details(error, arguments)
     where = f"details in {details}" if details else "its details could not be written"
+    member = find_failed_member("".join(traceback.format_exception(error)))
+    if member is not None:
+        remedy = f"mend or uninstall the package that adds it; {where}"
+        return of_error(InputError(f"fails ({name})", source=member, remedy=remedy))
     done = left_behind()
     return Failure(
         code=EXIT_UNFORESEEN,
@@ -260,14 +267,6 @@ def of_unforeseen(error: BaseException, arguments: Sequence[str]) -> Failure:
         remedy="report it with that file",
         line=f"an error that nobody foresaw ({name}); {done}; {where}: report it with that file",
     )
-
-
-def _of_packages(name: str, unmet: list[Unmet]) -> Failure:
-    """A package that cannot be loaded, beside what is not installed as excite asks for it."""
-    odd = ", ".join(one.text for one in unmet)
-    remedy = "pip install " + " ".join(shlex.quote(one.asked) for one in unmet)
-    what = f"installed packages: versions do not go together: {odd} ({name})"
-    return Failure(EXIT_BAD_INPUT, what, remedy=remedy, line=f"{what}; {remedy}")
 
 
 def one_line(text: str) -> str:

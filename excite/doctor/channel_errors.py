@@ -38,6 +38,7 @@ from excite.doctor.thresholds import THRESHOLD, is_near_one
 from excite.doctor.torque_samples import TorqueSamples
 from excite.doctor.torque_scale import TORQUE_SCALE
 from excite.doctor.wrench_samples import WrenchSamples
+from excite.logs.columns import WRENCH_AXES
 from excite.logs.units import size_of
 
 
@@ -198,11 +199,12 @@ _FORCES = {unit: size_of(unit) for unit in ("kgf", "kN", "lbf")}
 _LEVERS = {unit: size_of(unit) for unit in ("m", "mm", "cm")}
 
 
-# Signs of forces and moments, and orders and signs of three axes but for the one as it is and that with all turned.
+# Signs of forces and moments and of one column, and orders and signs of three axes but for the one as it is and that
+# with all turned.
 _SIGNS = {
     what: np.diag(np.repeat(signs, 3))
     for what, signs in (("wrench", (-1.0, -1.0)), ("force", (-1.0, 1.0)), ("moment", (1.0, -1.0)))
-}
+} | {what: np.diag(1.0 - 2.0 * row) for what, row in zip(WRENCH_AXES, np.eye(6), strict=True)}
 _AXES = {
     ", ".join(("-" if s < 0.0 else "") + "xyz"[k] for k, s in zip(order, signs, strict=True)): np.kron(
         np.eye(2), np.eye(3)[list(order)] * np.array(signs)[:, None]
@@ -330,7 +332,7 @@ OF_WRENCHES: tuple[Mistake, ...] = (
         partial(
             find_wrench_maps,
             maps=_SIGNS,
-            text="the {} of {} has the opposite sign: what the ground feels, not the robot",
+            text="the {} of {} has the opposite sign, as of what the ground feels",
         ),
     ),
     Mistake("wrench_order", find_wrench_order),

@@ -16,6 +16,7 @@ from excite.doctor.inertial_prior import Judgement, half_log, judge_bodies, like
 from excite.doctor.samples import Samples, TrialValues, gather_samples
 from excite.doctor.thresholds import THRESHOLD
 from excite.errors import LogError
+from excite.logs.columns import WRENCH_AXES
 from excite.logs.log import Log, Trial
 from excite.logs.robot import robot_in_log
 from excite.logs.signals.butterworth import lowpass
@@ -41,7 +42,7 @@ class WrenchSamples(Samples):
     @property
     def channels(self) -> tuple[str, ...]:
         """Components of the wrench on the base."""
-        return ("fx", "fy", "fz", "tx", "ty", "tz")
+        return WRENCH_AXES
 
     @property
     def sensors(self) -> tuple[str, ...]:

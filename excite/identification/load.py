@@ -11,6 +11,8 @@ from scipy.optimize import least_squares
 from scipy.special import stdtrit
 
 from excite.arrays import Array, Flags, Indices, jackknife_std
+from excite.conversion.torques import torque_gains
+from excite.doctor.thresholds import THRESHOLD, is_near_one
 from excite.errors import InputError, LogError
 from excite.identification.problem import IdentificationProblem, build_problem
 from excite.identification.regression import RANK_TOLERANCE, minimum_norm, square_factor
@@ -132,18 +134,6 @@ def _joint_triangle(
     return square_factor(np.column_stack([matrix[:, own], *loads, matrix[:, drives], problem.y[rows]]))
 
 
-# Torque per ampere of every joint from the same robot with and without a load of known mass.
-
-
-#
-# Logged torques whose scale is not trusted are treated alike: their gains have no unit and are near one.
-#
-# Motor currents alone give a robot's parameters up to the drives' gains. A load whose mass is known makes the
-# gains of all joints that carry it known too (Gautier and Briot, 2014); its centre of mass and inertia are
-# found on the way. Noise is in the currents, so these are what is predicted: dividing the equation by the
-# gain keeps the least-squares estimate free of the attenuation that currents in the regressor bring.
-
-
 def _gains_of(runs: LoadRuns, gains: Mapping[str, float] | None) -> Array | None:
     """Gains in the order of the joints; raises LogError where one is missing."""
     if gains is None:
@@ -178,6 +168,11 @@ def solve_loads(
     condensed: LoadRuns, masses: Sequence[float | None], gains: Array | None, start: Array | None = None
 ) -> LoadSolution:
     """Least squares on the currents; gains are searched, all else is linear given them (variable projection).
+
+    Currents alone give a robot's parameters up to the drives' gains. A load of known mass makes the gains of all joints
+    that carry it known, too (Gautier and Briot, 2014). Noise is in the currents, so these are what is predicted:
+    dividing the equation by the gain keeps the estimate free of the attenuation that currents in the regressor bring.
+    Logged torques whose scale is not trusted are treated alike.
 
     Args:
         condensed: rows without and with the loads.
@@ -316,20 +311,17 @@ class WeighedLoad:
             return None
         return np.asarray(self.parameters[1:4] / self.mass)
 
+    def _list_parameters(self) -> list[tuple[Any, ...]]:
+        """Name, unit, value, half the interval's width of each parameter, and whether it is determined."""
+        values = (self.parameters, self.half_width_95, self.determined)
+        return list(zip(PARAMETERS, _UNITS, *(one.tolist() for one in values), strict=True))
+
     def to_json(self) -> dict[str, Any]:
         """A document ``excite.load/1``."""
-        rows = zip(PARAMETERS, _UNITS, self.parameters, self.half_width_95, self.determined, strict=True)
+        keys = ("unit", "value", "half_width_95", "determined")
         return {
             "schema": "excite.load/1",
-            "parameters": {
-                name: {
-                    "value": float(value),
-                    "half_width_95": float(half),
-                    "unit": unit,
-                    "determined": bool(told),
-                }
-                for name, unit, value, half, told in rows
-            },
+            "parameters": {name: dict(zip(keys, row, strict=True)) for name, *row in self._list_parameters()},
             "center_of_mass": None if self.center is None else self.center.tolist(),
             "gains": dict(self.gains),
             "gains_std": dict(self.gains_std),
@@ -340,15 +332,15 @@ class WeighedLoad:
 
     def summary(self) -> str:
         """Mass, first moments and what is not determined, in lines."""
-        rows = zip(PARAMETERS, _UNITS, self.parameters, self.half_width_95, self.determined, strict=True)
         lines = [
             f"{name:>4} {value:8.4f} " + (f"± {half:.4f} {unit} (95 %)" if half > 0.0 else f"{unit} (stated)")
-            for name, unit, value, half, told in rows
+            for name, unit, value, half, told in self._list_parameters()
             if told
         ]
-        lost = [name for name, told in zip(PARAMETERS, self.determined, strict=True) if not told]
+        lost = [name for name, *_, told in self._list_parameters() if not told]
         lines += [f"these motions do not tell {', '.join(lost)}"] if lost else []
-        lines.append(f"gains: {self.gains_source}")
+        least, most = min(self.gains.values()), max(self.gains.values())
+        lines.append(f"gains: {self.gains_source}; {least:.3g} to {most:.3g} per logged unit")
         grows = "friction of the drives grows with the load: the logs ask for it"
         lines += [grows] if _GROWING in self.drive_terms else []
         left = ", ".join(f"{name} {100 * value:.1f} %" for name, value in self.left.items())
@@ -387,7 +379,8 @@ def weigh_load(
         The load, with what of it the motions determine.
 
     Raises:
-        InputError: a mass is not positive, or both ways to the gains are given.
+        InputError: a mass is not positive, or makes the bare robot far heavier or lighter than its model, or both ways
+            to the gains are given.
         LogError: the logs do not both hold currents, or torques, of the same joints.
     """
     if mass is not None and calibration is not None:
@@ -419,9 +412,12 @@ def weigh_load(
     whole = solve_loads(runs.together(), masses, fixed)
     # Standard deviations by leaving out one stretch at a time (the jackknife).
     rest = [solve_loads(runs.together(k), masses, fixed, whole.gains) for k in range(len(runs.factors))]
+    if known is not None:
+        _check_mass(known, dict(zip(runs.joints, whole.gains, strict=True)), robot, without)
     load, gain = whole.loads[-1], np.array([item.gains for item in rest])
     std = jackknife_std(np.array([item.loads[-1] for item in rest]))
     half, seen = stdtrit(len(rest) - 1, 0.975) * std, whole.seen[-1] > _SEEN
+    half[0] *= masses[-1] is None
     by_joint = (whole.gains, jackknife_std(gain), whole.residual / runs.signal)
     found = [dict(zip(runs.joints, values.tolist(), strict=True)) for values in by_joint]
     return WeighedLoad(
@@ -435,6 +431,17 @@ def weigh_load(
         left=found[2],
         drive_terms=settings.drive_terms or (),
     )
+
+
+def _check_mass(mass: float, gains: Mapping[str, float], robot: Robot, without: Log) -> None:
+    """Refuse a load's mass whose gains make the bare robot far heavier or lighter than its model."""
+    stated, logged = _stated_gains(without), torque_gains(robot, without)
+    factors = [one.gain * gains[name] / stated.get(name, 1.0) for name, one in logged.items()]
+    factor = float(np.median(factors)) if factors else 1.0
+    if not is_near_one(factor, THRESHOLD.scales_far):
+        what = f"is {mass:g} kg, which makes the bare robot weigh {factor:.3g} times what its model does"
+        remedy = "weigh it [kg], or give the model of the robot that was recorded"
+        raise InputError(what, source="load", field="mass", remedy=remedy)
 
 
 def friction_that_grows(

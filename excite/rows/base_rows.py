@@ -9,14 +9,13 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.errors import LogError
+from excite.logs.columns import WRENCH_AXES
 from excite.logs.log import LogHeader, Trial
 from excite.regressor.columns import base_wrench
 from excite.regressor.kernels import base_link_regressor, forward_kinematics
 from excite.robot.robot import Robot
 from excite.rows.kinematics import TrialKinematics, TrialRows, filtered_rows, forces_on_grid, trial_kinematics
 from excite.rows.settings import Filters, ProblemSettings
-
-_AXES = ("fx", "fy", "fz", "tx", "ty", "tz")
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +39,7 @@ class BaseRows:
     @property
     def channel_names(self) -> tuple[str, ...]:
         """Components of the wrench."""
-        return _AXES
+        return WRENCH_AXES
 
     @property
     def channel_units(self) -> tuple[str, ...]:

@@ -106,6 +106,30 @@ def test_an_error_that_nobody_foresaw_is_5_and_says_where_its_details_are(tmp_pa
 
 
 @pytest.mark.parametrize(
+    "fault", ["raise ValueError('no such row')", "import numpy; numpy.linalg.inv([[0.0]])"]
+)
+def test_what_an_installed_package_adds_is_named_where_it_fails(fault: str, tmp_path: Path) -> None:
+    _installed(tmp_path, "toys", "1.0")
+    (tmp_path / "toys-1.0.dist-info" / "entry_points.txt").write_text("[excite.readers]\ntoy = toys:Toy\n")
+    (tmp_path / "toys.py").write_text(
+        "from excite.conversion.sources.source import Source\n"
+        "class Toy(Source):\n    name = summary = 'toy'\n"
+        f"    def recognises(self, path):\n        {fault}\n"
+        "    def read(self, path):\n        return ()\n"
+    )
+    (tmp_path / "rows.csv").write_text("time,q\n0,0\n")
+    command = ("convert", "rows.csv", "--robot", "ur10", "--out", "log", "--json")
+    where = os.pathsep.join([str(tmp_path), *sys.path])
+    code = "from excite.cli.main import program\nprogram()"
+    done = python(code, *command, cwd=tmp_path, PYTHONPATH=where, TMPDIR=str(tmp_path))
+    assert done.returncode == 4 and done.stderr.count("\n") == 1
+    error = json.loads(done.stdout)["error"]
+    assert error["file"] == "toys:Toy" and error["remedy"].startswith(
+        "mend or uninstall the package that adds it"
+    )
+
+
+@pytest.mark.parametrize(
     "how", ["time.sleep(60)", "exec('while True: pass')", "import threading; threading.Event().wait()"]
 )
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])

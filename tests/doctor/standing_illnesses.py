@@ -45,6 +45,13 @@ def wrench_sign(log: Log, strength: int) -> Log:
     return _wrenches(log, names if strength else names[:1], lambda w: -w)
 
 
+def column_sign(log: Log, strength: int) -> Log:
+    """The vertical force of one sensor turned, or of all, its moments as they are."""
+    names = _names(log)
+    turned = np.array([1.0, 1.0, -1.0, 1.0, 1.0, 1.0])
+    return _wrenches(log, names if strength else names[:1], lambda w: w * turned)
+
+
 def feet_exchanged(log: Log, strength: int) -> Log:
     """The first two sensors exchanged, with a sign turned besides."""
     first, second = _names(log)[:2]
@@ -116,6 +123,7 @@ def zeroed(log: Log, strength: int) -> Log:
 
 STANDING_ILLNESSES: dict[str, StandingIllness] = {
     "wrench sign": StandingIllness(wrench_sign, "wrench_sign"),
+    "column sign": StandingIllness(column_sign, "wrench_sign"),
     "feet exchanged": StandingIllness(feet_exchanged, "wrench_order"),
     "axes exchanged": StandingIllness(axes_exchanged, "wrench_axes"),
     "force unit": StandingIllness(force_unit, "wrench_unit"),

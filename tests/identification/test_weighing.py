@@ -86,6 +86,12 @@ def test_a_stated_mass_stays_and_is_said_to_be_stated(robot, logs):
     assert "(stated)" in found.summary() and "2.5 kg" in found.gains_source
 
 
+@pytest.mark.parametrize("mass", [400.0, 0.02])
+def test_a_mass_that_makes_the_bare_robot_another_one_is_refused(robot, logs, mass):
+    with pytest.raises(InputError, match="which makes the bare robot weigh"):
+        weigh_load(robot, logs[0], logs[1], mass=mass, settings=SETTINGS)
+
+
 def test_constants_of_the_log_are_believed_and_missing_ones_are_named(robot, logs):
     stated = [
         replace(log, header=log.header.model_copy(update={"torque_constants": constants()})) for log in logs

@@ -220,6 +220,27 @@ def test_copied_inertias_are_no_measurement(tmp_path: Path) -> None:
     ]
 
 
+def test_two_links_of_different_shape_with_one_inertia_are_copies(tmp_path: Path) -> None:
+    file = tmp_path / "arm.urdf"
+    inertial = (
+        '<inertial><mass value="{}"/>'
+        '<inertia ixx="0.011" ixy="1e-4" ixz="0" iyy="0.012" iyz="0" izz="0.003"/></inertial>'
+    )
+    links = "".join(
+        f'<link name="{name}">{inertial.format(mass)}<collision><geometry><box size="0.06 0.06 {length}"/></geometry>'
+        "</collision></link>"
+        for name, mass, length in (("upper", 1.4, 0.3), ("fore", 1.4, 0.1))
+    )
+    joint = (
+        '<joint name="{0}" type="revolute"><axis xyz="0 1 0"/><origin xyz="0 0 0.3"/><parent link="{1}"/>'
+        '<child link="{2}"/><limit lower="-1" upper="1" effort="40" velocity="2"/></joint>'
+    )
+    joints = joint.format("shoulder", "base", "upper") + joint.format("elbow", "upper", "fore")
+    file.write_text(f'<robot name="arm"><link name="base"/>{links}{joints}</robot>')
+    (found,) = (one for one in examine_description(file).findings if one.kind == "placeholder")
+    assert found.places == ("upper", "fore")
+
+
 def test_the_nearest_inertia_is_the_nearest(tmp_path: Path) -> None:
     """Against a general solver on the six numbers, whose constraints are those of principal moments."""
     rng = np.random.default_rng(3)

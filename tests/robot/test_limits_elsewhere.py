@@ -21,6 +21,7 @@ CONTROL = (
     '<ros2_control name="arm" type="system"><joint name="elbow"><command_interface name="position">'
     '<param name="min">-0.5</param><param name="max">3.0</param></command_interface>'
     '<command_interface name="velocity"><param name="min">-0.7</param><param name="max">0.7</param></command_interface>'
+    '<command_interface name="acceleration"><param name="min">-4</param><param name="max">4</param></command_interface>'
     '<command_interface name="effort"><param name="min">-90</param><param name="max">90</param></command_interface>'
     "</joint></ros2_control></robot>"
 )
@@ -70,7 +71,7 @@ def test_soft_limits_that_leave_nothing_are_refused(tmp_path: Path) -> None:
 def test_limits_of_commands_of_ros2_control(tmp_path: Path) -> None:
     robot = arm(tmp_path / "arm.urdf", ARM.replace("</robot>", CONTROL))
     assert elbow(robot) == pytest.approx((-0.5, 2.0))
-    assert robot.limits.velocity[1] == 0.7
+    assert robot.limits.velocity[1] == 0.7 and robot.limits.acceleration[1] == 4.0
     # 20 N·m of <limit> are less than 90.
     assert robot.limits.torque[1] == 20.0
     assert "limits of <ros2_control>: position of elbow; velocity of elbow" in said(robot)
@@ -163,6 +164,23 @@ def test_joint_limits_of_moveit_found_beside_the_package(tmp_path: Path) -> None
     check_limits(arm(package / "urdf" / "arm.urdf", ARM), "arm_moveit_config/config/joint_limits.yaml")
 
 
+@pytest.mark.parametrize(
+    "around", ["robot_description_planning", "/**: {ros__parameters", "node: {ros__parameters"]
+)
+def test_joint_limits_of_ros_parameters_beside_a_model(around: str, tmp_path: Path) -> None:
+    """Names of nodes stand around them; a range may be a soft one, and an acceleration that of braking."""
+    limits = (
+        "{elbow: {has_soft_limits: true, soft_lower_limit: -0.4, soft_upper_limit: 0.3, k_position: 10.0, "
+        "max_deceleration: -1.5, max_acceleration: 2.0}}"
+    )
+    closed = "}" * around.count("{")
+    (tmp_path / "joint_limits.yaml").write_text(f"{around}: {{joint_limits: {limits}}}{closed}\n")
+    robot = arm(tmp_path / "arm.urdf", ARM)
+    assert elbow(robot) == pytest.approx((-0.4, 0.3))
+    assert robot.limits.acceleration[1] == 1.5
+    assert "joint_limits.yaml" in said(robot)
+
+
 def test_joint_limits_that_are_given_hold_for_a_model_and_for_a_robot_yaml(tmp_path: Path) -> None:
     file = tmp_path / "slow.yaml"
     file.write_text(LIMITS)
@@ -178,6 +196,10 @@ def test_joint_limits_that_are_given_hold_for_a_model_and_for_a_robot_yaml(tmp_p
     [
         ("joint_limits: {other: {max_velocity: 1.0}}", "names no joint of the robot; the model has shoulder"),
         ("limits: {}", "has no mapping joint_limits"),
+        (
+            "joint_limits: {elbow: {lower: -0.5, upper: 0.5}}",
+            "elbow.lower: is no limit; write one of min_position",
+        ),
         ("joint_limits: {elbow: {max_velocity: fast}}", "is 'fast', no number"),
         (
             "by_position: [{joint: wrist, quantity: torque, at: [0, 1], limit: [1, 2]}]",

@@ -78,7 +78,17 @@ def test_limits_of_a_joint_that_is_not_there_are_said_to_be_of_no_use(package: C
     (said,) = [
         one for one in excite.load_robot(folder).description.assumed if "joint_limits.yaml" in one.what
     ]
-    assert "velocity of elbow" in said.value and "no such joint, of knee" in said.value
+    assert "velocity of elbow" in said.value and "is called so, of knee" in said.value
+
+
+def test_links_of_an_srdf_that_the_model_does_not_have_are_said(package: Callable[[str], Path]) -> None:
+    folder = package(NOTED.format("urdf"))
+    assert not [
+        one for one in excite.load_robot(folder).description.assumed if "not in the model" in one.what
+    ]
+    (folder / "config" / "arm.srdf").write_text(SRDF.replace("fore", "fore_arm"))
+    (said,) = [one for one in excite.load_robot(folder).description.assumed if "not in the model" in one.what]
+    assert said.value == "fore_arm"
 
 
 def test_a_model_that_is_not_there_is_one_line(package: Callable[[str], Path]) -> None:

@@ -265,7 +265,8 @@ def _report_other_model(
     size = "" if other.length == 1.0 else f", about {other.length:.2g} times as long,"
     text = (
         f"the model's bodies explain {model} of the torques' power beside friction and rotors, other bodies on its "
-        f"joints{size} {others}: masses or lengths are not this robot's (torques per what the model needs: {each})"
+        f"joints{size} {others}: masses, lengths or zeros of positions are not this robot's (torques per what the "
+        f"model needs: {each or 'none tells'})"
     )
     load = best_load(samples, reading)
     text += "" if load is None else f", or it carries a load: {load.sentence()}"

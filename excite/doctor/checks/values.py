@@ -257,7 +257,7 @@ def find_missing_friction(case: Case) -> None:
     limits = np.asarray(case.robot.limits.torque, dtype=float)[[case.robot.joint_index(j) for j in joints]]
     moves = fast > THRESHOLD.still
     clear = moves & (friction > left)
-    usual = float(np.median((friction / limits)[clear])) if clear.any() else 0.0
+    usual = float(np.quantile((friction / limits)[clear], 0.5, method="higher")) if clear.any() else 0.0
     # What the others have would stand out of what nothing explains there.
     lacks = moves & (friction < THRESHOLD.next_to_nothing * usual * limits) & (left < usual * limits)
     usual_sizes = THRESHOLD.next_to_nothing * needed, THRESHOLD.gear_friction * limits

@@ -402,7 +402,7 @@ def find_placeholders(robot: DescribedRobot) -> Iterator[Finding]:
         differ = len(sizes) > 1 and max(sizes) > 1.5 * min(sizes)
         masses = len({link.mass for link in links}) > 1
         # Of three reasons to think of a copy, two.
-        if len(links) < 3 or not (differ or (_ALIKE in what) + masses + (not sizes) > 1):
+        if len(links) < 3 - differ or not (differ or (_ALIKE in what) + masses + (not sizes) > 1):
             continue
         why = f", though their {'shapes' if differ else 'masses'} differ" * (differ or masses)
         said = f"{len(links)} links share {what}{why}: copied, not measured"

@@ -24,6 +24,13 @@ _FILE = "joint_limits.yaml"
 _TURN = 0.99 * 2.0 * math.pi
 # Attributes of <limit> beside lower and upper; MoveIt's file calls the second effort, too.
 LARGEST = ("velocity", "effort", "acceleration", "jerk")
+# Keys of a joint in MoveIt's and ros2_control's files, by what they bound; each has a switch of its quantity.
+_BOUNDS = {
+    **{"min_position": "lower", "max_position": "upper"},
+    **{"soft_lower_limit": "lower", "soft_upper_limit": "upper", "max_deceleration": "acceleration"},
+    **{f"max_{quantity}": quantity for quantity in LARGEST},
+}
+_OTHER_KEYS = ("has_", "k_", "angle_wraparound")
 
 
 Limits = dict[str, dict[str, Any]]
@@ -90,7 +97,7 @@ def keep_stated_limits(root: Element, path: Path) -> dict[str, dict[str, list[st
             texts = {param.get("name", ""): (param.text or "").strip() for param in command.findall("param")}
             ends = Element("param", {end: text for end, text in texts.items() if text})
             where = f"ros2_control joint {name!r}/{kind}"
-            if kind in {"position", "velocity", "effort"}:
+            if kind in {"position", *LARGEST}:
                 both = _range_of(ends, ("min", "max"), path, where)
                 if both is not None:
                     most = both if kind == "position" else symmetric_limit(*both)
@@ -180,13 +187,14 @@ def symmetric_limit(low: float, high: float) -> float:
 def joint_limits_beside(path: Path) -> list[Path]:
     """MoveIt's files of joint limits beside a model: in ``config`` of its package, and of packages of MoveIt beside it.
 
-    Where no ``package.xml`` says where a package begins, it is ``config`` of the model's folder or of the one above.
+    Where no ``package.xml`` says where a package begins, it is ``config`` of the model's folder or of the one above. A
+    file in the model's own folder counts, too.
     """
     above = path.resolve().parents
     package = next((folder for folder in above if (folder / "package.xml").is_file()), None)
     folders = [*above[:2]] if package is None else [package, *sorted(package.parent.glob("*_moveit_config"))]
-    files = [folder / "config" / _FILE for folder in folders]
-    return [file for file in files if file.is_file()]
+    files = [above[0] / _FILE, *(folder / "config" / _FILE for folder in folders)]
+    return [file for file in dict.fromkeys(files) if file.is_file()]
 
 
 @dataclass(frozen=True)
@@ -196,7 +204,7 @@ class LimitsFile:
     Attributes:
         limits: by joint.
         tables: limits that depend on positions.
-        others: joints of the file that the robot does not have.
+        others: joints of the file that the robot does not have, and keys of its joints that are no limit's.
     """
 
     limits: Limits
@@ -207,7 +215,8 @@ class LimitsFile:
 def read_limits_file(file: Path, names: Sequence[str], *, given: bool = True) -> LimitsFile:
     """Limits of a robot's joints: ``joint_limits`` as MoveIt has them, ``by_position`` as a ``robot.yaml`` has.
 
-    Joints may be called without the ``_joint`` of their names, and angles tagged ``!degrees``, as in UR's.
+    Joints may be called without the ``_joint`` of their names, and angles tagged ``!degrees``, as in UR's. Names of
+    nodes and groups of parameters may stand around ``joint_limits``, as in files of ROS parameters.
 
     Args:
         file: the file.
@@ -216,11 +225,11 @@ def read_limits_file(file: Path, names: Sequence[str], *, given: bool = True) ->
 
     Raises:
         RobotError: it is no such file, or a limit is no number, or is the wrong way round; a table is none, or is of a
-            joint that the robot does not have; nothing is of the robot's.
+            joint that the robot does not have; nothing is of the robot's, or a key of its joints is no limit's.
     """
     remedy = f"give MoveIt's {_FILE}"
     content = read_yaml(file, error=RobotError, degrees=True, remedy=remedy)
-    joints = content.get("joint_limits", {} if "by_position" in content else None)
+    joints = _find_block(content, {} if "by_position" in content else None)
     if not isinstance(joints, dict):
         raise robot_error(file, None, "has no mapping joint_limits", remedy)
     stated = {name: joints.get(name, joints.get(name.removesuffix("_joint"))) for name in names}
@@ -248,22 +257,45 @@ def read_limits_file(file: Path, names: Sequence[str], *, given: bool = True) ->
     if given and not limits and not tables:
         has = "the model has " + ", ".join(names)
         raise robot_error(file, "joint_limits", "names no joint of the robot", has)
+    strange = [
+        f"{name}.{key}"
+        for name, block in stated.items()
+        for key in (block if isinstance(block, dict) else ())
+        if key not in _BOUNDS and not str(key).startswith(_OTHER_KEYS)
+    ]
+    if given and strange:
+        raise robot_error(
+            file, f"joint_limits.{strange[0]}", "is no limit", f"write one of {', '.join(_BOUNDS)}"
+        )
     others = [name for name in joints if name not in known] if limits else []
-    return LimitsFile(limits, tuple(tables), tuple(others))
+    return LimitsFile(limits, tuple(tables), (*others, *strange))
+
+
+def _find_block(content: Mapping[str, Any], default: Any = None) -> Any:
+    """What stands under ``joint_limits``, within whatever mappings."""
+    if "joint_limits" in content:
+        return content["joint_limits"]
+    inner = (_find_block(part) for part in content.values() if isinstance(part, dict))
+    return next((block for block in inner if block is not None), default)
 
 
 def _of_block(block: Mapping[str, Any], file: Path, name: str) -> dict[str, Any]:
-    found: dict[str, Any] = {}
-    for key in ("min_position", "max_position", *(f"max_{quantity}" for quantity in LARGEST)):
-        quantity = key.split("_")[1]
+    found: dict[str, float] = {"lower": -math.inf, "upper": math.inf}
+    for key, quantity in _BOUNDS.items():
+        switch = key.split("_")[not key.startswith("soft")]
         # The quantity of which a file says that it has no limits has none.
-        if key in block and block.get(f"has_{quantity}_limits", True) is not False:
+        if key in block and block.get(f"has_{switch}_limits", True) is not False:
             number = block[key]
             if isinstance(number, bool) or not isinstance(number, int | float) or not math.isfinite(number):
                 what = f"is {str(number)[:40]!r}, no number"
                 raise robot_error(file, f"joint_limits.{name}.{key}", what, "give one")
-            found[key if quantity == "position" else quantity] = float(number)
-    lower, upper = found.pop("min_position", -math.inf), found.pop("max_position", math.inf)
+            size = number if quantity == "upper" else abs(number)
+            found[quantity] = (
+                max(found["lower"], number)
+                if quantity == "lower"
+                else min(found.get(quantity, math.inf), size)
+            )
+    lower, upper = found.pop("lower"), found.pop("upper")
     if lower >= upper:
         what = f"min_position {lower:g} is not below max_position {upper:g}"
         raise robot_error(file, f"joint_limits.{name}", what, "exchange or correct them")
@@ -274,7 +306,7 @@ def with_tables(tightened: Mapping[str, list[str]], file: LimitsFile) -> dict[st
     """What a file tightened, the joints of its tables by the quantity that depends on a position, and what is left."""
     found = {what: list(joints) for what, joints in tightened.items()}
     if file.others:
-        found["no use, as the model has no such joint,"] = list(file.others)
+        found["no use, as no joint or limit is called so,"] = list(file.others)
     for table in file.tables:
         joints = found.setdefault(f"{table.quantity} by position", [])
         joints += [table.joint] if table.joint not in joints else []
