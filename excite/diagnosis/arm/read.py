@@ -76,15 +76,18 @@ class BudgetVerdict:
         return self._judge_unnamed_gap()
 
     def _has_share_at_place(self, item: Named) -> bool:
-        """Whether an effect surely takes some of the gap of its own joint, no trifle and no less than what has no name.
+        """Whether an effect surely takes some of the gap of its own joint, and no less there than what has no name.
 
-        Of what acts on several joints: of any of them.
+        Of what acts on several joints: of any of them. It is no trifle there, or its size is known to a tenth.
         """
-        own = self._terms_by_key[item.effect, item.location].own
+        term = self._terms_by_key[item.effect, item.location]
+        sizes = [item.values[p.name] for p in term.effect.linear if not p.beside and p.name in item.values]
+        known = any(std is not None and abs(size) * THRESHOLDS.trifle > std for size, std in sizes)
+        least = 0.0 if known else THRESHOLDS.trifle
         channels = list(self.budget.channels.values())
         return any(
-            s.interval90[0] > 0.0 and s.share >= max([THRESHOLDS.trifle, *(u.share for u in channel.unnamed)])
-            for channel in (channels if own is None else [channels[own]])
+            s.interval90[0] > 0.0 and s.share >= max([least, *(u.share for u in channel.unnamed)])
+            for channel in (channels if term.own is None else [channels[term.own]])
             for s in channel.effects
             if (s.effect, s.location) == (item.effect, item.location)
         )

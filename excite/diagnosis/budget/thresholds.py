@@ -22,10 +22,11 @@ class Thresholds:
         probable: probability from which an effect is accepted, by the contract of the document.
         most: share of a gap, at a place or of all that has structure, that counts as most of it, by the contract.
         trifle: share of the whole gap below which an effect does not stand for it, wherever it stands clear; of its
-            own joint's below which it is not named; and of what is left of a joint that an effect has to be missed by
-            there: a gain of 17 nats that shared what a tilted base takes of a drawn arm is missed by 0.03, the ball
-            screw's offset beside its friction by 3. Names that come and go with what is planted in records of an AR5
-            and an AirBot have up to 0.08 of their joints, the least of 54 planted effects has 0.17.
+            own joint's below which it is not named, unless its size is known to that share; and of what is left of a
+            joint that an effect has to be missed by there: a gain of 17 nats that shared what a tilted base takes of a
+            drawn arm is missed by 0.03, the ball screw's offset beside its friction by 3. Names that come and go with
+            what is planted in records of an AR5 and an AirBot have up to 0.08 of their joints and six deviations, the
+            least of 54 planted effects has 0.17.
         unnamed: share of a channel from which anything is worth a word: the frozen prototype's false names lay below.
         unison: independent directions of a motion, below which it is one path that tells no place: 1.0 for AirBot's
             chirps; with the 1.5 of LWR's runs, five of seven visible effects that were planted there are placed.

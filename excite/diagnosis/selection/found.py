@@ -331,6 +331,10 @@ def build_gap_model(
         real = keep_predictive_terms(model, selected.full, sigma, forms, rng)
         if real != terms:
             selected, rows, terms = _settle_again(basis, real, selected)
+    # With shapes that have settled anew, and without what has gone, another may leave more of what judges.
+    fewer = _terms_with_share(terms, selected, rows, floor, scale, context)
+    if fewer != terms:
+        selected, rows, terms = _settle_again(basis, fewer, selected)
     late = _find_delay(terms, selected, rows, effects)
     if late is not None:
         selected, rows, terms = _settle_again(basis, [*terms, late[0]], selected)
