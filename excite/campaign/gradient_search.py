@@ -25,12 +25,13 @@ from excite.parallel.engine import in_order
 from excite.parallel.worker import Shared
 from excite.rows.settings import ProblemSettings
 from excite.safety.filter import filter_candidates
+from excite.simulation.rehearsal import can_fall, loaded_robot, rehearse_motions
 
 
 class GradientDesign(CandidateSearch):
     """Splines added to safe random motions, those of the same minutes each for what the ones before lack.
 
-    Of an arm all joints are designed, of a robot on force sensors those that no foot needs.
+    Of an arm all joints are designed, of a robot on force sensors base and joints, with the feet as in the source.
 
     Of parameters that are asked for by name it is how far they are from the target that counts, else the
     log-determinant; what motions that were run already tell is known.
@@ -53,7 +54,9 @@ class GradientDesign(CandidateSearch):
                 "criterion and period are those of optimised_fourier", field="series", remedy="leave them out"
             )
         robot = asked.robot
-        rows = design_rows(robot)
+        # What is chosen is rehearsed with a load on the robot's back.
+        members = [loaded_robot(robot).truth.phi] if can_fall(robot) else []
+        rows = design_rows(robot, members)
         mix = {"aimed" if asked.targets else "random_joint": 1.0}
         if robot.floating:
             mix = usual_mix(robot, aimed=bool(asked.targets))
@@ -118,4 +121,8 @@ def _keep(_: object, motion: Motion) -> Motion:
 
 def _design(shared: tuple[DesignRows, Array, Criterion, bool], sources: list[Motion]) -> list[Design]:
     rows, start, criterion, robust = shared
-    return design_motions(rows, sources, start, criterion, robust=robust)
+
+    def stands(motion: Motion) -> bool:
+        return rehearse_motions(rows.robot, [motion]) == (None,)
+
+    return design_motions(rows, sources, start, criterion, robust=robust, stands=stands)

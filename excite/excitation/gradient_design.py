@@ -6,7 +6,7 @@ Fisher information; Ayusawa et al. 2017 take them analytically for several motio
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,16 +14,18 @@ from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 from scipy.optimize import minimize
 
-from excite.arrays import Array
+from excite.arrays import Array, Moved
+from excite.excitation.design_coordinates import JointCoordinates
 from excite.excitation.design_rows import DesignRows
 from excite.excitation.near_bodies import NearBodies, NearPairs
 from excite.excitation.selection import Criterion
 from excite.motion.motion import Motion, interpolate_motion
-from excite.regressor.adjoint import RegressorGradient, regressor_gradient
+from excite.regressor.adjoint import regressor_gradient
 from excite.regressor.kernels import forward_kinematics
 from excite.robot.robot import Robot
 from excite.safety.check import check_motion
-from excite.safety.parameter_set import stated_parameters
+from excite.safety.parameter_set import ParameterSet, stated_parameters
+from excite.safety.verdict import Verdict
 from excite.threads import one_blas_thread
 
 # Name of motions that are designed.
@@ -104,32 +106,33 @@ class DesignProgram:
         self._rows, self._prior, self._criterion = rows, np.ascontiguousarray(prior), criterion
         self.source, self._settings = source, settings
         robot, moved = rows.robot, rows.moved
-        own = robot.limits
-        self._velocity = settings.velocity * own.velocity[moved]
-        self._acceleration = settings.acceleration * own.acceleration[moved]
+        limits = robot.limits
+        self._velocity = settings.velocity * limits.velocity[moved]
+        self._acceleration = settings.acceleration * limits.acceleration[moved]
         self._at_q, self._at_v = robot.n_base_q + moved, robot.n_base_v + moved
         n = max(4, round(source.duration / settings.knot_s))
         self._knots = np.r_[
             np.zeros(_DEGREE), np.linspace(0.0, source.duration, n + 1), np.full(_DEGREE, source.duration)
         ]
         time = np.linspace(0.0, source.duration, max(8, round(source.duration * settings.rate_hz)) + 1)
-        self._bases, self._nominal = (
-            self._basis(time),
-            interpolate_motion(source, robot, source.time[0] + time),
-        )
+        self._bases = self._basis(time)
+        nominal = interpolate_motion(source, robot, source.time[0] + time)
+        self._coordinates: JointCoordinates = rows.coordinates(nominal)
+        self._units = self._settings.knot_s * self._coordinates.units
         # Jerks jump at knots of the source: they are looked at between the samples too.
         fine = np.linspace(0.0, source.duration, 8 * len(time))
-        between = interpolate_motion(source, robot, source.time[0] + fine).a[:, self._at_v]
+        own = self._coordinates.own
+        between = interpolate_motion(source, robot, source.time[0] + fine).a[:, robot.n_base_v + own]
         rates = np.diff(between, axis=0) / fine[1]
         self._share = SEARCH_HZ / settings.rate_hz
         self._jerk, self._jerk_basis = rates, self._basis(fine[:-1] + 0.5 * fine[1])[3]
-        self._most_jerk = own.jerk[moved]
-        self.size = self._bases[0].shape[1] * len(moved)
+        self._most_jerk = limits.jerk[own]
+        self.size = self._bases[0].shape[1] * len(self._units)
         self._tree = rows.tree
-        self._half = 0.5 * (own.position_upper - own.position_lower)[moved]
-        self._middle = own.position_lower[moved] + self._half
+        self._half = 0.5 * (limits.position_upper - limits.position_lower)[moved]
+        self._middle = limits.position_lower[moved] + self._half
         self._bodies = NearBodies(robot, moved + (2 if robot.floating else 1))
-        self._burden = rows.burden(self._nominal)
+        self._burden = rows.burden(nominal)
         self._near: _Witnesses | None = None
 
     def _basis(self, time: Array) -> tuple[Array, ...]:
@@ -141,21 +144,13 @@ class DesignProgram:
         return tuple(np.ascontiguousarray(basis) for basis in values)
 
     def _table(self, x: Array) -> Array:
-        """Coefficients of the splines, ``(k, n_moved)``."""
-        return self._settings.knot_s * x.reshape(-1, len(self._at_q))
+        """Coefficients of the splines, ``(k, n_coordinates)``."""
+        return self._units * x.reshape(-1, len(self._units))
 
-    def states(self, x: Array) -> tuple[Array, ...]:
+    def states(self, x: Array) -> Moved:
         """q ``(n, nq)``, v and a ``(n, nv)`` of coefficients ``(size,)``."""
-        return self._added(self._nominal, self._bases, x)
-
-    def _added(self, motion: Motion, bases: tuple[Array, ...], x: Array) -> tuple[Array, ...]:
-        """The splines added to a motion's q, v and a."""
-        table, found = self._table(x), []
-        ways = ((motion.q, self._at_q), (motion.v, self._at_v), (motion.a, self._at_v))
-        for (values, at), basis in zip(ways, bases, strict=False):
-            found.append(np.array(values, order="C"))
-            found[-1][:, at] += basis @ table
-        return tuple(found)
+        table = self._table(x)
+        return self._coordinates.states([basis @ table for basis in self._bases])
 
     def information(self, x: Array) -> Array:
         """Information of the motion alone."""
@@ -163,14 +158,15 @@ class DesignProgram:
 
     def motion(self, x: Array) -> Motion:
         """The source with the splines added."""
-        source = self.source
-        q, v, a = self._added(source, self._basis(source.time - source.time[0]), x)
+        source, table = self.source, self._table(x)
+        bases = self._basis(source.time - source.time[0])
+        q, v, a = self._rows.coordinates(source).states([basis @ table for basis in bases])
         metadata = replace(source.metadata, generator=GRADIENT, verdict=None)
         return replace(source, q=q, v=v, a=a, metadata=metadata)
 
     def evaluate(self, x: Array, weight: float) -> tuple[float, Array]:
         """What is minimised, and its gradient ``(size,)``; ``weight`` is that of squared violations."""
-        q, v, a = self.states(x)
+        q, v, a = state = self.states(x)
         at_q, at_v = self._at_q, self._at_v
         width = np.ones(v.shape[1])
         width[at_v] = 0.02 * self._velocity
@@ -182,36 +178,43 @@ class DesignProgram:
         information = self._prior + self._share * (flat.T @ flat)
         value = -self._criterion.value(information)
         slope = -2.0 * self._share * (flat @ self._criterion.gradient(information)).reshape(rows.shape)
-        weights, by_v, by_a = self._rows.pulled(slope, sign_slope, full.shape[2])
+        weights, by_v, by_a, _ = self._rows.pulled(slope, sign_slope, full.shape[2])
         penalty, parts = 0.0, []
-        jerk = self._jerk + self._jerk_basis @ self._table(x)
+        table = self._table(x)
+        own = slice(table.shape[1] - self._jerk.shape[1], None)
+        jerk = self._jerk + self._jerk_basis @ table[:, own]
         for values, limit in (
             (q[:, at_q] - self._middle, self._half),
             (v[:, at_v], self._velocity),
             (a[:, at_v], self._acceleration),
-            (self._burden.values(full, v, a, sign), self._burden.most),
+            (self._burden.values(full, state, sign), self._burden.most),
             (jerk, 0.9 * self._most_jerk),
         ):
             over = 10.0 * np.maximum(np.abs(values) / limit - 0.99, 0.0)
             penalty += float((over**2).sum())
             parts.append(20.0 * weight * over * np.sign(values) / limit)
-        by_q, burden = parts[0], self._burden.pulled(parts[3], sign_slope)
+        by_q, burden = parts[0], self._burden.pulled(parts[3], full, state, sign_slope)
         penalty += self._push_apart(q, weight, by_q)
-        gradient: RegressorGradient = regressor_gradient(self._tree, q, v, a, weights + burden.weights)
-        pulls = (
-            gradient.q[:, at_v] + by_q,
-            (gradient.v + by_v + burden.v)[:, at_v] + parts[1],
-            (gradient.a + by_a + burden.a)[:, at_v] + parts[2],
+        # Torques beside the rows come after them.
+        every = np.array(burden.weights)
+        every[:, : weights.shape[1]] += weights
+        gradient = regressor_gradient(self._tree, q, v, a, every, self._rows.loaded_joints)
+        pulls = Moved(gradient.q + burden.q, gradient.v + by_v + burden.v, gradient.a + by_a + burden.a)
+        for pull, part in zip(pulls, (by_q, *parts[1:3]), strict=True):
+            pull[:, at_v] += part
+        found = sum(
+            basis.T @ pull
+            for basis, pull in zip(self._bases, self._coordinates.pulled(state, pulls), strict=False)
         )
-        found = sum(basis.T @ pull for basis, pull in zip(self._bases, pulls, strict=False))
-        found = found + self._jerk_basis.T @ parts[4]
-        return value + weight * penalty, self._settings.knot_s * np.asarray(found).ravel()
+        found = np.array(found)
+        found[:, own] += self._jerk_basis.T @ parts[4]
+        return value + weight * penalty, (self._units * found).ravel()
 
     def watch(self, x: Array) -> None:
         """Find the nearest points of bodies that are near each other, and what else is found once a round."""
-        states = self.states(x)
-        self._burden.watch(*states)
-        poses, pairs = self._bodies.find(states[0], self._bodies.kept + self._settings.near_m)
+        state = self.states(x)
+        self._burden.watch(state)
+        poses, pairs = self._bodies.find(state.q, self._bodies.kept + self._settings.near_m)
         joints, at = self._bodies.carriers(pairs), pairs.sample[:, None]
         world = np.stack([pairs.first, pairs.second], axis=1)
         local = np.einsum("mkji,mkj->mki", poses.rotation[at, joints], world - poses.translation[at, joints])
@@ -227,8 +230,11 @@ class DesignProgram:
         first, second = (turned + poses.translation[at, near.joints]).transpose(1, 0, 2)
         apart = ((second - first) * near.pairs.normal).sum(axis=1)
         lack = np.maximum(self._bodies.kept[near.pairs.pair] + self._settings.extra_m - apart, 0.0) / 0.01
-        slope = self._bodies.slopes(poses, replace(near.pairs, first=first, second=second))
-        np.add.at(by_q, near.pairs.sample, (-2.0 * weight * lack / 0.01)[:, None] * slope)
+        lacking = lack > 0.0
+        every = replace(near.pairs, first=first, second=second)
+        pairs = NearPairs(**{name: values[lacking] for name, values in vars(every).items()})
+        slope = self._bodies.slopes(poses, pairs)
+        np.add.at(by_q, pairs.sample, (-2.0 * weight * lack[lacking] / 0.01)[:, None] * slope)
         return float((lack**2).sum())
 
 
@@ -255,6 +261,7 @@ def design_motion(
     criterion: Criterion,
     *,
     robust: bool = False,
+    stands: Callable[[Motion], bool] = lambda _: True,
     settings: DesignSettings = _USUAL,
 ) -> Design:
     """The motion near a safe one that adds most to the information so far.
@@ -273,7 +280,9 @@ def design_motion(
         settings: of the search.
     """
     program = DesignProgram(rows, source, prior, criterion, settings)
-    least = _least_margins(rows.robot, source) if rows.robot.floating and not robust else {}
+    keeps_margins = rows.robot.floating and not robust
+    parameters = stated_parameters(rows.robot) if keeps_margins else None
+    least = _least_margins(check_motion(rows.robot, source, parameters=parameters)) if keeps_margins else {}
     x = np.zeros(program.size)
     for k in range(settings.rounds + settings.more_rounds):
         program.watch(x)
@@ -285,7 +294,7 @@ def design_motion(
         # Each time twice as much is taken off the step.
         for step in (1.0, *(1.0 - 0.01 * 2**i for i in range(7))) if k + 1 >= settings.rounds else ():
             motion = program.motion(step * x)
-            if _is_safe(rows.robot, motion, robust=robust, least=least):
+            if _is_safe(rows.robot, motion, parameters, robust=robust, least=least) and stands(motion):
                 return Design(motion, program.information(step * x), step)
     return Design(source, program.information(0.0 * x), 0.0)
 
@@ -297,6 +306,7 @@ def design_motions(
     criterion: Criterion,
     *,
     robust: bool = False,
+    stands: Callable[[Motion], bool] = lambda _: True,
     settings: DesignSettings = _USUAL,
 ) -> list[Design]:
     """Designs of motions that are run together, each for what those before it lack.
@@ -307,31 +317,33 @@ def design_motions(
         start: ``(n_base, n_base)`` information to begin with, positive definite.
         criterion: what to make large.
         robust: as of :func:`design_motion`.
+        stands: as of :func:`design_motion`.
         settings: of the search.
     """
     made: list[Design] = []
     information = start
     for source in sources:
-        made.append(design_motion(rows, source, information, criterion, robust=robust, settings=settings))
+        made.append(
+            design_motion(
+                rows, source, information, criterion, robust=robust, stands=stands, settings=settings
+            )
+        )
         information = information + made[-1].information
     return made
 
 
-def _least_margins(robot: Robot, source: Motion) -> dict[str, float]:
+def _least_margins(verdict: Verdict) -> dict[str, float]:
     """What a design of a standing robot has to leave of each margin over the stated set: no less than its source."""
-    found = check_motion(robot, source, parameters=stated_parameters(robot)).robust
-    worst = {} if found is None else found.worst
+    worst = {} if verdict.robust is None else verdict.robust.worst
     return {name: min(one.value, one.limit) for name, one in worst.items() if one is not None}
 
 
-def _is_safe(robot: Robot, motion: Motion, *, robust: bool, least: Mapping[str, float]) -> bool:
-    if not least:
-        return check_motion(robot, motion, robust=robust).safe
-    verdict = check_motion(robot, motion)
-    if not verdict.safe:
-        return False
-    left = _least_margins(robot, motion)
-    return all(name in left and left[name] >= value for name, value in least.items())
+def _is_safe(
+    robot: Robot, motion: Motion, parameters: ParameterSet | None, *, robust: bool, least: Mapping[str, float]
+) -> bool:
+    verdict = check_motion(robot, motion, parameters=parameters, robust=robust)
+    left = _least_margins(verdict)
+    return verdict.safe and all(name in left and left[name] >= value for name, value in least.items())
 
 
 @one_blas_thread
@@ -341,4 +353,4 @@ def first_information(rows: DesignRows, sources: Sequence[Motion]) -> Array:
     for motion in sources:
         sampled = motion.resampled(rows.robot, SEARCH_HZ)
         total += rows.information(sampled.q, sampled.v, sampled.a)
-    return 0.01 * total / len(sources) + 1e-9 * np.diag(np.diag(total))
+    return 0.01 * total / len(sources) + 1e-9 * np.diag(np.diag(total)) + rows.prior

@@ -71,7 +71,7 @@ class _States:
         full = joint_torque_regressor(self.rows.tree, q, v, a)
         weighted = self.rows.weighted(full, v, a, np.sign(v))
         solved = weighted @ inverse
-        weights, by_v, by_a = self.rows.pulled(2.0 * solved, np.zeros_like(v), full.shape[2])
+        weights, by_v, by_a, _ = self.rows.pulled(2.0 * solved, np.zeros_like(v), full.shape[2])
         gradient = regressor_gradient(self.rows.tree, q, v, a, weights)
         slope = np.hstack([gradient.q, gradient.v + by_v, gradient.a + by_a]) * self._unit
         return (solved * weighted).sum(axis=(1, 2)), slope

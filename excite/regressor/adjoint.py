@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.errors import InputError
@@ -20,7 +22,7 @@ class RegressorGradient:
     """Gradients of ``Σ weights · Y`` along a trajectory.
 
     Attributes:
-        q: ``(n, nv)`` in the joints' positions [1/rad or 1/m]; zero for a free base.
+        q: ``(n, nv)`` in the joints' positions [1/rad or 1/m], and in a free base's turn about its own axes.
         v: ``(n, nv)`` in their velocities.
         a: ``(n, nv)`` in their accelerations.
     """
@@ -31,7 +33,12 @@ class RegressorGradient:
 
 
 def regressor_gradient(
-    model: pin.Model | KinematicTree, q: Array, v: Array, a: Array, weights: Array
+    model: pin.Model | KinematicTree,
+    q: Array,
+    v: Array,
+    a: Array,
+    weights: Array,
+    joints: Sequence[int] | NDArray[np.intp] = (),
 ) -> RegressorGradient:
     """Reverse-mode derivative of a regressor.
 
@@ -44,7 +51,9 @@ def regressor_gradient(
         a: ``(n, nv)`` accelerations.
         weights: of the entries of :func:`~excite.regressor.kernels.joint_torque_regressor`
             ``(n, nv, 10·n_segments)``, or of a floating robot those of
-            :func:`~excite.regressor.kernels.base_link_regressor`, ``(n, 6, 10·n_segments)``.
+            :func:`~excite.regressor.kernels.base_link_regressor`, ``(n, 6, 10·n_segments)``, then those of the
+            torques of ``joints``.
+        joints: of a floating robot's model.
 
     Returns:
         The gradients.
@@ -53,15 +62,14 @@ def regressor_gradient(
         InputError: wrong shapes, or a joint whose configuration is a cosine and a sine.
     """
     tree = read_tree(model)
-    n_rows = 6 if tree.floating else tree.nv
+    row_joint = np.array([1] * 6 + list(joints), dtype=np.int64) if tree.floating else _joint_of_row(tree)
     shapes = ((q, (len(q), tree.nq)), (v, (len(q), tree.nv)), (a, (len(q), tree.nv)))
     if any(np.shape(x) != shape for x, shape in shapes):
         raise InputError("q, v or a of a wrong shape", remedy=f"expected (n, {tree.nq}) and (n, {tree.nv})")
-    if weights.shape != (len(q), n_rows, 10 * tree.n_segments):
+    if weights.shape != (len(q), len(row_joint), 10 * tree.n_segments):
         raise InputError(f"weights of shape {weights.shape}", remedy="one for each entry of the regressor")
     if (tree.kinds == REVOLUTE_UNBOUNDED).any():
         raise InputError("a joint without limits", field="joints", remedy="give its joint limits in the URDF")
-    row_joint = np.ones(6, dtype=np.int64) if tree.floating else _joint_of_row(tree)
     return _regressor_gradient(tree, q, v, a, row_joint, weights)
 
 
@@ -242,6 +250,21 @@ def joint_gradient(
 
 
 @LazyKernel
+def base_gradient(vel, acc, a, pulls, moved, out_q, out_v, out_a):
+    """Gradients in a free base's turn, velocity and acceleration from what the whole robot pulls, in its frame."""
+    pull_a, pull_v = pulls[0], pulls[1]
+    for i in range(6):
+        moved[i] = pulls[2, i] + pull_v[i]
+    add_cross_force(-1.0, vel, pull_a, moved)
+    for i in range(3):
+        k, m = (i + 1) % 3, (i + 2) % 3
+        out_v[i], out_v[3 + i] = moved[3 + i], moved[i]
+        out_a[i], out_a[3 + i] = pull_a[3 + i], pull_a[i]
+        # Gravity in the base's frame is what the acceleration lacks.
+        out_q[3 + i] = (a[k] - acc[3 + k]) * pull_a[3 + m] - (a[m] - acc[3 + m]) * pull_a[3 + k]
+
+
+@LazyKernel
 def subtree_pulls(
     parents, state, row_axes, row_joint, vel, acc, weights, above, own, work, local, pulls, forces
 ):
@@ -274,7 +297,7 @@ def gather_to_parent(body, parent, pulls, forces):
 
 @LazyKernel
 def adjoint_gradients(kinds, parents, idx_v, v, a, state, row_joint, weights, above, out_q, out_v, out_a):
-    """Gradients ``(n, nv)`` of ``Σ weights · Y``, zero for a free base.
+    """Gradients ``(n, nv)`` of ``Σ weights · Y``.
 
     ``weights`` is ``(n, n_rows, 10·n_segments)``; ``row_joint (n_rows,)`` the joint of each row, of a free base six
     times 1 (force rows first); ``above (n_joints + 1, n_joints + 1)`` whether one joint carries another or is it.
@@ -310,7 +333,9 @@ def adjoint_gradients(kinds, parents, idx_v, v, a, state, row_joint, weights, ab
         )
         for b in range(n - 1, 0, -1):
             up = parents[b]
-            if kinds[b] != FREE_FLYER:
+            if kinds[b] == FREE_FLYER:
+                base_gradient(vel[b], acc[b], a[t], pulls[:, b], work[0], out_q[t], out_v[t], out_a[t])
+            else:
                 joint_gradient(
                     axes[b], rates[b], vel[up], acc[up], pulls[:, b], forces[b], row_axes, row_joint,
                     above[:, up], work, idx_v[b], out_q[t], out_v[t], out_a[t],

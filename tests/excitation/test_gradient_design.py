@@ -23,6 +23,7 @@ from excite.excitation.targets import ReachedTargets, asked_parameters
 from excite.motion.collection import load_motions
 from excite.motion.generators.mixture import plan_proposals
 from excite.motion.motion import Motion
+from excite.regressor.kernels import forward_kinematics
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.safety.check import check_motion
@@ -53,10 +54,13 @@ def test_gradient_of_a_standing_robot_against_differences(g1: Robot, standing: M
     program = DesignProgram(rows, standing, known, LogDeterminant())
     x, way = 0.5 * np.random.default_rng(0).normal(size=(2, program.size))
     program.watch(x)
-    for weight in (0.0, 5.0):
+    # Rates through samples carry a thousand times the rounding of positions. With a tenth of the limits every edge,
+    # face and leg counts.
+    for weight, share in ((0.0, 1.0), (5.0, 1.0), (5.0, 0.1)):
+        program._burden.most *= share
         slope = program.evaluate(x, weight)[1] @ way
-        ends = [program.evaluate(x + step * way, weight)[0] for step in (1e-6, -1e-6)]
-        assert slope == pytest.approx((ends[0] - ends[1]) / 2e-6, rel=1e-5)
+        ends = [program.evaluate(x + step * way, weight)[0] for step in (4e-4, -4e-4)]
+        assert slope == pytest.approx((ends[0] - ends[1]) / 8e-4, rel=1e-5)
 
 
 def test_a_standing_robots_design_leaves_the_stated_set_no_less_room_and_says_more(
@@ -73,8 +77,12 @@ def test_a_standing_robots_design_leaves_the_stated_set_no_less_room_and_says_mo
         for motion in (standing, design.motion)
     )
     assert least.value >= min(own_least.value, own_least.limit)
-    legs = np.setdiff1d(np.arange(g1.model.nv), 6 + rows.moved)
-    assert np.array_equal(design.motion.v[:, legs], standing.v[:, legs])
+    placed = [forward_kinematics(g1.model, motion.q) for motion in (standing, design.motion)]
+    for foot in g1.feet:
+        for part in ("translation", "rotation"):
+            before, after = (getattr(one, part)[:, foot.joint] for one in placed)
+            assert np.allclose(before, after, atol=1e-9)
+    assert np.abs(design.motion.q[:, :3] - standing.q[:, :3]).max() > 0.005
     gain = np.linalg.slogdet(known + design.information)[1] - np.linalg.slogdet(own)[1]
     assert gain > 0.05 * len(known)
 

@@ -101,7 +101,7 @@ class _TorqueRoom:
         self.is_known = True
         if robot.feet and robot.floating:
             self.is_known = not (sweep.contact_forces[0].residual > RESIDUAL_TOLERANCE).any()
-            self._shares = _shares(sweep)
+            self._shares = shares_of_feet(sweep, self.samples, sweep.wrench[self.samples])
 
     def take_rows(self, rows: WrenchRows, part: slice) -> None:
         """Take some of ``samples``, whose rows these are, into account."""
@@ -229,12 +229,11 @@ def _phases(sweep: Sweep) -> Iterator[NDArray[np.intp]]:
     yield from np.split(samples, np.flatnonzero(np.diff(changed)) + 1)
 
 
-def _shares(sweep: Sweep) -> Array:
-    """Each foot's wrench per total wrench at ``torque_samples``, ``(m, n_feet, 6, 6)``; zero for feet in the air."""
-    samples = sweep.torque_samples
+def shares_of_feet(sweep: Sweep, samples: NDArray[np.intp], wrench: Array) -> Array:
+    """Each foot's wrench per total wrench ``(m, 6)`` at samples, ``(m, n_feet, 6, 6)``; zero for feet in the air."""
     found = np.zeros((len(samples), len(sweep.robot.feet), 6, 6))
     for feet, rows, counts, corners, friction in sweep.on_feet(samples):
-        shared = shares_of_wrench(sweep.wrench[samples[rows]], corners, friction, counts)
+        shared = shares_of_wrench(wrench[rows], corners, friction, counts)
         for k, i in enumerate(feet):
             found[rows, i] = shared[:, k]
     return found
