@@ -40,7 +40,8 @@ def test_the_model_of_another_robot_is_named_and_sizes_are_not_believed_by_it(re
 
 @pytest.mark.parametrize("share", [1.0, 1.2])
 @pytest.mark.parametrize(
-    ("name", "joints"), [("ur10", (1, 4)), ("panda", (2,)), ("ur10", (0, 3)), ("panda", (0, 5))]
+    ("name", "joints"),
+    [("ur10", (1, 4)), ("panda", (2,)), ("ur10", (0, 3)), ("panda", (0, 5)), ("ur10", (0, 2, 4))],
 )
 def test_joints_whose_friction_a_driver_took_off_are_named(name, joints, share):
     robot = robot_of(name)

@@ -267,7 +267,7 @@ def find_missing_friction(case: Case) -> None:
     has_friction = {*DRIVE_TERMS["coulomb"].effects} & {*case.log.header.modelled}
     if has_friction and 2 * nowhere.sum() > moves.sum():
         lacks, more = nowhere, {"severity": "note"}
-    elif not clear.sum() > lacks.sum() > 0:
+    elif not clear.sum() >= lacks.sum() > 0:
         return
     each = {f"friction.{joint}": float(size) for joint, size in zip(joints, friction, strict=True)}
     said = list_names([f"{joint} {size:.2g} N·m" for joint, size in zip(joints, friction, strict=True)], 8)
