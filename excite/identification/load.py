@@ -410,10 +410,10 @@ def weigh_load(
     runs = load_runs(robot, without, logs, settings)
     fixed = _gains_of(runs, gains)
     whole = solve_loads(runs.together(), masses, fixed)
-    # Standard deviations by leaving out one stretch at a time (the jackknife).
-    rest = [solve_loads(runs.together(k), masses, fixed, whole.gains) for k in range(len(runs.factors))]
     if known is not None:
         _check_mass(known, dict(zip(runs.joints, whole.gains, strict=True)), robot, without)
+    # Standard deviations by leaving out one stretch at a time (the jackknife).
+    rest = [solve_loads(runs.together(k), masses, fixed, whole.gains) for k in range(len(runs.factors))]
     load, gain = whole.loads[-1], np.array([item.gains for item in rest])
     std = jackknife_std(np.array([item.loads[-1] for item in rest]))
     half, seen = stdtrit(len(rest) - 1, 0.975) * std, whole.seen[-1] > _SEEN

@@ -114,9 +114,9 @@ class BudgetVerdict:
 
     def _term_to_drop(self, model: Model) -> int | None:
         """Index of the term that is dropped next; None where all stay."""
-        terms, nothing = model.terms, _log_power_without(model, model.chosen)
-        without = [_log_power_without(model, [k]) for k in model.chosen]
-        if nothing.sum() <= 0.0:
+        terms, left = model.terms, power_of(model).mean
+        without = [_log_power_without(model, [k], left) for k in model.chosen]
+        if _log_power_without(model, model.chosen, left).sum() <= 0.0:
             return int(np.argmin([gain.sum() for gain in without]))
         # What acts on several joints leaves less as a mean over them of how many times less.
         gone = [
@@ -298,14 +298,17 @@ class BudgetVerdict:
         return None if made is None or not made.is_physical else self.scorer.score_fit(baseline.fit, made)
 
 
-def _log_power_without(model: Model, gone: Sequence[int]) -> Array:
-    """Logarithm of how many times more some of a model's terms leave of the trials that judge where they are not there.
+def _log_power_without(model: Model, gone: Sequence[int], left: Array) -> Array:
+    """Logarithm of how many times more a model leaves of the trials that judge without some terms, ``(n_joints,)``.
 
-    Of each joint, ``(n_joints,)``.
+    Args:
+        model: the model.
+        gone: the terms.
+        left: ``(n_joints,)`` power that it leaves with them.
     """
     others = [k for k in model.chosen if k not in gone]
     without = judged_power(model.design, others, model.weight).mean
-    return np.asarray(np.log(without / np.maximum(power_of(model).mean, 1e-300)))
+    return np.asarray(np.log(without / np.maximum(left, 1e-300)))
 
 
 def known_hypothesis(term: Term, baseline: Baseline, beta: Array, std: Array) -> Hypothesis:
