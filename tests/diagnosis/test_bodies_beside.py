@@ -18,6 +18,7 @@ from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.noise_floor import spectral_floor
 from excite.diagnosis.equations.resampling import arm_samples
+from excite.diagnosis.selection.found import choose_bodies
 from excite.logs.files import load_log, save_log
 from excite.logs.robot import nominal_robot
 from tests.diagnosis.two_joints import URDF, moved, two_joint_log
@@ -83,3 +84,14 @@ def test_a_body_without_the_constant_that_it_stood_beside_is_another(baseline: B
         again.direction / again.direction[0], bent.direction / bent.direction[0], atol=1e-3
     )
     assert other is held
+
+
+def test_one_body_is_chosen_where_free_numbers_of_several_links_share_it(baseline: Baseline) -> None:
+    """Of both links, ten numbers each, the one that carries something enters first, as heavy as it is."""
+    maker = TermMaker(Context(baseline), baseline.strict)
+    rows = rows_of(baseline, MODELLED, spectral_floor(baseline.samples))
+    free = [maker.make_term(EFFECTS["payload"], link, ()) for link in ("upper", "lower")]
+    chosen = choose_bodies([term for term in free if term is not None], baseline, rows)
+    assert chosen[0].location == "lower"
+    model = fit_model(Design(rows, tuple(chosen)), range(len(chosen)))
+    assert chosen[0].to_beta(model.term_parameters(0))[0] == pytest.approx(BALL.mass, rel=0.1)

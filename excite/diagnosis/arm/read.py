@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.special import stdtrit
+from scipy.special import ndtri, stdtrit
 
 from excite.arrays import Array
 from excite.diagnosis.answer.answer import Verdict
@@ -40,6 +40,9 @@ _LISTED = 8
 # records of drawn arms all that is named has five deviations or more; names that come and go with what is planted in an
 # AR5's record have up to 2.7, where 3.0 are asked.
 _NOTHING = 0.02
+# Upper end of an interval of 90 %. How far what no effect explains is alike with the torque of one that is named: of
+# 107 effects planted in records of eight machines 78 % of the intervals hold without both, 90 % with them.
+_HIGH, _ALIKE = 0.95, 0.1
 # Fits after which a shape that follows from a size, a secant, is off by the cube of what it was.
 _PASSES = 3
 
@@ -185,11 +188,28 @@ class BudgetVerdict:
         for k, item in enumerate(kept):
             current = extend_baseline(accepted[-1].hypothesis) if accepted else self._initial_baseline
             term = model.design.terms[k]
-            beta, std = term.to_beta(model.term_parameters(k)), self._block_spread(model, k)
+            beta = term.to_beta(model.term_parameters(k))
+            std = self._size_deviation(item, beta, self._block_spread(model, k), len(model.left_out))
             accepted.append(
                 self.scorer.score_fit(current.fit, known_hypothesis(term, current, beta, std), item.nats)
             )
         return accepted
+
+    def _size_deviation(self, item: Named, beta: Array, spread: Array, blocks: int) -> Array:
+        """Deviations of an effect's sizes: those between blocks, and what is unexplained beside it.
+
+        Blocks are few: 1.645 deviations are to hold what Student's quantile does. What no effect explains of a joint is
+        no noise, and is partly alike with any torque: the size is off by as much, wherever it stands clearest.
+        """
+        shares = [
+            (share.share, 1.0 - sum(other.share for other in channel.effects))
+            for channel in self.budget.channels.values()
+            for share in channel.effects
+            if (share.effect, share.location) == (item.effect, item.location)
+        ]
+        open_ = min((np.sqrt(max(rest, 0.0) / own) for own, rest in shares if own > 0.0), default=1.0)
+        student = float(stdtrit(max(blocks - 1, 1), _HIGH) / ndtri(_HIGH))
+        return np.hypot(student * spread, _ALIKE * open_ * np.abs(beta))
 
     def _block_spread(self, model: Model, k: int) -> Array:
         """Deviations between blocks left out of a term's linear parameters; of a body as where all of them are free."""

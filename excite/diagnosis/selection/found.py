@@ -50,7 +50,7 @@ from excite.diagnosis.selection.shapes import (
 from excite.progress import step
 
 # By turn: factor of the noise's variance, and white part of its spectrum.
-_TURNS = ((16.0, 10.0), (4.0, 3.0), (1.0, 1.0), (1.0, 1.0))
+_TURNS = ((16.0, 10.0), (4.0, 3.0), (1.0, 1.0))
 # Sweeps of a turn, those that do not count, and how many times more the last one has.
 _SWEEPS, _BURNT, _LONGER = 60, 30, 4
 # How often an ascent begins again without what its sizes deny, and what that loses.
@@ -85,6 +85,11 @@ class EffectPosterior:
     def best_atoms(self) -> tuple[int, ...]:
         """Atoms of the likeliest model."""
         return tuple(int(a) for a in self.draws.best if a >= 0)
+
+    @property
+    def best_terms(self) -> list[Term]:
+        """Terms of the likeliest model."""
+        return [self.gram.atoms[a].term for a in self.best_atoms]
 
 
 @dataclass(eq=False)
@@ -129,28 +134,57 @@ class _Search:
         )
 
     def run_search(self, rng: np.random.Generator) -> EffectPosterior:
-        """Run all turns of the search."""
+        """Run all turns of the search, then once more at the power of the likelihood whose model predicts best.
+
+        Of a model that cannot be all of the truth a likelihood of full power may prefer many effects where one predicts
+        more; the power is learned by what its models say of blocks left out (Grünwald, van Ommen 2017).
+        """
+        ends: list[tuple[_Search, Atoms, list[Term]]] = []
+        best: Model | None = None
         found: Atoms = {}
         keys: list[Term] = []
         for turn, (anneal, white) in enumerate(_TURNS):
             self.noise = replace(self.noise, anneal=anneal, white=white)
-            atoms = self._collect_atoms(found, searched=turn >= 2)
-            gram = Gram.of_rows(self.rows, self.discrepancy, atoms, self.noise)
-            draws = _sample_models(gram, keys, _SWEEPS, rng)
-            posterior = gram.compute_posterior([int(a) for a in draws.best if a >= 0])
-            self.noise = replace(
-                self.noise,
-                residual=posterior.residual,
-                discrepancy=posterior.estimate_discrepancy(self.noise, self.slab.gap),
-                power=posterior.estimate_power_factors(self.noise),
+            posterior = self._draw_posterior(self._collect_atoms(found, searched=turn >= 2), keys, rng)
+            found, keys = self._new_terms(posterior, turn)
+            model = self._fit_named(
+                _terms_with_share(choose_bodies(keys, self.full, self.rows), posterior, self.rows)
             )
-            terms = [atoms[a].term for a in posterior.chosen]
-            if turn == len(_TURNS) - 1:
-                gram = Gram.of_rows(self.rows, self.discrepancy, atoms, self.noise)
-                draws = _sample_models(gram, terms, _LONGER * _SWEEPS, rng)
-                return EffectPosterior(self.full, gram, draws, self.noise, self.slab.gap)
-            found, keys = self._new_terms(atoms, terms, turn)
-        raise AssertionError("there is a last turn")
+            # The full power is the rule: models of the same names ask for no other.
+            if (
+                best is None
+                or _forms_of(model.terms) == _forms_of(best.terms)
+                or _predicts_better(model, best)
+            ):
+                best = model
+                ends.append((replace(self), found, keys))
+        search, found, keys = ends[-1]
+        atoms = search._collect_atoms(found, searched=True)
+        terms = search._draw_posterior(atoms, keys, rng).best_terms
+        gram = Gram.of_rows(search.rows, search.discrepancy, atoms, search.noise)
+        draws = _sample_models(gram, terms, _LONGER * _SWEEPS, rng)
+        return EffectPosterior(search.full, gram, draws, search.noise, search.slab.gap)
+
+    def _fit_named(self, named: Sequence[Term]) -> Model:
+        """Terms fitted beside all that a model may begin with: what of that is there says nothing of effects."""
+        groups = {group_of(term) for term in named}
+        begun = [term for term in self.initial_terms if group_of(term) not in groups]
+        return fit_model(Design(self.rows, (*named, *begun)), range(len(named) + len(begun)))
+
+    def _draw_posterior(
+        self, atoms: list[Atom], keys: Sequence[Term], rng: np.random.Generator
+    ) -> EffectPosterior:
+        """Draw models from the mode that some terms lead to; the noise becomes what the likeliest leaves."""
+        gram = Gram.of_rows(self.rows, self.discrepancy, atoms, self.noise)
+        draws = _sample_models(gram, keys, _SWEEPS, rng)
+        posterior = gram.compute_posterior([int(a) for a in draws.best if a >= 0])
+        self.noise = replace(
+            self.noise,
+            residual=posterior.residual,
+            discrepancy=posterior.estimate_discrepancy(self.noise, self.slab.gap),
+            power=posterior.estimate_power_factors(self.noise),
+        )
+        return EffectPosterior(self.full, gram, draws, self.noise, self.slab.gap)
 
     def _collect_atoms(self, found: Atoms, *, searched: bool) -> list[Atom]:
         """Atoms of all groups: the grid, and what was found; a gear that was searched stands without its grid."""
@@ -162,8 +196,9 @@ class _Search:
             grid[key] = [*more, *old]
         return with_odds(atom for atoms in grid.values() for atom in atoms)
 
-    def _new_terms(self, atoms: Sequence[Atom], terms: Sequence[Term], turn: int) -> tuple[Atoms, list[Term]]:
+    def _new_terms(self, posterior: EffectPosterior, turn: int) -> tuple[Atoms, list[Term]]:
         """The likeliest model's terms with their shapes searched, made anew at what it predicts; and where to begin."""
+        atoms, terms = posterior.gram.atoms, posterior.best_terms
         basis = Basis(self.full, self.rows, self.modelled, self.discrepancy, self.noise, self.slab.gap)
         settled = settle_shapes(basis, terms, once=turn == 0)
         terms, makers, now = settled.terms, settled.makers, settled.now
@@ -313,27 +348,25 @@ def build_gap_model(
     groups = groups_of(gram.atoms)
     number = {key: g for g, key in enumerate(groups)}
     sure = [a for a in selected.best_atoms if draws.inclusion[number[group_of(gram.atoms[a].term)]] >= _THERE]
-    free = [gram.atoms[a].term for a in sure]
-    terms = _with_bodies(free, selected, rows)
-    scale, context = _torque_scale(full), Context(selected.full)
-    terms = _terms_with_share(terms, selected, rows, floor, scale, context)
-    # A body beside what is named alone: what stood beside it may have cancelled a part of it.
-    whole = {term.key: term for term in free if term.effect.is_body}
-    terms = _with_bodies([whole.get(term.key, term) for term in terms], selected, rows)
     basis = Basis(
         full, rows_of(full, modelled, floor), modelled, gram.discrepancy, selected.noise, selected.gap
     )
-    if {term.key for term in terms} != {term.key for term in free}:
+    free = [gram.atoms[a].term for a in sure]
+    terms = _terms_with_share(choose_bodies(free, selected.full, rows), selected, rows)
+    # A body beside what is named alone: what stood beside it may have cancelled a part of it.
+    terms = choose_bodies(terms, selected.full, rows)
+    if _forms_of(terms) != _forms_of(free):
         selected, rows, terms = _settle_again(basis, terms, selected)
     if sigma is not None:
         model = fit_model(Design(rows, tuple(terms)), range(len(terms)))
         forms = partial(_forms_beside, selected, rows)
         real = keep_predictive_terms(model, selected.full, sigma, forms, rng)
-        if real != terms:
-            selected, rows, terms = _settle_again(basis, real, selected)
+        same, terms = _forms_of(real) == _forms_of(terms), real
+        if not same:
+            selected, rows, terms = _settle_again(basis, terms, selected)
     # With shapes that have settled anew, and without what has gone, another may leave more of what judges.
-    fewer = _terms_with_share(terms, selected, rows, floor, scale, context)
-    if fewer != terms:
+    fewer = _terms_with_share(terms, selected, rows)
+    if _forms_of(fewer) != _forms_of(terms):
         selected, rows, terms = _settle_again(basis, fewer, selected)
     late = _find_delay(terms, selected, rows, effects)
     if late is not None:
@@ -358,6 +391,16 @@ def build_gap_model(
     model = fit_model(Design(rows, (*terms, *others, *small)), range(len(terms)))
     now = predict_model(selected.full, model)
     return GapModel(model, nats, rivals, len(groups), selected.full, now, _rank_single_terms(selected))
+
+
+def _predicts_better(model: Model, other: Model) -> bool:
+    """Whether a model says more of blocks left out than another."""
+    return predictive_nats(model, other, np.zeros_like(model.predicted)) > 0.0
+
+
+def _forms_of(terms: Sequence[Term]) -> set[tuple[Key, type[Effect], tuple[int, ...]]]:
+    """Names, places and forms of terms."""
+    return {(term.key, type(term.effect), tuple(term.kept)) for term in terms}
 
 
 def _likely_rivals(
@@ -390,7 +433,8 @@ def _settle_again(
     settled = settle_shapes(basis, again, once=False)
     now = settled.basis
     plain = use_plainest_forms(now.gram, settled.terms, now.slab)
-    return replace(selected, full=now.full), now.rows, plain
+    selected = replace(selected, full=now.full)
+    return selected, now.rows, choose_bodies(plain, now.full, now.rows)
 
 
 def _find_delay(
@@ -438,13 +482,35 @@ def _likeliest_term(selected: EffectPosterior, group: int) -> Term:
     return selected.gram.atoms[max(own, key=lambda a: selected.draws.by_atom[a])].term
 
 
-def _with_bodies(terms: Sequence[Term], selected: EffectPosterior, rows: Rows) -> list[Term]:
-    """Terms, each body of them the likeliest that can exist beside the others; those that cannot are left out."""
-    kept: list[Term] = []
-    for k, term in enumerate(terms):
-        found = _possible_term(term, (*kept, *terms[k + 1 :]), selected, rows)
-        if found is not None:
-            kept.append(found)
+def choose_bodies(terms: Sequence[Term], full: Baseline, rows: Rows) -> list[Term]:
+    """Terms, each body of them the likeliest that can exist beside the others that are in.
+
+    Bodies enter one at a time, the one with which blocks left out are predicted best, as long as that is better: free
+    numbers of several links share out between them what one body makes.
+
+    Args:
+        terms: of a model.
+        full: what every model begins with, fitted.
+        rows: of the record.
+    """
+    kept = [term for term in terms if not term.effect.is_body]
+    outside = [term for term in terms if term.effect.is_body]
+    model = fit_model(Design(rows, tuple(kept)), range(len(kept)))
+    while outside:
+        entered: tuple[float, Term, Term, Model] | None = None
+        for term in outside:
+            body = _make_body(term, kept, full, rows)
+            if body is None:
+                continue
+            larger = fit_model(Design(rows, (*kept, body)), range(len(kept) + 1))
+            nats = predictive_nats(larger, model, np.zeros_like(model.predicted))
+            if nats > (entered[0] if entered else 0.0):
+                entered = nats, term, body, larger
+        if entered is None:
+            break
+        _, term, body, model = entered
+        kept.append(body)
+        outside.remove(term)
     return kept
 
 
@@ -452,20 +518,24 @@ def _possible_term(term: Term, others: Sequence[Term], selected: EffectPosterior
     """A term; of a body the likeliest that can exist beside others, None where there is none."""
     if not term.effect.is_body or term.direction is not None:
         return term
-    maker = TermMaker(Context(selected.full), selected.full.strict)
+    return _make_body(term, others, selected.full, rows)
+
+
+def _make_body(term: Term, others: Sequence[Term], full: Baseline, rows: Rows) -> Term | None:
+    """The likeliest body at a term's link that can exist beside others; None where none says anything."""
+    maker = TermMaker(Context(full), full.strict)
     model = fit_model(Design(rows, tuple(others)), range(len(others)), left_out=False)
     return make_body_term(model, maker, term.effect, term.location)
 
 
-def _terms_with_share(
-    terms: Sequence[Term], selected: EffectPosterior, rows: Rows, floor: Array, scale: Array, context: Context
-) -> list[Term]:
+def _terms_with_share(terms: Sequence[Term], selected: EffectPosterior, rows: Rows) -> list[Term]:
     """Terms whose sizes are what their names say, that take a share of the gap and leave less of what judges.
 
     What leaves more of what judges goes first, one at a time: friction that drifts with time fits its own trials and
     denies the dry friction beside it in the others.
     """
     kept, changed = list(terms), set[Key]()
+    scale, context = _torque_scale(selected.full), Context(selected.full)
     while kept:
         model = fit_model(Design(rows, tuple(kept)), range(len(kept)))
         cannot = [k for k, term in enumerate(kept) if not term.is_possible(context, model.term_parameters(k))]
@@ -477,7 +547,7 @@ def _terms_with_share(
                 kept.append(like)
                 changed.add(like.key)
             continue
-        worth = _relative_worth(model, floor, scale)
+        worth = _relative_worth(model, rows.floor, scale)
         small = [k for k, term in enumerate(kept) if worth[k] < 1.0 and not term.started]
         if not small:
             break
