@@ -20,8 +20,18 @@ from excite.human.body import Body, body_of, segment_box
 from excite.human.markers.marker_set import landmark_place, read_marker_set
 from excite.human.measure import urdf_text
 from excite.human.recording import PlateRecording, Recording
-from excite.human.segments import JOINT_NAMES, NAMES, PARENTS, SEGMENTS, Subject
-from excite.human.skeleton import N_SEGMENTS, Placement, Pose, frame_turn, place_segments
+from excite.human.segments import (
+    JOINT_NAMES,
+    N_SEGMENTS,
+    NAMES,
+    PARENTS,
+    SEGMENTS,
+    Placement,
+    Pose,
+    Subject,
+    frame_turn,
+    place_segments,
+)
 
 # What a virtual person does: arms, trunk, head, legs and squats on two force plates, and the same done again.
 

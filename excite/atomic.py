@@ -1,7 +1,7 @@
 """Files and folders that appear under their name only when they are complete.
 
 What is being written lies in a hidden folder beside it, which its writer keeps locked. A writer that was killed leaves
-its lock free: the next one in the same place removes what it left.
+its lock free: the next one in the same place removes what it left. One run at a time writes to a folder of results.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from excite.errors import InputError
 from excite.folders import DISK_FULL, make_folder, missing_folders, remove_empty, unwritable_error
 
 HIDDEN = ".excite-"
@@ -216,3 +217,56 @@ def _remove_hidden(hidden: _Hidden) -> None:
 def _sync_file(file: Path) -> None:
     with file.open("rb") as stream:
         os.fsync(stream.fileno())
+
+
+# Folders that this process has claimed, by their device and number: a run may claim its own folder again.
+_CLAIMED: set[tuple[int, int]] = set()
+
+
+@contextmanager
+def claim_folder(folder: Path) -> Iterator[Path]:
+    """Keep a folder of results for this process while the block runs; make it where it is not there.
+
+    The folder itself is locked, so that nothing has to be tidied up: the lock goes with the process. A folder that was
+    made here and stayed empty is removed again. Where the file system locks no folders, nothing is kept.
+
+    Args:
+        folder: where results go.
+
+    Raises:
+        InputError: another process writes there, or nobody may.
+    """
+    made = missing_folders(folder)
+    make_folder(folder)
+    try:
+        lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    except OSError as error:
+        raise unwritable_error(folder, error) from error
+    found = os.fstat(lock)
+    key = (found.st_dev, found.st_ino)
+    mine = key in _CLAIMED
+    try:
+        if not mine:
+            _take_lock(lock, folder)
+            _CLAIMED.add(key)
+            sweep_hidden_folders(folder)
+        yield folder
+    finally:
+        if not mine:
+            _CLAIMED.discard(key)
+        remove_empty(made)
+        os.close(lock)
+
+
+def _take_lock(lock: int, folder: Path) -> None:
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        raise InputError(
+            "is being written to by another run",
+            source=folder,
+            remedy="wait until that has ended, or give another --out",
+        ) from error
+    except OSError:
+        # No locks on this file system.
+        return

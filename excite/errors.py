@@ -5,7 +5,8 @@ The command line turns each of them into one line: which file, what is wrong, wh
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 
@@ -40,6 +41,17 @@ class InputError(ExciteError):
         place = ": ".join(part if part.isprintable() else repr(part)[1:-1] for part in parts)
         text = f"{place}: {what}" if place else what
         super().__init__(f"{text}; {remedy}" if remedy else text)
+
+
+@contextmanager
+def raised_as(kind: type[InputError]) -> Iterator[None]:
+    """Errors about files within the block, which readers raise as InputError, as those of a kind; a decorator too."""
+    try:
+        yield
+    except InputError as error:
+        if type(error) is InputError:
+            error.__class__ = kind
+        raise
 
 
 class RobotError(InputError):
@@ -121,6 +133,11 @@ class NoSolutionError(ExciteError):
 
 class NothingSafeError(NoSolutionError):
     """No candidate is safe; ``best`` says what refuses them (``to_json()``, ``table()``)."""
+
+
+def in_one_line(reason: Exception) -> str:
+    """What a library says of its error, in one line; what it is where nothing is said."""
+    return " ".join(str(reason).split()) or type(reason).__name__
 
 
 def _rebuild_error(kind: type[ExciteError], args: tuple[Any, ...], attributes: dict[str, Any]) -> ExciteError:

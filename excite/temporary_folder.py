@@ -13,7 +13,6 @@ from contextlib import suppress
 from pathlib import Path
 
 _LOCK = "owner.lock"
-_PREFIX = "excite_"
 
 
 class TemporaryFolder:
@@ -71,4 +70,4 @@ def _remove_if_left(path: Path) -> None:
 
 
 def _prefix() -> str:
-    return _PREFIX + re.sub(r"[^A-Za-z0-9-]", "-", socket.gethostname()) + "_"
+    return "excite_" + re.sub(r"[^A-Za-z0-9-]", "-", socket.gethostname()) + "_"

@@ -8,14 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from excite.atomic import HIDDEN
+from excite.atomic import HIDDEN, claim_folder
 from excite.errors import InputError
-from excite.folder_lock import claim_folder
 
 _CLAIM = """
 import sys
 from pathlib import Path
-from excite.folder_lock import claim_folder
+from excite.atomic import claim_folder
 from excite.errors import InputError
 try:
     with claim_folder(Path(sys.argv[1])):

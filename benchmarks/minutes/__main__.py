@@ -32,6 +32,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.minutes", description=__doc__)
     parser.add_argument("--robot", action="append", choices=list(SECONDS))
     parser.add_argument("--seed", action="append", type=int, help="0, 1 and 2 if none is given")
+    parser.add_argument("--seconds", type=float, help="at the robot; those of its bar if none are given")
     parser.add_argument("--candidates", type=int, help="of the best three; a plan's own number if none")
     parser.add_argument("--jobs", type=int, default=1, help="processes of a plan")
     parser.add_argument(
@@ -50,7 +51,7 @@ def main() -> None:
                 if given.settings
                 else identify_designs(robot, seed)
                 if given.identified
-                else measure(robot, seed, given.jobs, given.candidates)
+                else measure(robot, seed, given.jobs, given.candidates, given.seconds)
             )
             for one in found:
                 rows.append(one.row())

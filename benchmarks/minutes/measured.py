@@ -15,7 +15,7 @@ import numpy as np
 from excite.campaign.candidates import Rule, choose_motions
 from excite.campaign.plan import Plan, plan
 from excite.errors import InputError
-from excite.excitation.design_rows import ArmRows
+from excite.excitation.design_rows import ArmRows, can_design
 from excite.excitation.selection import TARGETS
 from excite.excitation.state_bound import bound_log_det, d_efficiency
 from excite.progress import silent
@@ -88,9 +88,14 @@ class Measured:
         return asdict(self)
 
 
-def measure(name: str, seed: int, jobs: int, candidates: int | None = None) -> Iterator[Measured]:
-    """Rows of one robot and seed; the first is that of the best three of every joint."""
-    robot = measured_robot(name)
+def measure(
+    name: str, seed: int, jobs: int, candidates: int | None = None, seconds: float | None = None
+) -> Iterator[Measured]:
+    """Rows of one robot and seed; the first is that of the best three of every joint.
+
+    Without ``seconds`` at the robot they are those of its bar.
+    """
+    robot, budget = measured_robot(name), SECONDS[name] if seconds is None else seconds
     bound = _bound(robot)
     today: set[str] = set()
     best: Plan | None = None
@@ -98,10 +103,11 @@ def measure(name: str, seed: int, jobs: int, candidates: int | None = None) -> I
         began, worked = time.perf_counter(), time.process_time()
         if best is None:
             made = best = plan(robot, n_candidates=candidates, seed=seed, jobs=jobs)
-        elif bound is None:
-            made = _chosen_again(best, SECONDS[name], jobs)
+        elif can_design(robot):
+            count = candidates if robot.floating else None
+            made = plan(robot, n_candidates=count, minutes=budget / 60.0, seed=seed, jobs=jobs)
         else:
-            made = plan(robot, minutes=SECONDS[name] / 60.0, seed=seed, jobs=jobs)
+            made = _chosen_again(best, budget, jobs)
         needed = {name: 60.0 * minutes for name, minutes in made.needed_min.items()}
         today = today or {name for name, seconds in needed.items() if seconds <= TODAY}
         took = time.perf_counter() - began, time.process_time() - worked

@@ -16,8 +16,7 @@ from excite.display import Shown
 from excite.errors import InputError
 from excite.human.body import Body
 from excite.human.measure import PLACES, ROBOT_FILE, MeasuredPerson, robot_yaml, urdf_text
-from excite.human.segments import NAMES
-from excite.human.skeleton import frame_turn
+from excite.human.segments import NAMES, frame_turn
 from excite.identification.estimators.method_settings import own_settings
 from excite.identification.estimators.registry import find_estimator
 from excite.identification.estimators.settings import EstimatorSettings, PairSettings

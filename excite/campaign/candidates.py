@@ -13,7 +13,7 @@ import numpy as np
 from excite.campaign.expected import TARGET_RSD
 from excite.campaign.optimised_series import Asked
 from excite.campaign.pool import Keeper, OnDisk, Pool, write_value
-from excite.campaign.searches import SEARCHES
+from excite.campaign.searches import MIXTURE, SEARCHES
 from excite.errors import NoSolutionError, NothingSafeError, UnknownNameError
 from excite.excitation.conditioning import MotionFactor, motion_factor
 from excite.excitation.precision import row_noise
@@ -213,8 +213,8 @@ class Source:
 
 
 def check_generator(name: str | None) -> None:
-    """Raise UnknownNameError for a name that neither a generator nor a search has; None is the robot's mixture."""
-    known = [*GENERATORS, *SEARCHES]
+    """Raise UnknownNameError for a name that neither a generator nor a search has, nor is the mixture's."""
+    known = [*GENERATORS, *SEARCHES, MIXTURE]
     if name is not None and name not in known:
         raise UnknownNameError("generator", name, sorted(known))
 
@@ -233,7 +233,7 @@ def candidates_of(generator: str | None, asked: Asked, seed: np.random.SeedSeque
     if generator is not None and generator in SEARCHES:
         found = SEARCHES.make(generator).candidates(asked, child_seed(seed, 0))
         return Source(found, len(found))
-    mix = None if generator is None else {generator: 1.0}
+    mix = None if generator in (None, MIXTURE) else {str(generator): 1.0}
     before = turn * asked.count
     proposals = plan_proposals(
         asked.robot, before + asked.count, seed, mix=mix, targets=asked.targets, beyond=before

@@ -10,6 +10,7 @@ from scipy.linalg import solve_triangular
 
 from excite.arrays import Array
 from excite.excitation.precision import determined_columns, excitable_parameters, nominal_values
+from excite.finding import list_names
 from excite.formats.number import check_number
 from excite.identification.judgement import ParameterOutlook, said_rsd
 from excite.identification.noise import EquationNoise, equation_noise, trial_grids
@@ -29,11 +30,6 @@ from excite.simulation.true_parameters import nominal_drives
 from excite.threads import one_blas_thread
 
 # How precisely motions will determine the parameters, predicted from the noise of the robot's sensors.
-
-# The planned log is sampled so many times as densely as the filter of the kinematics passes. With four, deviations of
-# essential parameters are within 1.7 % of those with twenty (HyQ 0.7 %, UR5 0.05 %, Romeo 1.7 %, where they are below
-# 100 %; one of Romeo's is essential with twenty and not with four); with eight they take twice as long.
-_SAMPLES_A_CUTOFF = 4.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +106,10 @@ def _planned_log(robot: Robot, motions: Sequence[Motion], settings: ProblemSetti
     """The log that the motions would leave, without noise, of forces only what the model may fail to explain."""
     own = robot.description.sensors.rate_hz
     filters = settings.filters(floating=robot.measures_contacts)
-    step = max(1, int(own / (_SAMPLES_A_CUTOFF * min(filters.kinematics_cutoff_hz, own))))
+    # The planned log is sampled so many times as densely as the filter of the kinematics passes. With four, deviations
+    # of essential parameters are within 1.7 % of those with twenty (HyQ 0.7 %, UR5 0.05 %, Romeo 1.7 %, where they are
+    # below 100 %; one of Romeo's is essential with twenty and not with four); with eight they take twice as long.
+    step = max(1, int(own / (4.0 * min(filters.kinematics_cutoff_hz, own))))
     rate = own / step
     headers = tuple(TrialHeader(file=f"{motion.name}.parquet", role="identification") for motion in motions)
     header = log_header(robot, headers).model_copy(update={"rate_hz": rate})
@@ -130,17 +129,12 @@ def _planned_trial(robot: Robot, motion: Motion, rate_hz: float) -> Trial:
         q=sampled.joint_positions()[:, motors],
         tau=None if robot.description.sensors.joint_torque is None else friction[:, motors],
         base=sampled.q[:, :7] if robot.floating else None,
-        imu=_planned_imu(robot, sampled),
+        imu=None
+        if robot.description.sensors.imu is None or not robot.floating
+        else imu_readings(robot, sampled),
         wrenches={sensor.name: np.zeros((n, 6)) for sensor in robot.sensors},
         contacts=dict(zip((f.name for f in robot.feet), closed_contacts(robot, sampled).T, strict=True)),
     )
-
-
-def _planned_imu(robot: Robot, motion: Motion) -> Array | None:
-    """What an IMU would read, without noise."""
-    if robot.description.sensors.imu is None or not robot.floating:
-        return None
-    return imu_readings(robot, motion)
 
 
 # How many parameters will be certain enough after the motions at hand, and how much more motion the others
@@ -148,20 +142,15 @@ def _planned_imu(robot: Robot, motion: Motion) -> Array | None:
 
 # What is asked for unless somebody asks for something else: a value is known to a seventh of itself [percent].
 TARGET_RSD = 15.0
-# Below a millionth of a per cent rounding decides; a thousandfold deviation is no target [percent].
-_TARGETS_RSD = (1e-6, 1e5)
 
 
 def check_target(target_rsd: float) -> None:
     """Refuse what is no relative standard deviation to ask for; raises InputError."""
-    check_number(target_rsd, "target_rsd", *_TARGETS_RSD, "percent")
+    # Below a millionth of a per cent rounding decides; a thousandfold deviation is no target [percent].
+    check_number(target_rsd, "target_rsd", 1e-6, 1e5, "percent")
 
 
 # What motions promise for each base parameter: whether it can be excited, is excited, and how precisely.
-
-# As of unexcited_parameters in excite.excitation.conditioning: feet stay on the ground to a solver's tolerance.
-_UNEXCITED = 1e-6
-_NAMED = 6
 
 
 @dataclass(frozen=True)
@@ -197,9 +186,11 @@ class Outlook:
             among = " (rotor inertias among them)" if rotors else ""
             lines.append(f"all {len(self.parameters)} base parameters{among} can be excited, and are")
         if never:
-            lines.append("no motion with these contacts excites: " + _name_some(never))
+            lines.append("no motion with these contacts excites: " + list_names(never, 6))
         if missed:
-            lines.append("not excited by the chosen motions, though some motion could: " + _name_some(missed))
+            lines.append(
+                "not excited by the chosen motions, though some motion could: " + list_names(missed, 6)
+            )
         return "\n".join(lines)
 
 
@@ -229,7 +220,8 @@ def outlook(robot: Robot, motions: Sequence[Motion]) -> Outlook:
     drives = tuple(term for term in DRIVE_TERMS if f"{term}({robot.joint_names[0]})" in predicted.labels)
     base = structural_base_parameters(robot, drives)
     own = [predicted.labels.index(label) for label in base.labels]
-    excited = determined_columns(predicted.whole[:, own], _UNEXCITED)
+    # As of unexcited_parameters in excite.excitation.conditioning: feet stay on the ground to a solver's tolerance.
+    excited = determined_columns(predicted.whole[:, own], 1e-6)
     able = excitable_parameters(robot, base)
     values = nominal_values(robot, base)
     found = dict(zip(predicted.base.labels, predicted.rsd_percent, strict=True))
@@ -249,8 +241,3 @@ def outlook(robot: Robot, motions: Sequence[Motion]) -> Outlook:
             )
         )
     return Outlook(tuple(parameters))
-
-
-def _name_some(names: Sequence[str]) -> str:
-    rest = len(names) - _NAMED
-    return ", ".join(names[:_NAMED]) + (f" and {rest} more" if rest > 0 else "")

@@ -31,9 +31,6 @@ from excite.simulation.simulate import run_experiment
 from excite.simulation.true_parameters import TrueParameters
 from excite.simulation.virtual_robot import Injected, VirtualRobot, changed_robot, nominal_robot
 
-# Streams of random numbers of one experiment, kept apart so that one does not shift the other.
-_TRUTH_STREAM, _NOISE_STREAM = 1, 2
-
 
 @dataclass(frozen=True)
 class Added(Stated):
@@ -220,7 +217,8 @@ def virtual_robot(
         InputError: an effect is malformed; UnknownNameError: an effect or its place is unknown.
     """
     check_seed(seed)
-    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_TRUTH_STREAM,)))
+    # A stream of random numbers of its own, so that noise does not shift it.
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(1,)))
     return inject_effects(nominal_robot(robot) if nominal else changed_robot(robot, rng), inject)
 
 
@@ -264,9 +262,10 @@ def simulate(
         _check_runs(robot, motion)
     effects = [inject] if isinstance(inject, str) else inject
     virtual = virtual_robot(robot, seed, nominal=nominal, inject=effects)
-    noise = np.random.SeedSequence(seed, spawn_key=(_NOISE_STREAM, batch))
-    chosen = dict(roles) if roles is not None else _every_fifth(motions)
-    runs = run_experiment(virtual, motions, seed=noise, roles=chosen, jobs=jobs, progress=progress)
+    noise = np.random.SeedSequence(seed, spawn_key=(2, batch))
+    if roles is None:
+        roles = {motion.name: "validation" for motion in motions[4::5]}
+    runs = run_experiment(virtual, motions, seed=noise, roles=roles, jobs=jobs, progress=progress)
     others = tuple(m.name for m in motions if m.metadata.robot_hash not in ("", robot.hash))
     log = _without_injected(runs.log, virtual.injected)
     return Experiment(robot, log, virtual.truth, runs.replays, others, virtual.injected)
@@ -289,12 +288,6 @@ def _without_injected(log: Log, injected: Sequence[Injected]) -> Log:
     names = {one.effect for one in injected}
     modelled = tuple(name for name in log.header.modelled if name not in names)
     return replace(log, header=log.header.model_copy(update={"modelled": modelled}))
-
-
-def _every_fifth(motions: Sequence[Motion]) -> dict[str, Role]:
-    if len(motions) < 5:
-        return {}
-    return {motion.name: "validation" for motion in motions[4::5]}
 
 
 # What planned motions are for: to identify from, or to validate on, as the plan beside them says.

@@ -12,17 +12,19 @@ from typing import Any
 import numpy as np
 
 from excite.arrays import Array
+from excite.atomic import claim_folder
 from excite.campaign.assessment import CheckReport, check
 from excite.campaign.experiment import Truth, simulate
 from excite.campaign.journal import CampaignSettings, Journal, PlannedMotions, motion_prefix
 from excite.campaign.plan import plan
 from excite.campaign.plan_document import conditioning_comparison, merged_plan, robot_file
+from excite.campaign.searches import MIXTURE
 from excite.display import Shown, count
 from excite.doctor.examine import examine
 from excite.documents.campaign import Campaign, Iteration, Miss, Reason
 from excite.documents.document import read_document
 from excite.documents.plan import PlanDocument
-from excite.errors import InputError, LogError, NoSolutionError
+from excite.errors import InputError, LogError, NoSolutionError, raised_as
 from excite.excitation.conditioning import (
     Conditioning,
     MotionFactor,
@@ -31,7 +33,6 @@ from excite.excitation.conditioning import (
     motion_factor,
     unexcited_parameters,
 )
-from excite.folder_lock import claim_folder
 from excite.identification.adaptation import with_terms_of
 from excite.identification.identify import identify
 from excite.identification.judgement import PATIENCE, Forecast
@@ -154,11 +155,6 @@ def _joints_moving(robot: Robot, parameter: str) -> tuple[str, ...]:
     return ()
 
 
-# What an identification hands to the report: curves of a validation trial, masses.
-
-# Rate at which models are run along a trial [Hz].
-
-
 def save_findings(
     robot: Robot,
     identification: Identification,
@@ -270,10 +266,11 @@ def mass_comparison(robot: Robot, identification: Identification, truth: Path | 
     )
 
 
+@raised_as(LogError)
 def true_masses(robot: Robot, path: Path) -> Array:
     """Masses of a virtual robot, ``(n_segments,)`` [kg]; raises LogError."""
     remedy = "simulate the motions again"
-    masses = read_document(path, Truth, remedy=remedy, error=LogError).masses
+    masses = read_document(path, Truth, remedy=remedy).masses
     for segment in robot.segments:
         if segment.link not in masses:
             raise LogError(f"has no {segment.link!r}", source=path, field="masses", remedy=remedy)
@@ -394,6 +391,8 @@ class _State:
             self.robot,
             n_candidates=count,
             targets=targets,
+            # What stands takes ten seconds a design, in every iteration anew.
+            generator=MIXTURE if self.robot.floating else None,
             parameters=[one.parameter for one in missed],
             seed=np.random.SeedSequence(self.settings.seed, spawn_key=(_PLAN_STREAM, number)),
             target_rsd=self.settings.target_rsd,

@@ -105,11 +105,13 @@ class CandidateSearch(ABC):
 
     Attributes:
         name: what users type after ``--generator``, beside the names of generators.
-        usual_count: how many candidates it tries where nobody says; as many as of generators, if None.
     """
 
     name: ClassVar[str]
-    usual_count: ClassVar[int | None] = None
+
+    def usual_count(self, robot: Robot) -> int | None:
+        """How many candidates it tries where nobody says; as many as of generators, if None."""
+        return None
 
     @abstractmethod
     def candidates(self, asked: Asked, seed: int) -> Sequence[Candidate | Motion]:
@@ -149,33 +151,29 @@ class OptimisedSeries(CandidateSearch):
             UnknownNameError: a target is no joint of the robot.
             InputError: no arm with a motor in every joint; the criterion needs noise that the robot does not state.
         """
-        return _optimise_candidates(asked, seed)
-
-
-def _optimise_candidates(asked: Asked, seed: int) -> list[Candidate]:
-    robot, count, targets = asked.robot, asked.count, asked.targets
-    settings = asked.series or SeriesSettings()
-    settings.fit(robot)
-    for joint in targets:
-        robot.joint_index(joint)
-    aims: list[str | None] = [*targets[:count]] or [None]
-    made: list[Candidate] = []
-    failed: NoSolutionError | None = None
-    for place, aim in enumerate(aims):
-        starts = len(range(place, count, len(aims)))
-        search = SearchSettings(starts=starts, kicks=1, seed=seed + place)
-        try:
-            found = optimise_excitation(
-                _excitation_task(robot, aim, settings), search, jobs=asked.jobs, progress=asked.progress
-            ).found
-        except NoSolutionError as error:
-            # Other targets may have more room.
-            failed = error
-            continue
-        made += [_build_candidate(item, aim, seed + place) for item in found]
-    if failed is not None and not made:
-        raise failed
-    return [replace(candidate, name=f"{NAME}_{i:03d}") for i, candidate in enumerate(made)]
+        robot, count, targets = asked.robot, asked.count, asked.targets
+        settings = asked.series or SeriesSettings()
+        settings.fit(robot)
+        for joint in targets:
+            robot.joint_index(joint)
+        aims: list[str | None] = [*targets[:count]] or [None]
+        made: list[Candidate] = []
+        failed: NoSolutionError | None = None
+        for place, aim in enumerate(aims):
+            starts = len(range(place, count, len(aims)))
+            search = SearchSettings(starts=starts, kicks=1, seed=seed + place)
+            try:
+                found = optimise_excitation(
+                    _excitation_task(robot, aim, settings), search, jobs=asked.jobs, progress=asked.progress
+                ).found
+            except NoSolutionError as error:
+                # Other targets may have more room.
+                failed = error
+                continue
+            made += [_build_candidate(item, aim, seed + place) for item in found]
+        if failed is not None and not made:
+            raise failed
+        return [replace(candidate, name=f"{NAME}_{i:03d}") for i, candidate in enumerate(made)]
 
 
 def _excitation_task(robot: Robot, aim: str | None, settings: SeriesSettings) -> ExcitationTask:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -36,7 +36,8 @@ from excite.documents.document import read_document
 from excite.documents.plan import CandidateCounts, CurvePoint, OutOfReach, PlanDocument, SelectedMotion, Stage
 from excite.errors import InputError, NoSolutionError
 from excite.excitation.conditioning import Conditioning, MotionFactor, compute_conditioning
-from excite.excitation.design_rows import ArmRows
+from excite.excitation.design_rows import ArmRows, can_design
+from excite.excitation.gradient_design import GRADIENT
 from excite.excitation.selection import (
     BEST_THREE,
     TARGETS,
@@ -112,8 +113,8 @@ def plan(
         budget_s: duration that the chosen motions stay within together [s], except for ``best_three``; as long as
             the best three take, if None.
         target_rsd: relative standard deviation that the plan says how much motion it would take to reach [percent].
-        minutes: at the robot: motions are chosen within them for what is asked, of an arm among those designed by
-            gradients. The plan says which parameters they reach.
+        minutes: at the robot: motions are chosen within them for what is asked, of arms and of robots on force sensors
+            among those designed by gradients. The plan says which parameters they reach.
         parameters: asked for, such as ``elbow_joint:friction``, ``forearm_link:com`` or ``Ixx(forearm_link)``; all, if
             empty.
         before: motions that were run already: what they tell is known to the choice for minutes and to the design, and
@@ -147,8 +148,13 @@ def plan(
         raise InputError(
             "parameters to reach without minutes", field="targets", remedy="say how many: --minutes"
         )
-    asked_parameters(parameters, structural_base_parameters(robot).labels)
-    usual = None if generator is None or generator not in SEARCHES else SEARCHES.make(generator).usual_count
+    base = structural_base_parameters(robot)
+    asked_parameters(parameters, base.labels)
+    usual = (
+        None
+        if generator is None or generator not in SEARCHES
+        else SEARCHES.make(generator).usual_count(robot)
+    )
     count = (usual or N_CANDIDATES) if n_candidates is None else n_candidates
     check_count(count, "n_candidates", 1, MAX_CANDIDATES)
     root = check_seed(seed)
@@ -161,7 +167,7 @@ def plan(
     judged = Judged(generator, asked, root, Keeper(folder.path, prefix), TURNS if n_candidates is None else 1)
     stages = judged.seconds
     rule = Rule(selection, budget_s, asked=tuple(parameters), target_rsd=target_rsd, before=tuple(before))
-    report, base, choice = _judge_and_choose(judged, rule, folder)
+    report, choice = _judge_and_choose(judged, rule, base, folder)
     refusals = judged.refusals(report, choice.fallen)
     with add_seconds(stages, "choose"):
         pool, indices = choice.pool, choice.selection.indices
@@ -187,14 +193,16 @@ def plan(
         robust=robust_margins,
         minutes=minutes,
         parameters=tuple(parameters),
-        undesigned=sum(one.generator != generator for one in pool.entries) if generator in SEARCHES else 0,
+        undesigned=sum(pool.entries[i].generator != generator for i in indices)
+        if generator in SEARCHES
+        else 0,
     )
 
 
 def _designer(robot: Robot) -> str | None:
     """The search that designs motions of a robot; None where there is none."""
-    able = not robot.floating and not robot.feet and robot.mechanism is None
-    return "gradient" if able and is_predictable(robot) else None
+    able = (robot.floating or not robot.feet) and can_design(robot)
+    return GRADIENT if able and is_predictable(robot) else None
 
 
 def _robustness(asked: Asked, motions: Sequence[Motion]) -> tuple[Robustness, ...]:
@@ -210,18 +218,11 @@ def _robustness_of(shared: tuple[Robot, bool], motion: Motion) -> Robustness:
     return judge_robustness(sweep, stated_parameters(robot), decides=decides)
 
 
-class _Chosen(NamedTuple):
-    """What became of the candidates, the base parameters they are ranked by, and the choice."""
-
-    report: FilterReport
-    base: BaseParameters
-    choice: Choice
-
-
-def _judge_and_choose(judged: Judged, rule: Rule, folder: TemporaryFolder) -> _Chosen:
+def _judge_and_choose(
+    judged: Judged, rule: Rule, base: BaseParameters, folder: TemporaryFolder
+) -> tuple[FilterReport, Choice]:
     """Candidates judged, and motions chosen of the safe ones: of more while there are too few, as far as that goes."""
     asked, rehearsed = judged.asked, Rehearsed()
-    base = structural_base_parameters(asked.robot)
     while True:
         report = judged.more()
         if not report.kept:
@@ -247,7 +248,7 @@ def _judge_and_choose(judged: Judged, rule: Rule, folder: TemporaryFolder) -> _C
                     raise
                 continue
         if len(choice.pool.entries) >= ENOUGH or judged.exhausted or choice.interrupted:
-            return _Chosen(report, base, choice)
+            return report, choice
 
 
 def _check_settings(
@@ -298,7 +299,7 @@ class Plan(Tabled):
         robust: least margins of each chosen motion over the robots that it may be; none where the user broke off.
         minutes: at the robot, within which motions were chosen for what is asked for; None where nobody said.
         parameters: that were asked for; all, if empty.
-        undesigned: accepted motions that a search left as their own generator drew them, for want of a safe design.
+        undesigned: chosen motions that are as their own generator drew them, though a search was asked.
     """
 
     robot: Robot
@@ -404,20 +405,20 @@ class Plan(Tabled):
 
         None without minutes, and of robots that no bound is known for.
         """
-        if self.minutes is None or _designer(self.robot) is None:
+        if self.minutes is None or self.robot.floating or _designer(self.robot) is None:
             return None
         rows = ArmRows(self.robot)
         return d_efficiency(rows, list(self.motions), bound_log_det(rows))
 
-    def _out_of_reach(self) -> Iterator[OutOfReach]:
-        reached = self.reaches
-        for name, minutes in self.needed_min.items():
-            if name not in reached:
-                yield OutOfReach(name, minutes)
+    def _undesigned_in_words(self) -> list[str]:
+        drawn = count(self.undesigned, "motion")
+        return [f"chosen as drawn, for no safe design says more: {drawn}"] if self.undesigned else []
 
-    def _undesigned_in_words(self) -> Iterator[str]:
-        if self.undesigned:
-            yield f"not designed, for no design of them was safe: {count(self.undesigned, 'motion')}"
+    @property
+    def _left(self) -> dict[str, float]:
+        """Minutes of those that the chosen motions do not bring to the target."""
+        reached = self.reaches
+        return {name: minutes for name, minutes in self.needed_min.items() if name not in reached}
 
     @property
     def reached_by_minutes(self) -> tuple[CurvePoint, ...]:
@@ -429,8 +430,7 @@ class Plan(Tabled):
         """What the minutes reach, what a minute more would add, and what is out of reach; empty where nobody asked."""
         if self.minutes is None or not self.needed_min:
             return []
-        reached, have = self.reaches, self._whole_s / 60.0
-        left = {name: minutes for name, minutes in self.needed_min.items() if name not in reached}
+        reached, left, have = self.reaches, self._left, self._whole_s / 60.0
         line = f"{self.minutes:g} min reach {len(reached)} of {count(len(self.needed_min), 'parameter')} asked for"
         added = sum(minutes <= have + 1.0 for minutes in left.values())
         far = [name for name, minutes in left.items() if minutes > PATIENCE * have]
@@ -484,7 +484,9 @@ class Plan(Tabled):
             forecast=self.forecast,
             minutes=self.minutes,
             reaches=() if self.minutes is None else self.reaches,
-            out_of_reach=() if self.minutes is None else tuple(self._out_of_reach()),
+            out_of_reach=()
+            if self.minutes is None
+            else tuple(OutOfReach(*item) for item in self._left.items()),
             curve=() if self.minutes is None else self.reached_by_minutes,
             d_efficiency=self.d_efficiency,
             undesigned=self.undesigned,

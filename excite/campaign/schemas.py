@@ -19,8 +19,7 @@ from excite.export.export import ExportReport
 from excite.export.models.simulator_model import SimulatorModel
 from excite.finding import Examination
 from excite.human.measure import MeasuredPerson
-from excite.identification.inertia import NAMES
-from excite.identification.physical.bounds_file import SCHEMA as BOUNDS_SCHEMA
+from excite.identification.physical.bounds_file import BoundsDocument
 from excite.identification.result import Identification
 from excite.logs.log import LogHeader
 from excite.motion.files import MotionDocument
@@ -30,6 +29,7 @@ from excite.safety.verdict import CheckReport
 _MODELS: dict[str, type[BaseModel]] = {
     "log": LogHeader,
     "robot": RobotDescription,
+    "bounds": BoundsDocument,
     "map": Map,
     "motion": MotionDocument,
 }
@@ -55,12 +55,11 @@ _KINDS: tuple[type[Document], ...] = (
     ),
 )
 DOCUMENTS: dict[str, type[Document]] = {schema_of(kind): kind for kind in _KINDS}
-_DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
 def schema_names() -> list[str]:
     """Names that :func:`file_schema` knows: of files written by hand, of each result, and ``results``."""
-    return sorted([*_MODELS, "bounds", "results", *(_short_name(name) for name in DOCUMENTS)])
+    return sorted([*_MODELS, "results", *(_short_name(name) for name in DOCUMENTS)])
 
 
 def file_schema(name: str) -> dict[str, Any]:
@@ -77,8 +76,6 @@ def file_schema(name: str) -> dict[str, Any]:
     """
     if name in _MODELS:
         found = _MODELS[name].model_json_schema(by_alias=True)
-    elif name == "bounds":
-        found = _bounds_schema()
     elif name == "results":
         found = {
             "title": "results",
@@ -89,52 +86,9 @@ def file_schema(name: str) -> dict[str, Any]:
         if name not in kinds:
             raise UnknownNameError("schema", name, schema_names())
         found = kinds[name].model_json_schema(by_alias=True)
-    return {"$schema": _DIALECT, **found}
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **found}
 
 
 def _short_name(schema: str) -> str:
     """``plan`` of ``excite.plan/1``."""
     return schema.removeprefix("excite.").partition("/")[0]
-
-
-def _bounds_schema() -> dict[str, Any]:
-    """Of ``bounds.yaml``, whose reader names links and drives of the robot at hand."""
-    pair = {"type": "array", "items": {"type": ["number", "string"]}, "minItems": 2, "maxItems": 2}
-    positive = {"type": ["number", "string", "null"]}
-    return {
-        "title": "bounds",
-        "description": "What is known of a robot's physical parameters, each [lower, upper] in SI.",
-        "type": "object",
-        "required": ["schema"],
-        "additionalProperties": False,
-        "properties": {
-            "schema": {"const": BOUNDS_SCHEMA},
-            "source": {"type": "string", "description": "where the numbers come from"},
-            "total_mass": {**pair, "description": "mass of all links together [kg]"},
-            "rules": {
-                "type": "object",
-                "description": "rules between the moments of inertia of a link",
-                "additionalProperties": False,
-                "properties": {
-                    **dict.fromkeys(("diagonal_ratio", "off_diagonal_share", "slenderness"), positive),
-                    "slender": {"type": "object", "additionalProperties": {"enum": ["x", "y", "z"]}},
-                    "principal_triangle": {"type": "boolean"},
-                },
-            },
-            "links": {
-                "type": "object",
-                "description": "by link: mass, centre of mass, inertias about it along the joint frame's axes",
-                "additionalProperties": {
-                    "type": "object",
-                    "additionalProperties": False,
-                    "properties": dict.fromkeys(NAMES, pair),
-                },
-            },
-            "drives": {"type": "object", "description": "by TERM.JOINT", "additionalProperties": pair},
-            "parameters": {
-                "type": "object",
-                "description": "the same in one level, by LINK.NAME",
-                "additionalProperties": {"anyOf": [pair, {"type": "object"}]},
-            },
-        },
-    }

@@ -17,3 +17,6 @@ SEARCHES: Registry[CandidateSearch] = Registry(
         "gradient": "excite.campaign.gradient_search:GradientDesign",
     },
 )
+
+MIXTURE = "mixture"
+"""Asks for the robot's usual generators together, as nothing does where no minutes are given."""

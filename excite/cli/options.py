@@ -17,12 +17,12 @@ import typer
 from typer.core import TyperCommand
 
 import excite
-from excite.campaign.searches import SEARCHES
+from excite.atomic import claim_folder
+from excite.campaign.searches import MIXTURE, SEARCHES
 from excite.cli.output import command_line, print_document, progress_bars
 from excite.data_tables import read_rows
 from excite.errors import InputError
 from excite.export.registry import EXPORTERS, MODEL_FORMATS
-from excite.folder_lock import claim_folder
 from excite.identification.estimators.registry import ESTIMATORS
 from excite.logs.vocabulary import EFFECTS
 from excite.motion.generators.registry import GENERATORS
@@ -53,7 +53,7 @@ _WORDS: dict[str, Callable[[], Iterable[str]]] = {
     "methods": lambda: ESTIMATORS,
     "models": lambda: MODEL_FORMATS,
     "exporters": lambda: EXPORTERS,
-    "generators": lambda: [*GENERATORS, *SEARCHES],
+    "generators": lambda: [*GENERATORS, *SEARCHES, MIXTURE],
     "effects": lambda: EFFECTS,
 }
 
@@ -259,8 +259,6 @@ _SOURCE, _ROBOTS = inspect.signature(stated_source, eval_str=True).parameters, {
 # What is known of single segments, as options: symmetry that does not hold, ranges of masses.
 
 _ALL = "all"
-# The setting that makes an option mean something: of others that know the same segments no option asks for symmetry.
-_SETTINGS = {"--asymmetric": "mirror", "--mass-range": "segment_mass_range"}
 
 
 def segment_settings(
@@ -276,7 +274,9 @@ def segment_settings(
 
     given = {name: value for name, value in others.items() if value is not None}
     for option, values in (("--asymmetric", asymmetric), ("--mass-range", mass_range)):
-        able = methods_with(_SETTINGS[option])
+        # The setting that makes an option mean something: of others that know the same segments no option asks for
+        # symmetry.
+        able = methods_with({"--asymmetric": "mirror", "--mass-range": "segment_mass_range"}[option])
         if values and method not in able:
             raise InputError(
                 f"is not used by method {method!r}",
@@ -378,10 +378,6 @@ def _in_words(left: str) -> str:
     return _CHOICE.sub(r"[\1]", _TYPE.sub(lambda found: _TYPED.get(found[1].lower(), found[0]), left))
 
 
-# Commands whose help names the methods; these are loaded only when that help is shown.
-_IDENTIFYING = ("identify", "campaign")
-
-
 class HelpfulCommand(TyperCommand):
     """A command whose help says what is to be typed, and ends with examples."""
 
@@ -400,7 +396,8 @@ class HelpfulCommand(TyperCommand):
         """Write the methods of a command that identifies, and then the examples, after the options."""
         # The name without the program's, which may have been started as a module.
         name = ctx.command_path.split(" ", 1)[-1]
-        if name in _IDENTIFYING:
+        # Commands whose help names the methods; these are loaded only when that help is shown.
+        if name in ("identify", "campaign"):
             default = next((item.default for item in self.params if item.name == "method"), None)
             rows = [
                 (one.name + (" (default)" if one.name == default else ""), f"{one.title}. For {one.use}.")

@@ -95,9 +95,6 @@ def campaign_of(log: Path) -> Path | None:
     return campaign if log == log_folder(log.parent) and (campaign / "journal.json").is_file() else None
 
 
-# Where the robot and the log of a result lie, so that the result finds them again.
-
-
 def stated_origin(robot: str, log: Path | None, folder: Path) -> dict[str, str]:
     """Where robot and log of a result lie, relative to its folder; of a bundled robot, or the log's own, only the log.
 

@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from excite.conversion.columns.clock import Table
 from excite.conversion.explicit_mapping import TrialRules
 from excite.conversion.trials import Cut, cut_trials
-from excite.errors import LogError
+from excite.errors import LogError, in_one_line, raised_as
 from excite.formats.file import read_text
 from excite.logs.header_blocks import Role
 
@@ -89,21 +89,23 @@ class Capture(BaseModel):
         )
 
 
+@raised_as(LogError)
 def read_capture(path: Path) -> Capture:
     """The part of a sheet that is for programs: its block ``yaml``, or the whole of a YAML file.
 
     Raises:
         LogError: the file is missing, or holds no such block, or mistakes.
     """
-    text = read_text(path, error=LogError)
+    text = read_text(path)
     block = re.search(r"```yaml\n(.*?)\n```", text, re.DOTALL)
     said = text if block is None else block[1]
     try:
         return Capture.model_validate(yaml.safe_load(said))
     except (ValidationError, yaml.YAMLError, TypeError) as error:
-        line = " ".join(str(error).split())[:200]
         raise LogError(
-            f"holds no capture sheet ({line})", source=path, remedy="write it by `excite capture`"
+            f"holds no capture sheet ({in_one_line(error)[:200]})",
+            source=path,
+            remedy="write it by `excite capture`",
         ) from error
 
 

@@ -190,7 +190,7 @@ def examine_episodes(path: Path, *, jobs: Jobs = 1, progress: Progress = silent)
 
 def _tasks(path: Path) -> list[Path]:
     if is_data_set(path):
-        return list(read_data_set(path, LogError).files)
+        return list(read_data_set(path).files)
     return source_files(path) or [folder for folder, _ in nested_folders(path, 2)]
 
 
@@ -199,7 +199,7 @@ def _measure_file(_: None, path: Path) -> list[Episode]:
         root = next((folder for folder in path.parents if is_data_set(folder)), None)
         recordings: Iterator[Recording] | list[Recording]
         if root is not None and path.suffix == ".parquet":
-            recordings = recordings_of_episodes(replace(read_data_set(root, LogError), files=(path,)))
+            recordings = recordings_of_episodes(replace(read_data_set(root), files=(path,)))
         else:
             recordings = read_recordings([path])
         return [_measure(one, path.stem) for one in recordings]

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 from pydantic_core import ErrorDetails
 
-from excite.errors import LogError
+from excite.errors import LogError, raised_as
 from excite.formats.documents import read_yaml
 from excite.logs.log import LogHeader
 from excite.logs.units import TO_SI, unit_named
@@ -124,6 +124,7 @@ class Map(BaseModel):
         return any(column == mark or fnmatchcase(column, mark) for mark in self.ignore)
 
 
+@raised_as(LogError)
 def read_map(path: Path) -> Map:
     """Read a ``map.yaml``; every mistake in it is said at once.
 
@@ -132,7 +133,7 @@ def read_map(path: Path) -> Map:
     Raises:
         LogError: the file is missing, is no YAML, or holds unknown fields or values.
     """
-    content = read_yaml(path, error=LogError, remedy="see docs/formats.md", sections=True)
+    content = read_yaml(path, remedy="see docs/formats.md", sections=True)
     try:
         found = Map.model_validate(content)
     except ValidationError as error:

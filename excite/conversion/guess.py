@@ -49,8 +49,6 @@ from excite.logs.units import TICKS, TO_SI
 
 # Columns that are named in one line.
 _MOST_NAMED = 12
-# Quantities that change while a robot moves: positions may stand still, and commands too.
-_MOVING = ("v", "a", "tau", "i", "volt")
 # How servos and drives call the voltage that they are fed with.
 _SUPPLY = frozenset("input in supply battery bus dc source".split())
 # Front or hind and left or right, in either order, as quadrupeds' joints are called.
@@ -362,7 +360,8 @@ def _leave_out(state: Guessing) -> None:
         known = family.placed.named and family.placed.columns and not family.placed.left_over
         slides = any(machine.slides[machine.joints.index(j)] for j in family.placed.columns)
         of_none = family.unit in ("", "N", "kN") and not (known or slides) and len(family.columns) < joints
-        if family.quantity in _MOVING and state.live.isdisjoint(family.columns):
+        # Quantities that change while a robot moves: positions may stand still, and commands too.
+        if family.quantity in ("v", "a", "tau", "i", "volt") and state.live.isdisjoint(family.columns):
             name = family.columns[0] if len(family.columns) == 1 else family.first
             state.found.note("unfilled", columns=name)
         elif force and of_none:
@@ -562,9 +561,6 @@ def _add_channels(state: Guessing) -> None:
             for joint, column in columns.items()
             if f"{target}.{joint}" not in known
         ]
-
-
-# What no column holds.
 
 
 def _ask_for_motion(state: Guessing) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from excite.atomic import write_text
-from excite.errors import LogError
+from excite.errors import LogError, raised_as
 from excite.formats.registry import column_suffixes, read_content
 from excite.motion.content import BASE_POSE
 
@@ -30,6 +30,7 @@ class WrittenHeader:
     fill_in: tuple[str, ...]
 
 
+@raised_as(LogError)
 def write_header(folder: str | Path, *, overwrite: bool = False) -> WrittenHeader:
     """Write a ``log.yaml`` beside trial files, with what they tell and with comments for what they do not.
 
@@ -58,7 +59,7 @@ def write_header(folder: str | Path, *, overwrite: bool = False) -> WrittenHeade
         raise LogError(
             "holds no trials", source=folder, remedy=f"put files there ({', '.join(column_suffixes())})"
         )
-    columns = read_content(files[0], LogError).columns
+    columns = read_content(files[0]).columns
     joints = [name[2:] for name in columns if name.startswith("q.")]
     if not joints or "time" not in columns:
         raise LogError(

@@ -285,9 +285,6 @@ def _stem(name: str) -> str:
     return match[1] if match else name
 
 
-# Arrays by name as streams.
-
-
 def stream_of_arrays(name: str, arrays: Mapping[str, Any]) -> list[Stream]:
     """Arrays as streams: those of one length together, ``(n, k)`` taken apart into ``NAME[0] … NAME[k-1]``.
 

@@ -12,8 +12,6 @@ from excite.arrays import Array, Flags
 from excite.doctor.thresholds import THRESHOLD
 from excite.rows.drive_terms import smooth_sign
 
-# Torques of joints beside the nominal model's: what model and drive explain of them.
-
 # Width over which dry friction changes sign [rad/s]: slower motion is mostly noise of the encoder after filtering.
 WIDTH = 0.02
 

@@ -16,7 +16,7 @@ from excite.doctor.doubt import Doubt
 from excite.doctor.samples import THE_UNIT, Correction, Mistake
 from excite.doctor.thresholds import THRESHOLD, is_near_one
 from excite.doctor.torque_samples import TorqueSamples
-from excite.errors import InputError, RobotError
+from excite.errors import InputError
 from excite.formats.documents import parse_xml
 from excite.robot.robot import Robot
 
@@ -116,9 +116,7 @@ def gear_ratios(robot: Robot) -> Mapping[str, float]:
     if "<transmission" not in robot.urdf:
         return found
     try:
-        for transmission in parse_xml(robot.urdf.encode(), Path("robot.urdf"), RobotError).findall(
-            "transmission"
-        ):
+        for transmission in parse_xml(robot.urdf.encode(), Path("robot.urdf")).findall("transmission"):
             joint, ratio = transmission.find("joint"), transmission.findtext(".//mechanicalReduction", "0")
             number = ratio.strip().lstrip("+-").replace(".", "", 1).isdigit()
             if joint is not None and number and (value := abs(float(ratio))) not in (0.0, 1.0):

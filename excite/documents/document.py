@@ -11,7 +11,6 @@ from typing import Annotated, Any, Literal, TypeVar, Union, cast, get_args, get_
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, create_model, model_validator
 
-from excite.errors import InputError
 from excite.formats.documents import check_content, read_json
 from excite.results import FEW, Stated, sentence_of, stated_fields
 
@@ -94,7 +93,6 @@ def read_document(
     kind: type[_Kind],
     *,
     remedy: str = "write it again",
-    error: type[InputError] = InputError,
 ) -> _Kind:
     """Read a JSON file and check every field of it.
 
@@ -102,17 +100,16 @@ def read_document(
         path: of the file.
         kind: what it has to be: a model, or a result whose fields the document's are.
         remedy: what to do where it is not.
-        error: class of the errors.
 
     Raises:
-        InputError: of the class ``error``: the file cannot be read, is no JSON object, is of another schema, or a
+        InputError: the file cannot be read, is no JSON object, is of another schema, or a
             field in it is missing or is not what it has to be.
     """
     if issubclass(kind, Stated):
-        found = read_document(path, model_of(kind), remedy=remedy, error=error)
+        found = read_document(path, model_of(kind), remedy=remedy)
         return kind.from_json(found.content())
-    content = read_json(path, schema=schema_of(kind), remedy=remedy, error=error)
-    return check_content(kind, content, Path(path), remedy=remedy, error=error)
+    content = read_json(path, schema=schema_of(kind), remedy=remedy)
+    return check_content(kind, content, Path(path), remedy=remedy)
 
 
 def schema_of(kind: type[Document]) -> str:

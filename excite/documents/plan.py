@@ -115,7 +115,7 @@ class PlanDocument(Stated):
         out_of_reach: the others that were asked for.
         d_efficiency: of the chosen motions' information a second, against the most that any states within the limits
             of an arm could tell; null where no bound was computed.
-        undesigned: accepted motions that no design made richer safely: they are as their own generator drew them.
+        undesigned: chosen motions that are as their own generator drew them, for no safe design says more.
         curve: minutes at which one more parameter reaches the target, fewest first; the first entry is the least
             that reaches anything. Approaches between motions come on top.
         as_far_as: what has to hold of shapes that are not known, for what is safe to be so.

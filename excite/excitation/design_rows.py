@@ -27,7 +27,6 @@ from excite.regressor.adjoint import regressor_gradient
 from excite.regressor.base_parameters import BaseParameters, structural_base_parameters
 from excite.regressor.columns import DRIVE_TERMS, measured_columns
 from excite.regressor.kernels import (
-    Placements,
     base_link_regressor,
     forward_kinematics,
     inverse_dynamics,
@@ -39,7 +38,7 @@ from excite.robot.legs import TORQUE_SHARE
 from excite.robot.robot import Robot
 from excite.safety.checks.ground import ZMP_MARGIN
 from excite.safety.checks.robustness import Facing, edges_of_support, faces_of_friction, shares_of_feet
-from excite.safety.checks.sweep import Sweep
+from excite.safety.checks.sweep import Standing, Sweep
 from excite.safety.ground_forces import wrench_at_world_origin
 from excite.safety.parameter_set import RowsOfSet, WrenchRows, stated_parameters
 
@@ -50,7 +49,12 @@ from excite.safety.parameter_set import RowsOfSet, WrenchRows, stated_parameters
 # by less than 1 mm; a motion of 8.6 s gains 1062, 991 and 1010 nats, its source 448.
 _EDGE_ROOM, _FRICTION_ROOM = 0.025, 0.5
 _EDGE_UNIT, _FRICTION_UNIT = 0.02, 0.1
+# Planes of the ground that are looked at, those that each sample is nearest to.
+_NEAREST = 12
 
+
+# Samples a second that information is of.
+SEARCH_HZ = 24.0
 
 _NOTHING = np.zeros(1)
 
@@ -145,6 +149,11 @@ class DesignRows(ABC):
     @abstractmethod
     def pulled(self, slope: Array, sign_slope: Array, size: int) -> Pulled:
         """Gradients through the weighted rows, of which ``slope`` are those of the criterion."""
+
+    def of_motion(self, motion: Motion) -> Array:
+        """Information of a motion's samples at the rate of the search, ``(n_base, n_base)``."""
+        sampled = motion.resampled(self.robot, SEARCH_HZ)
+        return self.information(sampled.q, sampled.v, sampled.a)
 
     def information(self, q: Array, v: Array, a: Array) -> Array:
         """Information of samples, ``(n_base, n_base)``."""
@@ -245,7 +254,7 @@ class DriveTorques:
         weights = slope[:, :, None] * self.rows.tree.phi
         return Pulled(weights, slope * (viscous + coulomb * sign_slope), slope * armature)
 
-    def watch(self, state: Moved) -> None:
+    def watch(self, full: Array, state: Moved) -> None:
         """Nothing is to be found anew."""
 
 
@@ -320,8 +329,9 @@ class GroundForces:
     """How near the whole wrench comes to what soles can give: the edge of their polygon, and friction.
 
     Both are planes that the wrench stays below (:mod:`excite.safety.checks.robustness`); feet go as in the source, so
-    that planes do not depend on the design. Torques of the legs' drives, which carry it, are looked at beside. What the
-    stated set of robots takes of the room is found anew before each round.
+    that planes do not depend on the design. Torques of the legs' drives, which carry it, are looked at beside. Before
+    each round the planes that are nearest at each sample are found anew, and of the stated set of robots the one that
+    comes nearest to each: the slope of a largest value is that of whoever has it (Danskin 1967).
 
     Args:
         rows: of the robot.
@@ -332,7 +342,7 @@ class GroundForces:
     """
 
     def __init__(self, rows: StandingRows, sampled: Motion) -> None:
-        self._tree = rows.tree
+        self._tree, self._regressor = rows.tree, rows.regressor
         robot, n = rows.robot, sampled.n_samples
         sweep = Sweep(robot, sampled, (n - 1) / sampled.duration)
         friction = min(foot.friction for foot in robot.feet)
@@ -340,90 +350,103 @@ class GroundForces:
             (edges_of_support(sweep), ZMP_MARGIN, _EDGE_ROOM, _EDGE_UNIT),
             (faces_of_friction(sweep), 0.0, _FRICTION_ROOM * friction, _FRICTION_UNIT),
         )
-        found = [
-            _by_sample(facing, n, limit + room, unit)
-            for facing, limit, room, unit in kinds
-            if facing is not None
-        ]
-        if len(found) < len(kinds):
-            raise InputError("stands on no area at times", source=sampled.name, remedy="use another motion")
+        found = [_by_sample(facing, sampled, limit + room, unit) for facing, limit, room, unit in kinds]
         weight = robot.mass * float(np.linalg.norm(robot.model.gravity.linear))
         self._world = np.concatenate(found, axis=1) / weight
+        self._edges, self._at_samples = self._world[:, : found[0].shape[1]], np.arange(n)[:, None]
         self._parameters = stated_parameters(robot)
         self._set = RowsOfSet(robot, self._parameters)
-        self._n_edges = found[0].shape[1]
-        self._rise: Array = np.zeros(self._world.shape[:2])
-        self._more = [phi - rows.tree.phi for phi in rows.members]
-        self._legs = LegTorques(rows, sweep)
-        # Where the source leaves less on the same feet, a design leaves as much.
+        self._members = [rows.tree.phi, *rows.members]
+        self._legs = LegTorques(rows, sweep, self._set)
+        # Where the source leaves less on the same feet, a design leaves as much to the same robots.
         state = Moved(sampled.q, sampled.v, sampled.a)
-        self.watch(state)
-        used = self.values(rows.regressor(*state), state, sampled.v)
-        groups = np.cumsum([*(one.shape[1] for one in found), self._n_edges])
-        self.most = np.ones_like(used)
-        for standing in sweep.on_feet(np.arange(n)):
-            for part in np.split(np.arange(used.shape[1]), groups):
-                own = np.ix_(standing.rows, part)
-                self.most[own] = max(float(used[own].max()), 1.0)
+        full = rows.regressor(*state)
+        self._most, self._others = np.ones((len(self._members), *self._world.shape[:2])), np.ones((n, 0))
+        used = self.watch(full, state)
+        others = self.values(full, state, sampled.v)[:, self._near.shape[1] :]
+        standings, sizes = list(sweep.on_feet(np.arange(n))), [one.shape[1] for one in found]
+        self._most = np.array([_most_on_same_feet(one, standings, sizes[:1]) for one in used])
+        self._others = _most_on_same_feet(others, standings, sizes[:1])
 
     def values(self, full: Array, state: Moved, sign: Array) -> Array:
         """Shares that are used, 1 at the limits: of planes' room, of edges' at standstill, of the legs' torques."""
-        wrench, still = _world_wrench(full @ self._tree.phi, state.q), self._standstill(state)
-        planes = np.einsum("nkw,nw->nk", self._world, wrench) + self._rise
-        edges = np.einsum("nkw,nw->nk", self._world[:, : self._n_edges], still)
-        room = np.maximum(1.0 + np.hstack([planes, edges]), 0.0)
-        return np.hstack([room, self._legs.values(wrench, state, sign)])
-
-    def _standstill(self, state: Moved) -> Array:
-        """The wrench of a robot that is stopped there, ``(n, 6)``: it acts below the centre of mass."""
         none = np.zeros_like(state.v)
-        return _world_wrench(inverse_dynamics(self._tree, state.q, none, none)[:, :6], state.q)
+        self._forms = _in_base(self._world[self._at_samples, self._near], state.q)
+        self._wrenches = self._worst @ full.transpose(0, 2, 1)
+        # A robot that is stopped there acts below its centre of mass.
+        self._still = inverse_dynamics(self._tree, state.q, none, none)[:, None, :6]
+        self._still_forms = _in_base(self._edges, state.q)
+        used = [
+            (forms * wrenches).sum(axis=2)
+            for forms, wrenches in ((self._forms, self._wrenches), (self._still_forms, self._still))
+        ]
+        return np.hstack([np.maximum(1.0 + np.hstack(used), 0.0), self._legs.values(full, state, sign)])
 
     def pulled(self, slope: Array, full: Array, state: Moved, sign_slope: Array) -> Pulled:
-        """Gradients of a sum of shares times ``slope``."""
-        wrench, none, n_planes = (
-            _world_wrench(full @ self._tree.phi, state.q),
-            np.zeros_like(state.v),
-            self._world.shape[1],
+        """Gradients of a sum of shares times ``slope``, where :meth:`values` was asked last."""
+        none, n_near = np.zeros_like(state.v), self._near.shape[1]
+        by_plane, by_edge, by_torque = np.split(slope, [n_near, n_near + self._edges.shape[1]], axis=1)
+        legs, by_wrench = self._legs.pulled(by_torque, state, sign_slope)
+        pulls = np.concatenate([by_plane[:, :, None] * self._forms, _in_base(by_wrench, state.q)], axis=1)
+        phi = np.concatenate(
+            [self._worst, np.broadcast_to(self._tree.phi, (len(slope), 1, self._tree.phi.size))], axis=1
         )
-        by_plane, by_edge, by_torque = np.split(slope, [n_planes, n_planes + self._n_edges], axis=1)
-        legs, by_wrench = self._legs.pulled(by_torque, wrench, state, sign_slope)
-        own = self._by_base(by_wrench + np.einsum("nk,nkw->nw", by_plane, self._world), wrench, state, legs.q)
-        by_still = np.einsum("nk,nkw->nw", by_edge, self._world[:, : self._n_edges])
-        still = self._by_base(by_still, self._standstill(state), state, legs.q)
-        legs.q[:] += regressor_gradient(self._tree, state.q, none, none, still).q
+        _pull_base(pulls, phi @ full.transpose(0, 2, 1), state.q, legs.q)
+        own = pulls.transpose(0, 2, 1) @ phi
+        still = (by_edge[:, :, None] * self._still_forms).sum(axis=1, keepdims=True)
+        _pull_base(still, self._still, state.q, legs.q)
+        at_rest = still[:, 0, :, None] * self._tree.phi
+        legs.q[:] += regressor_gradient(self._tree, state.q, none, none, at_rest).q
         return legs._replace(weights=np.concatenate([own, legs.weights], axis=1))
 
-    def _by_base(self, by_wrench: Array, wrench: Array, state: Moved, by_q: Array) -> Array:
-        """Weights ``(n, 6, size)`` of the base's rows; gradients in its place and turn are added to ``by_q``."""
-        by_force, by_moment = np.split(by_wrench, 2, axis=1)
-        force, moment = np.split(wrench, 2, axis=1)
-        place, turn = state.q[:, :3], Rotation.from_quat(state.q[:, 3:7]).inv()
-        # About the base: n · f + m · (τ + p × f).
-        about = by_force + np.cross(by_moment, place)
-        turning = np.cross(force, about) + np.cross(moment - np.cross(place, force), by_moment)
-        by_q[:, :3] += np.cross(force, by_moment)
-        by_q[:, 3:6] += turn.apply(turning)
-        return np.hstack([turn.apply(about), turn.apply(by_moment)])[:, :, None] * self._tree.phi
+    def watch(self, full: Array, state: Moved) -> Array:
+        """Find the nearest planes and who comes nearest to them; shares of all planes, ``(n_robots, n, n_planes)``."""
+        of_set, forms = self._set.of_wrench(state), _in_base(self._world, state.q)
+        used = np.array([1.0 + np.einsum("nkw,nw->nk", forms, full @ phi) for phi in self._members])
+        at = self._world @ of_set.of_wrench
+        used[0] += self._parameters.rise(at)
+        used = np.where(self._world.any(axis=2), used, -np.inf)
+        beyond = used - self._most
+        self._near = np.argsort(-beyond.max(axis=0), axis=1)[:, :_NEAREST]
+        near = self._at_samples, self._near
+        who = beyond.argmax(axis=0)[near]
+        self.most = np.hstack([self._most[who, *near], self._others])
+        self._worst = self._tree.phi + self._parameters.farthest(at[near])
+        for i, phi in enumerate(self._members[1:], start=1):
+            self._worst[who == i] = phi
+        self._legs.watch(full, state, of_set)
+        return np.asarray(used)
 
-    def watch(self, state: Moved) -> None:
-        """Find what the set of robots takes of the room."""
-        of_set = self._set.of_wrench(state)
-        n, k = self._rise.shape
-        samples = np.repeat(np.arange(n), k)
-        rise = self._parameters.rise_of_forms(self._world.reshape(n * k, 6), samples, of_set.of_wrench)
-        wrenches = [
-            _world_wrench(inverse_dynamics(self._tree, *state, phi)[:, :6], state.q)
-            for phi in (self._tree.phi, *self._more)
-        ]
-        more = [np.einsum("nkw,nw->nk", self._world, wrench) for wrench in wrenches[1:]]
-        self._rise = np.max([rise.reshape(n, k), *more], axis=0)
-        self._legs.watch(wrenches, state, of_set)
+
+def _most_on_same_feet(used: Array, standings: Sequence[Standing], cuts: Sequence[int]) -> Array:
+    """The most of shares ``(n, k)`` that is used on the same feet, by groups of columns, 1 at least."""
+    most = np.ones_like(used)
+    for standing in standings:
+        for part in np.split(np.arange(used.shape[1]), cuts):
+            own = np.ix_(standing.rows, part)
+            most[own] = max(float(used[own].max()), 1.0)
+    return most
 
 
 def _world_wrench(base_wrench: Array, q: Array) -> Array:
     """A base's wrench ``(n, 6)`` about the world's origin, in its axes."""
     return wrench_at_world_origin(base_wrench, Rotation.from_quat(q[:, 3:7]).as_matrix(), q[:, :3])
+
+
+def _in_base(forms: Array, q: Array) -> Array:
+    """Forms of wrenches about the world's origin, ``(n, k, 6)``, as those of wrenches on the base in its axes."""
+    rotation, (by_force, by_moment) = Rotation.from_quat(q[:, 3:7]).as_matrix(), np.split(forms, 2, axis=2)
+    # n · f + m · (τ + p × f).
+    about = by_force + np.cross(by_moment, q[:, None, :3])
+    return np.concatenate([about @ rotation, by_moment @ rotation], axis=2)
+
+
+def _pull_base(by_wrench: Array, wrench: Array, q: Array, by_q: Array) -> None:
+    """Add gradients in the base's place and turn of forms ``(n, k, 6)`` of wrenches, both in the base's axes."""
+    by_force, by_moment = np.split(by_wrench, 2, axis=2)
+    force, moment = np.split(wrench, 2, axis=2)
+    by_q[:, :3] += Rotation.from_quat(q[:, 3:7]).apply(np.cross(force, by_moment).sum(axis=1))
+    by_q[:, 3:6] += (np.cross(force, by_force) + np.cross(moment, by_moment)).sum(axis=1)
 
 
 class LegTorques:
@@ -434,72 +457,66 @@ class LegTorques:
     Args:
         rows: of the robot.
         sweep: the source at the search's samples.
+        of_set: rows of the set that the description states.
     """
 
-    def __init__(self, rows: StandingRows, sweep: Sweep) -> None:
-        robot, self._tree, self._sweep = rows.robot, rows.tree, sweep
+    def __init__(self, rows: StandingRows, sweep: Sweep, of_set: RowsOfSet) -> None:
+        robot, self._tree, self._sweep, self._set = rows.robot, rows.tree, sweep, of_set
         self._parameters = stated_parameters(robot)
-        self._set = RowsOfSet(robot, self._parameters)
         self._chains = [np.array(list(robot.model.supports[foot.joint])[2:]) for foot in robot.feet]
         self._joints = rows.loaded_joints
         self._limits = TORQUE_SHARE * robot.limits.torque[self._joints - 2]
         self._more = [phi - rows.tree.phi for phi in rows.members]
         self._drives = stated_drives(robot)[:, self._joints - 2]
 
-    def watch(self, wrenches: Sequence[Array], state: Moved, of_set: WrenchRows) -> None:
-        """Find how feet share the wrench ``(n, 6)``, the first, and what the set and members take of the torques.
-
-        The other wrenches are what members add.
-        """
-        self._shares = shares_of_feet(self._sweep, np.arange(len(wrenches[0])), wrenches[0])
+    def watch(self, full: Array, state: Moved, of_set: WrenchRows) -> None:
+        """Find how feet share the wrench, and what the set and members take of the torques."""
+        wrench, *more = (_world_wrench(full @ phi, state.q) for phi in (self._tree.phi, *self._more))
+        self._shares = shares_of_feet(self._sweep, np.arange(len(full)), wrench)
         rows = self._set.of_torques(state, of_set, self._shares)[:, self._joints - 2]
-        added = [self._torques(*one, state) for one in zip(wrenches[1:], self._more, strict=True)]
+        added = [self._torques(*one, state) for one in zip(more, self._more, strict=True)]
         rise, fall = self._parameters.rise(rows), self._parameters.rise(rows, -1.0)
         self._rises = np.max([rise, *added], axis=0), np.max([fall, *(-one for one in added)], axis=0)
 
     def _torques(self, wrench: Array, phi: Array, state: Moved) -> Array:
         """Without friction and inertia of the drives, ``(n, n_loaded_joints)`` [N·m]."""
-        torques = inverse_dynamics(self._tree, *state, phi)
-        poses = forward_kinematics(self._tree, state.q)
+        torques, poses = inverse_dynamics(self._tree, *state, phi), forward_kinematics(self._tree, state.q)
+        self._legs: list[tuple[NDArray[np.intp], Array, Array, Array, Array, Array]] = []
         for chain, share in zip(self._chains, self._shares.transpose(1, 0, 2, 3), strict=True):
-            axis, place = self._axes(poses, chain)
+            axis = np.einsum("njab,jb->nja", poses.rotation[:, chain], self._tree.axes[chain])
+            place = poses.translation[:, chain]
             force, moment = np.split(np.einsum("nij,nj->ni", share, wrench)[:, None], 2, axis=2)
-            torques[:, chain + 4] -= (axis * (moment - np.cross(place, force))).sum(axis=2)
+            about = moment - np.cross(place, force)
+            torques[:, chain + 4] -= (axis * about).sum(axis=2)
+            self._legs.append((chain, share, axis, place, force, about))
         return torques[:, self._joints + 4]
 
-    def values(self, wrench: Array, state: Moved, sign: Array) -> Array:
-        """Shares ``(n, n_loaded_joints)`` for a wrench about the world's origin, ``(n, 6)``."""
+    def values(self, full: Array, state: Moved, sign: Array) -> Array:
+        """Shares ``(n, n_loaded_joints)``."""
         at, (viscous, coulomb, armature) = self._joints + 4, self._drives
-        found = self._torques(wrench, self._tree.phi, state)
+        found = self._torques(_world_wrench(full @ self._tree.phi, state.q), self._tree.phi, state)
         found = found + viscous * state.v[:, at] + coulomb * sign[:, at] + armature * state.a[:, at]
         upper, lower = found + self._rises[0], self._rises[1] - found
         self._sign = np.where(upper >= lower, 1.0, -1.0) / self._limits
         return np.asarray(np.maximum(np.maximum(upper, lower) / self._limits, 0.0))
 
-    def _axes(self, poses: Placements, joints: NDArray[np.intp]) -> tuple[Array, Array]:
-        """Axes and places of joints in the world, ``(n, k, 3)`` each."""
-        axis = np.einsum("njab,jb->nja", poses.rotation[:, joints], self._tree.axes[joints])
-        return axis, poses.translation[:, joints]
-
-    def pulled(self, slope: Array, wrench: Array, state: Moved, sign_slope: Array) -> tuple[Pulled, Array]:
-        """Gradients of a sum of shares times ``slope``, and those in the wrench ``(n, 6)``."""
+    def pulled(self, slope: Array, state: Moved, sign_slope: Array) -> tuple[Pulled, Array]:
+        """Gradients of a sum of shares times ``slope``, and in the wrench about the world's origin ``(n, 1, 6)``,
+        where :meth:`values` was asked last."""
         viscous, coulomb, armature = self._drives
         slope, at = slope * self._sign, self._joints + 4
         by_q, by_v, by_a = np.zeros((3, *state.v.shape))
         by_v[:, at] = slope * (viscous + coulomb * sign_slope[:, at])
         by_a[:, at] = slope * armature
-        by_wrench = np.zeros_like(wrench)
-        poses, turn = forward_kinematics(self._tree, state.q), Rotation.from_quat(state.q[:, 3:7]).inv()
+        by_wrench, turn = np.zeros((len(slope), 6)), Rotation.from_quat(state.q[:, 3:7]).inv()
         by_torque = np.zeros_like(by_q)
         by_torque[:, at] = -slope
-        for chain, share in zip(self._chains, self._shares.transpose(1, 0, 2, 3), strict=True):
-            axis, place = self._axes(poses, chain)
-            force, moment = np.split(np.einsum("nij,nj->ni", share, wrench)[:, None], 2, axis=2)
+        for chain, share, axis, place, force, about in self._legs:
             own = by_torque[:, chain + 4, None]
             screws = np.concatenate([np.cross(place, axis), axis], axis=2) * own
             by_wrench += np.einsum("nji,nj->ni", share, screws.sum(axis=1))
             # What turns a joint's axis and shifts its place, of all that come after another.
-            by_axis, by_place = own * (moment - np.cross(place, force)), -own * np.cross(force, axis)
+            by_axis, by_place = own * about, -own * np.cross(force, axis)
             turning = np.cross(axis, by_axis) + np.cross(place, by_place)
             turning, shifting = (np.flip(np.cumsum(np.flip(one, 1), 1), 1) for one in (turning, by_place))
             by_q[:, :3] += shifting[:, 0]
@@ -508,12 +525,14 @@ class LegTorques:
             by_q[:, chain[:-1] + 4] += (
                 axis[:, :-1] * (turning[:, 1:] - np.cross(place[:, :-1], shifting[:, 1:]))
             ).sum(axis=2)
-        return Pulled(slope[:, :, None] * self._tree.phi, by_v, by_a, by_q), by_wrench
+        return Pulled(slope[:, :, None] * self._tree.phi, by_v, by_a, by_q), by_wrench[:, None]
 
 
-def _by_sample(facing: Facing, n: int, room: float, unit: float) -> Array:
+def _by_sample(facing: Facing | None, sampled: Motion, room: float, unit: float) -> Array:
     """Planes of every sample about the world's origin, ``(n, n_planes, 6)``; those that are none are zero."""
-    found = np.zeros((n, max(planes.shape[1] for planes in facing.planes), 6))
+    if facing is None:
+        raise InputError("stands on no area at times", source=sampled.name, remedy="use another motion")
+    found = np.zeros((sampled.n_samples, max(planes.shape[1] for planes in facing.planes), 6))
     for k, (about, planes) in enumerate(zip(facing.about, facing.planes, strict=True)):
         mine = np.flatnonzero(facing.phase == k)
         own = np.nan_to_num(planes if len(planes) == 1 else planes[mine])
@@ -539,3 +558,12 @@ def design_rows(robot: Robot, members: Sequence[Array] = ()) -> DesignRows:
         members: parameters of robots that have to stand too, ``(10·n_segments,)`` each.
     """
     return StandingRows(robot, members=tuple(members)) if robot.floating else ArmRows(robot)
+
+
+def can_design(robot: Robot) -> bool:
+    """Whether there are rows to design a robot's motions with."""
+    try:
+        design_rows(robot)
+    except InputError:
+        return False
+    return True

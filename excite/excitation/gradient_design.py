@@ -16,7 +16,7 @@ from scipy.optimize import minimize
 
 from excite.arrays import Array, Moved
 from excite.excitation.design_coordinates import JointCoordinates
-from excite.excitation.design_rows import DesignRows
+from excite.excitation.design_rows import SEARCH_HZ, DesignRows
 from excite.excitation.near_bodies import NearBodies, NearPairs
 from excite.excitation.selection import Criterion
 from excite.motion.motion import Motion, interpolate_motion
@@ -32,8 +32,6 @@ from excite.threads import one_blas_thread
 GRADIENT = "gradient"
 
 _DEGREE = 4
-# Samples a second that information is of.
-SEARCH_HZ = 24.0
 
 
 @dataclass(frozen=True)
@@ -213,7 +211,7 @@ class DesignProgram:
     def watch(self, x: Array) -> None:
         """Find the nearest points of bodies that are near each other, and what else is found once a round."""
         state = self.states(x)
-        self._burden.watch(state)
+        self._burden.watch(self._rows.regressor(*state), state)
         poses, pairs = self._bodies.find(state.q, self._bodies.kept + self._settings.near_m)
         joints, at = self._bodies.carriers(pairs), pairs.sample[:, None]
         world = np.stack([pairs.first, pairs.second], axis=1)
@@ -349,8 +347,5 @@ def _is_safe(
 @one_blas_thread
 def first_information(rows: DesignRows, sources: Sequence[Motion]) -> Array:
     """A hundredth of what all sources say, which makes every determinant finite, ``(n_base, n_base)``."""
-    total = np.zeros((len(rows.independent), len(rows.independent)))
-    for motion in sources:
-        sampled = motion.resampled(rows.robot, SEARCH_HZ)
-        total += rows.information(sampled.q, sampled.v, sampled.a)
+    total: Array = np.sum([rows.of_motion(motion) for motion in sources], axis=0)
     return 0.01 * total / len(sources) + 1e-9 * np.diag(np.diag(total)) + rows.prior

@@ -12,8 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from excite.arrays import Array, Flags
-from excite.excitation.design_rows import ArmRows
-from excite.excitation.gradient_design import SEARCH_HZ
+from excite.excitation.design_rows import SEARCH_HZ, ArmRows
 from excite.motion.motion import Motion
 from excite.regressor.adjoint import regressor_gradient
 from excite.regressor.kernels import joint_torque_regressor

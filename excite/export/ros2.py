@@ -33,7 +33,6 @@ from excite.motion.readers.ros2 import (
 )
 
 TOPIC = "/joint_trajectory_controller/joint_trajectory"
-BASE_TOPIC = "/excite/base"
 JOINT_STATE = "sensor_msgs/msg/JointState"
 _BAG_VERSION: Literal[9] = 9  # readable from Humble on
 
@@ -73,7 +72,7 @@ def write_bag(motion: Motion, folder: Path, command: str = "") -> None:
     joints = motion.joint_positions(), goal_velocities(motion), motion.joint_accelerations()
     messages = [(TOPIC, JOINT_TRAJECTORY, [_trajectory_arrays(store, motion, motion.joint_names, *joints)])]
     if motion.floating:
-        messages.append((BASE_TOPIC, BASE_TRAJECTORY, [_base_trajectory(store, motion)]))
+        messages.append(("/excite/base", BASE_TRAJECTORY, [_base_trajectory(store, motion)]))
     if motion.contacts:
         flags = np.column_stack(list(motion.contacts.values())).astype(float)
         messages.append(

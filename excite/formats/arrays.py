@@ -12,7 +12,7 @@ import numpy as np
 from numpy.lib import format as npy
 from numpy.typing import NDArray
 
-from excite.errors import InputError
+from excite.errors import InputError, in_one_line
 from excite.formats.file import (
     DAMAGED,
     MAX_FILE_BYTES,
@@ -40,14 +40,13 @@ class NpzFormat(ColumnFormat):
     name: ClassVar[str] = "npz"
     suffixes: ClassVar[tuple[str, ...]] = (".npz",)
 
-    def _read(self, path: Path, error: type[InputError]) -> Content:
+    def _read(self, path: Path) -> Content:
         found = read_npz(
             path,
             limit=8 * MAX_NUMBERS,
             longest_text=1_000_000,
             others_empty=True,
             remedy="check that the file is complete",
-            error=error,
         )
         # Written by numpy for its own option of that name.
         found.pop("allow_pickle", None)
@@ -68,7 +67,6 @@ def read_npz(
     longest_text: int = _LONGEST_TEXT,
     others_empty: bool = False,
     remedy: str = "write it again",
-    error: type[InputError] = InputError,
 ) -> dict[str, NDArray[Any]]:
     """Arrays of an npz archive by name, numbers, flags and short texts, each checked before its values are read.
 
@@ -79,33 +77,32 @@ def read_npz(
         longest_text: most characters of a text.
         others_empty: whether arrays of other kinds come without rows; else they are refused, as pickles always are.
         remedy: what to do where it is wrong.
-        error: class of the errors.
 
     Raises:
-        InputError: of the class ``error``: no such file, no archive, damaged, an array that is not known, stands twice,
+        InputError: no such file, no archive, damaged, an array that is not known, stands twice,
             is of another kind, or is larger than allowed or than it declares.
     """
-    path = check_file(path, limit=limit, error=error)
+    path = check_file(path, limit=limit)
     arrays: dict[str, NDArray[Any]] = {}
     left = limit
     name: str | None = None
     try:
         with ZipFile(path) as archive:
             members = archive.infolist()
-            check_size(sum(member.file_size for member in members) // 8, len(members), path, error)
+            check_size(sum(member.file_size for member in members) // 8, len(members), path)
             for member in members:
                 name = member.filename.removesuffix(".npy")
                 with _known_member(archive, member, name, known, arrays, left) as stream:
                     arrays[name] = _read_member(stream, member, longest_text, others_empty=others_empty)
                 left -= member.file_size
     except _Refused as reason:
-        raise error(str(reason), source=path, field=(name or "")[:60] or None, remedy=remedy) from None
+        raise InputError(str(reason), source=path, field=(name or "")[:60] or None, remedy=remedy) from None
     except DAMAGED as reason:
-        if isinstance(reason, error):
-            raise
-        line = " ".join(str(reason).split())[:160] or type(reason).__name__
-        raise error(
-            f"cannot be read ({line})", source=path, field=(name or "")[:60] or None, remedy=remedy
+        raise InputError(
+            f"cannot be read ({in_one_line(reason)[:160]})",
+            source=path,
+            field=(name or "")[:60] or None,
+            remedy=remedy,
         ) from reason
     return arrays
 
@@ -167,14 +164,14 @@ def npy_header(stream: IO[bytes]) -> NpyHeader:
     return NpyHeader(*header(stream))
 
 
-def read_npy(path: Path, error: type[InputError] = InputError) -> dict[str, NDArray[Any]]:
-    """The array of a ``.npy`` under the file's name, or its fields under theirs; raises ``error``."""
-    check_file(path, limit=MAX_FILE_BYTES, error=error)
-    with unreadable(path, error, "a numpy array"):
+def read_npy(path: Path) -> dict[str, NDArray[Any]]:
+    """The array of a ``.npy`` under the file's name, or its fields under theirs; raises InputError."""
+    check_file(path, limit=MAX_FILE_BYTES)
+    with unreadable(path, "a numpy array"):
         with path.open("rb") as stream:
             if npy_header(stream).dtype.hasobject:
                 text = "holds pickled Python objects, which are not opened"
-                raise error(text, source=path, remedy=_NUMBERS_ONLY)
+                raise InputError(text, source=path, remedy=_NUMBERS_ONLY)
         # Mapped, so that a shape beyond the file's end is refused before memory is asked for.
         array = np.load(path, mmap_mode="r", allow_pickle=False)
     if array.dtype.names:

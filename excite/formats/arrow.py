@@ -11,7 +11,6 @@ import pyarrow as pa
 import pyarrow.parquet
 from numpy.typing import NDArray
 
-from excite.errors import InputError
 from excite.formats.file import check_size, check_unique, first_bytes, unreadable
 from excite.formats.format import ColumnFormat, Content
 
@@ -90,12 +89,10 @@ class ParquetFormat(ColumnFormat):
     name: ClassVar[str] = "parquet"
     suffixes: ClassVar[tuple[str, ...]] = (".parquet",)
 
-    def _read(self, path: Path, error: type[InputError]) -> Content:
+    def _read(self, path: Path) -> Content:
         with open_parquet(path) as file:
-            check_unique(file.schema_arrow.names, path, error)
-            check_size(
-                file.metadata.num_rows * file.metadata.num_columns, file.metadata.num_columns, path, error
-            )
+            check_unique(file.schema_arrow.names, path)
+            check_size(file.metadata.num_rows * file.metadata.num_columns, file.metadata.num_columns, path)
             said = (file.schema_arrow.metadata or {}).get(b"excite") or (file.metadata.metadata or {}).get(
                 b"excite"
             )
@@ -130,15 +127,15 @@ class ParquetFormat(ColumnFormat):
 # Tables of any making: lists of numbers in rows, records, texts.
 
 
-def read_arrow(path: Path, error: type[InputError] = InputError) -> dict[str, Any]:
-    """Columns of Parquet or Feather as :func:`table_arrays` has them; raises ``error``."""
-    with unreadable(path, error, "a table of Arrow"):
+def read_arrow(path: Path) -> dict[str, Any]:
+    """Columns of Parquet or Feather as :func:`table_arrays` has them; raises InputError."""
+    with unreadable(path, "a table of Arrow"):
         if first_bytes(path, 4) == _FEATHER:
             with pa.ipc.open_file(str(path)) as file:
                 table = file.read_all()
         else:
             table = read_parquet(path)
-        check_size(table.num_rows * table.num_columns, 0, path, error)
+        check_size(table.num_rows * table.num_columns, 0, path)
         return table_arrays(table)
 
 

@@ -60,13 +60,13 @@ def is_bag(path: Path) -> bool:
 
 
 @contextmanager
-def open_bag(path: Path, error: type[InputError] = InputError, *, indexed: bool = False) -> Iterator[Bag]:
+def open_bag(path: Path, *, indexed: bool = False) -> Iterator[Bag]:
     """The messages of a file or folder; ``indexed``: MCAP, too, by its index, with what its writer kept beside them.
 
-    Raises what its library raises, and ``error`` where that library is not there.
+    Raises what its library raises, and InputError where that library is not there.
     """
     if is_mcap(path) and not indexed:
-        yield _Mcap(path, error)
+        yield _Mcap(path)
         return
     from rosbags.highlevel import AnyReader
     from rosbags.typesys import Stores, get_typestore
@@ -105,12 +105,12 @@ class _RosBag(Bag):
 class _Mcap(Bag):
     """A file of MCAP, from its beginning on: one whose recorder was killed has no index."""
 
-    def __init__(self, path: Path, error: type[InputError]) -> None:
+    def __init__(self, path: Path) -> None:
         super().__init__()
         try:
             from mcap.reader import NonSeekingReader
         except ImportError as reason:
-            raise error(
+            raise InputError(
                 "is MCAP, which needs mcap", source=path, remedy="pip install 'excite[ros]'"
             ) from reason
         self._path, self._reader = path, NonSeekingReader

@@ -85,7 +85,6 @@ def in_child(
     function: str,
     *args: Any,
     source: Path,
-    error: type[InputError] = InputError,
     seconds: float = 60.0,
     memory_gb: float = 8.0,
     endless: tuple[str, str] = ("takes its reader more than {seconds:g} s", "check that it is complete"),
@@ -100,14 +99,13 @@ def in_child(
         function: ``package.module:name`` of a function; its arguments and its result have to be picklable.
         args: its arguments.
         source: file that it reads, for errors.
-        error: class of the errors.
         seconds: how long it may take [s].
         memory_gb: how much memory it may ask for [GB].
         endless: what is said, and what is to be done, where that time is over.
         kept: whether the child waits for the next file of this kind, for readers that remember nothing.
 
     Raises:
-        InputError: of the class ``error``: the child crashed, took too long or too much memory.
+        InputError: the child crashed, took too long or too much memory.
         ExciteError: what the function itself raised.
     """
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(entry for entry in sys.path if entry)}
@@ -120,9 +118,9 @@ def in_child(
         try:
             code = _run_task(file, seconds, start, kept)
         except TimeoutError as reason:
-            raise error(endless[0].format(seconds=seconds), source=source, remedy=endless[1]) from reason
+            raise InputError(endless[0].format(seconds=seconds), source=source, remedy=endless[1]) from reason
         if code != 0:
-            raise error(
+            raise InputError(
                 f"makes its reader fail ({_describe_ending(code)})",
                 source=source,
                 remedy="it is damaged: export it again",

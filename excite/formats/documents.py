@@ -18,15 +18,13 @@ from defusedxml.common import DefusedXmlException
 from defusedxml.ElementTree import DefusedXMLParser
 from pydantic import BaseModel, ValidationError
 
-from excite.errors import InputError
+from excite.errors import InputError, in_one_line
 from excite.finding import list_names
 from excite.formats.file import MAX_DESCRIPTION_BYTES, MAX_TEXT_BYTES, read_bytes, read_text
 
 # JSON files as objects, strictly: what a document says twice, or says in numbers that are none, is refused.
 
 
-# Missing fields that are named in one line.
-_MOST_NAMED = 12
 # Errors whose input says nothing: the object around a field, or one that the sentence names.
 _SAID_ALREADY = frozenset({"value_error", "too_long"})
 _KINDS = {
@@ -53,7 +51,6 @@ def read_json(
     *,
     schema: str | None = None,
     remedy: str = "write it again",
-    error: type[InputError] = InputError,
 ) -> dict[str, Any]:
     """The object that a JSON file holds.
 
@@ -61,26 +58,24 @@ def read_json(
         path: of the file.
         schema: what its field ``schema`` has to be; None where it has none.
         remedy: what to do where the file is wrong.
-        error: class of the errors.
 
     Raises:
-        InputError: of the class ``error``: the file cannot be read, is no JSON or no object, holds a key twice or NaN,
+        InputError: the file cannot be read, is no JSON or no object, holds a key twice or NaN,
             or its schema is another.
     """
     path = Path(path)
-    text = read_text(path, limit=MAX_TEXT_BYTES, error=error)
+    text = read_text(path, limit=MAX_TEXT_BYTES)
     try:
         content = parse_json(text)
     except RecursionError as reason:
-        raise error("is nested too deep", source=path, remedy=remedy) from reason
+        raise InputError("is nested too deep", source=path, remedy=remedy) from reason
     except ValueError as reason:
-        line = " ".join(str(reason).split())
-        raise error(f"is no JSON ({line[:160]})", source=path, remedy=remedy) from reason
+        raise InputError(f"is no JSON ({in_one_line(reason)[:160]})", source=path, remedy=remedy) from reason
     if not isinstance(content, dict):
-        raise error("is no JSON object", source=path, remedy=remedy)
+        raise InputError("is no JSON object", source=path, remedy=remedy)
     if schema is not None and content.get("schema") != schema:
         found = repr(content.get("schema"))[:60]
-        raise error(f"schema is {found}, not {schema!r}", source=path, field="schema", remedy=remedy)
+        raise InputError(f"schema is {found}, not {schema!r}", source=path, field="schema", remedy=remedy)
     return content
 
 
@@ -95,9 +90,8 @@ def check_content(
     path: Path,
     *,
     remedy: str = "write it again",
-    error: type[InputError] = InputError,
 ) -> _Model:
-    """Content of a document as a model of its fields; raises ``error`` for what is missing or the first fault."""
+    """Content of a document as a model of its fields; raises InputError for what is missing or the first fault."""
     try:
         return model.model_validate(content)
     except ValidationError as reason:
@@ -105,10 +99,9 @@ def check_content(
         first = faults[0]
         field = _fault_place(first)
         others = [_fault_place(fault) for fault in faults[1:] if fault["type"] == "missing"]
-        more = (
-            f", and so are {list_names(others, _MOST_NAMED)}" if others and first["type"] == "missing" else ""
-        )
-        raise error(_in_words(first) + more, source=path, field=field or None, remedy=remedy) from reason
+        # Missing fields that are named in one line.
+        more = f", and so are {list_names(others, 12)}" if others and first["type"] == "missing" else ""
+        raise InputError(_in_words(first) + more, source=path, field=field or None, remedy=remedy) from reason
 
 
 def _fault_place(fault: Mapping[str, Any]) -> str:
@@ -149,7 +142,6 @@ MAX_XML_BYTES = 64 * 1024 * 1024
 # The largest model known here, a humanoid with hands in MJCF, has 6 000 elements, 26 deep, of up to 17 attributes.
 MAX_ELEMENTS = 200_000
 XML_DOCUMENT_MAX_DEPTH = 200
-MAX_ATTRIBUTES = 200
 _UNBOUND_PREFIX = expat_errors.codes[expat_errors.XML_ERROR_UNBOUND_PREFIX]
 # Comments and instructions, which hold no element, or the beginning of the outermost one.
 _BEGINNINGS = re.compile(rb"<!--.*?-->|<[?!].*?>|<([A-Za-z_][\w.:-]*)", re.DOTALL)
@@ -178,7 +170,7 @@ class _BoundedBuilder(ElementTree.TreeBuilder):
             raise _OutOfBounds(f"elements are nested more than {self._max_depth} deep", tag)
         if self._count > MAX_ELEMENTS:
             raise _OutOfBounds(f"has more than {MAX_ELEMENTS} elements", tag)
-        if len(attrs) > MAX_ATTRIBUTES:
+        if len(attrs) > 200:
             raise _OutOfBounds(f"has {len(attrs)} attributes", tag)
         return super().start(tag, attrs)
 
@@ -187,27 +179,22 @@ class _BoundedBuilder(ElementTree.TreeBuilder):
         return super().end(tag)
 
 
-def read_xml(
-    path: str | Path, *, error: type[InputError] = InputError, max_depth: int = XML_DOCUMENT_MAX_DEPTH
-) -> ElementTree.Element:
+def read_xml(path: str | Path, *, max_depth: int = XML_DOCUMENT_MAX_DEPTH) -> ElementTree.Element:
     """The outermost element of an XML file.
 
     Args:
         path: of the file.
-        error: class of the errors.
         max_depth: how deep elements may be nested.
 
     Raises:
-        InputError: of the class ``error``: the file cannot be read, is no XML, declares entities, or has more or deeper
+        InputError: the file cannot be read, is no XML, declares entities, or has more or deeper
             elements than any model.
     """
     path = Path(path)
-    return parse_xml(read_bytes(path, limit=MAX_XML_BYTES, error=error), path, error, max_depth)
+    return parse_xml(read_bytes(path, limit=MAX_XML_BYTES), path, max_depth)
 
 
-def parse_xml(
-    content: bytes, path: Path, error: type[InputError] = InputError, max_depth: int = XML_DOCUMENT_MAX_DEPTH
-) -> ElementTree.Element:
+def parse_xml(content: bytes, path: Path, max_depth: int = XML_DOCUMENT_MAX_DEPTH) -> ElementTree.Element:
     """The outermost element of XML that was read from ``path``; errors as for :func:`read_xml`."""
     # Some editors and programs of embedded makers end a text with the zero byte of its string.
     content = content.rstrip(b"\0")
@@ -219,18 +206,19 @@ def parse_xml(
                 raise
             return _parse_xml(_with_prefixes(content), max_depth)
     except DefusedXmlException as reason:
-        raise error(
+        raise InputError(
             f"declares XML entities ({type(reason).__name__})",
             source=path,
             field="DOCTYPE",
             remedy="remove the document type declaration",
         ) from reason
     except _OutOfBounds as reason:
-        raise error(reason.what, source=path, field=reason.tag[:60], remedy="reduce the model") from reason
+        raise InputError(
+            reason.what, source=path, field=reason.tag[:60], remedy="reduce the model"
+        ) from reason
     except (ElementTree.ParseError, ValueError, LookupError) as reason:
-        line = " ".join(str(reason).split())
-        raise error(
-            f"is not valid XML ({line[:160]})", source=path, remedy="mend the syntax there"
+        raise InputError(
+            f"is not valid XML ({in_one_line(reason)[:160]})", source=path, remedy="mend the syntax there"
         ) from reason
 
 
@@ -292,7 +280,6 @@ _AngleLoader.add_constructor("!radians", lambda loader, node: float(node.value))
 def read_yaml(
     path: str | Path,
     *,
-    error: type[InputError] = InputError,
     remedy: str = "",
     limit: int = MAX_DESCRIPTION_BYTES,
     most_nodes: int = MAX_NODES,
@@ -303,7 +290,6 @@ def read_yaml(
 
     Args:
         path: of the file.
-        error: class of the errors.
         remedy: what to do where it is no mapping at all.
         limit: largest size [bytes].
         most_nodes: how many values it may stand for.
@@ -312,35 +298,37 @@ def read_yaml(
             one.
 
     Raises:
-        InputError: of the class ``error``: the file cannot be read, is no YAML or no mapping, nests or repeats itself
+        InputError: the file cannot be read, is no YAML or no mapping, nests or repeats itself
             without end, holds a key twice, or a number that is none.
     """
     path = Path(path)
-    text = read_text(path, limit=limit, error=error)
+    text = read_text(path, limit=limit)
     try:
-        root = _compose_nodes(text, path, error, most_nodes)
+        root = _compose_nodes(text, path, most_nodes)
         if root is not None:
             if sections and isinstance(root, yaml.MappingNode):
                 _join_sections(root)
-            _check_nodes(root, path, error, most_nodes)
+            _check_nodes(root, path, most_nodes)
         content = (
             None if root is None else (_AngleLoader if degrees else _Loader)("").construct_document(root)
         )
     except yaml.YAMLError as reason:
-        line = " ".join(str(reason).split())
-        raise error(f"is not valid YAML ({line[:200]})", source=path, remedy="mend the syntax") from reason
+        raise InputError(
+            f"is not valid YAML ({in_one_line(reason)[:200]})", source=path, remedy="mend the syntax"
+        ) from reason
     except (ValueError, TypeError, OverflowError) as reason:
         # Dates such as 2024-13-45 and numbers of thousands of digits.
-        line = " ".join(str(reason).split())
-        raise error(
-            f"holds a value that cannot be read ({line[:120]})", source=path, remedy="mend it"
+        raise InputError(
+            f"holds a value that cannot be read ({in_one_line(reason)[:120]})", source=path, remedy="mend it"
         ) from reason
     if not isinstance(content, dict):
-        raise error("is not a mapping", source=path, remedy=remedy or "write names and values, `name: value`")
+        raise InputError(
+            "is not a mapping", source=path, remedy=remedy or "write names and values, `name: value`"
+        )
     return content
 
 
-def _compose_nodes(text: str, path: Path, error: type[InputError], most_nodes: int) -> yaml.Node | None:
+def _compose_nodes(text: str, path: Path, most_nodes: int) -> yaml.Node | None:
     """The nodes of the text, after its depth and length were found to be within bounds."""
     depth = nodes = 0
     for event in yaml.parse(text, Loader=_Loader):
@@ -350,9 +338,9 @@ def _compose_nodes(text: str, path: Path, error: type[InputError], most_nodes: i
             depth -= 1
         nodes += isinstance(event, yaml.NodeEvent)
         if depth > MAX_DEPTH:
-            raise error(f"is nested more than {MAX_DEPTH} deep", source=path, remedy="flatten it")
+            raise InputError(f"is nested more than {MAX_DEPTH} deep", source=path, remedy="flatten it")
         if nodes > most_nodes:
-            raise _too_many(path, error, most_nodes)
+            raise _too_many(path, most_nodes)
     return yaml.compose(text, Loader=_Loader)
 
 
@@ -370,12 +358,12 @@ def _join_sections(root: yaml.MappingNode) -> None:
     root.value = left
 
 
-def _check_nodes(root: yaml.Node, path: Path, error: type[InputError], most_nodes: int) -> None:
+def _check_nodes(root: yaml.Node, path: Path, most_nodes: int) -> None:
     """Refuse keys that stand twice, values that are no numbers, and aliases that multiply."""
     sizes: dict[int, int] = {}
-    _count_expanded(root, (), sizes, frozenset(), path, error)
+    _count_expanded(root, (), sizes, frozenset(), path)
     if max(sizes.values()) > most_nodes:
-        raise _too_many(path, error, most_nodes)
+        raise _too_many(path, most_nodes)
 
 
 def _count_expanded(
@@ -384,34 +372,35 @@ def _count_expanded(
     sizes: dict[int, int],
     above: frozenset[int],
     path: Path,
-    error: type[InputError],
 ) -> int:
     """Number of nodes that a node stands for once aliases are written out."""
     if id(node) in above:
-        raise error("contains itself", source=path, field=".".join(place), remedy="remove the alias")
+        raise InputError("contains itself", source=path, field=".".join(place), remedy="remove the alias")
     if id(node) in sizes:
         return sizes[id(node)]
     size, above = 1, above | {id(node)}
     if isinstance(node, yaml.MappingNode):
-        _check_keys(node, place, path, error)
+        _check_keys(node, place, path)
         for key, value in node.value:
-            size += _count_expanded(value, (*place, str(key.value)), sizes, above, path, error)
+            size += _count_expanded(value, (*place, str(key.value)), sizes, above, path)
     elif isinstance(node, yaml.SequenceNode):
         for index, value in enumerate(node.value):
-            size += _count_expanded(value, (*place, str(index)), sizes, above, path, error)
+            size += _count_expanded(value, (*place, str(index)), sizes, above, path)
     elif node.tag == "tag:yaml.org,2002:float" and _is_nan(node.value):
-        raise error(f"is {node.value}", source=path, field=".".join(place), remedy="give a number")
+        raise InputError(f"is {node.value}", source=path, field=".".join(place), remedy="give a number")
     sizes[id(node)] = size
     return size
 
 
-def _check_keys(node: yaml.MappingNode, place: tuple[str, ...], path: Path, error: type[InputError]) -> None:
+def _check_keys(node: yaml.MappingNode, place: tuple[str, ...], path: Path) -> None:
     seen: set[str] = set()
     for key, _ in node.value:
         if not isinstance(key, yaml.ScalarNode):
-            raise error("has a key that is no name", source=path, field=".".join(place), remedy="name it")
+            raise InputError(
+                "has a key that is no name", source=path, field=".".join(place), remedy="name it"
+            )
         if key.value in seen and key.value != "<<":
-            raise error(
+            raise InputError(
                 f"stands twice, again in line {key.start_mark.line + 1}",
                 source=path,
                 field=".".join((*place, str(key.value))),
@@ -427,7 +416,7 @@ def _is_nan(text: str) -> bool:
         return False
 
 
-def _too_many(path: Path, error: type[InputError], most_nodes: int) -> InputError:
-    return error(
+def _too_many(path: Path, most_nodes: int) -> InputError:
+    return InputError(
         f"stands for more than {most_nodes} values", source=path, remedy="remove repetitions and aliases"
     )

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
 
-from excite.errors import InputError
+from excite.errors import InputError, in_one_line
 from excite.temporary_folder import TemporaryFolder
 
 # What a person writes by hand: the largest robot.yaml and log.yaml known here have 30 kB.
@@ -55,32 +55,31 @@ _MADE_BY = {
 }
 
 
-def check_file(path: str | Path, *, limit: int | None = None, error: type[InputError] = InputError) -> Path:
+def check_file(path: str | Path, *, limit: int | None = None) -> Path:
     """The path of a regular file that may be read, else an error in one line.
 
     Args:
         path: of the file.
         limit: largest size [bytes]; None for any.
-        error: class of the error.
 
     Raises:
-        InputError: of the class ``error``: no such file, a folder, pipe, device or socket, a name that no file can
+        InputError: no such file, a folder, pipe, device or socket, a name that no file can
             have, a file that may not be read, one above the limit, or a pointer of Git LFS in a file's place.
     """
     path = Path(path)
     try:
         found = path.stat()
     except (OSError, ValueError) as reason:
-        raise unreadable_file(path, reason, error) from reason
+        raise unreadable_file(path, reason) from reason
     for is_kind, what in _KINDS:
         if is_kind(found.st_mode):
-            raise error(f"{what}, not a file", source=path, remedy="give a file")
+            raise InputError(f"{what}, not a file", source=path, remedy="give a file")
     if not os.access(path, os.R_OK):
-        raise error("may not be read", source=path, remedy="change its permissions")
+        raise InputError("may not be read", source=path, remedy="change its permissions")
     if limit is not None and found.st_size > limit:
-        raise too_large(path, found.st_size, limit, error)
+        raise too_large(path, found.st_size, limit)
     if found.st_size <= _POINTER_BYTES and _begins_with(path, _POINTER):
-        raise error(
+        raise InputError(
             "is the pointer that Git LFS left in place of the file",
             source=path,
             remedy="fetch the file itself: git lfs pull",
@@ -117,53 +116,49 @@ def is_damage(reason: BaseException) -> bool:
 @contextmanager
 def unreadable(
     path: Path,
-    error: type[InputError] = InputError,
     what: str = "",
     remedy: str = "check that the file is complete",
 ) -> Iterator[None]:
-    """Errors of a library within the block, as one of the class ``error`` in one line; ``what`` the file should be."""
+    """Errors of a library within the block, as an InputError in one line; ``what`` the file should be."""
     try:
         yield
-    except InputError:
-        raise
     except Exception as reason:
         if not is_damage(reason):
             raise
-        text = " ".join(str(reason).split()) or type(reason).__name__
         as_what = f" as {what}" if what else ""
-        raise error(f"cannot be read{as_what} ({text[:160]})", source=path, remedy=remedy) from reason
+        raise InputError(
+            f"cannot be read{as_what} ({in_one_line(reason)[:160]})", source=path, remedy=remedy
+        ) from reason
 
 
-def check_unique(names: Sequence[str], path: Path, error: type[InputError] = InputError) -> None:
-    """Refuse columns of the same name; raises ``error`` that names the first."""
+def check_unique(names: Sequence[str], path: Path) -> None:
+    """Refuse columns of the same name; raises InputError that names the first."""
     twice = next((name for name, count in Counter(names).items() if count > 1), None)
     if twice is not None:
-        raise error("stands twice", source=path, field=twice[:60], remedy="keep one of the columns")
+        raise InputError("stands twice", source=path, field=twice[:60], remedy="keep one of the columns")
 
 
-def check_size(numbers: int, columns: int, path: Path, error: type[InputError] = InputError) -> None:
-    """Refuse a file by what it says that it holds, before any of it is read; raises ``error``."""
+def check_size(numbers: int, columns: int, path: Path) -> None:
+    """Refuse a file by what it says that it holds, before any of it is read; raises InputError."""
     for found, most, what, remedy in (
         (columns, MAX_COLUMNS, "columns", "leave out what is no channel of the robot"),
         (numbers, MAX_NUMBERS, "numbers", "split the recording"),
     ):
         if found > most:
             text = f"holds {found} {what}, more than the {most} that are read"
-            raise error(text, source=path, remedy=remedy)
+            raise InputError(text, source=path, remedy=remedy)
 
 
-def read_bytes(
-    path: str | Path, *, limit: int = MAX_DESCRIPTION_BYTES, error: type[InputError] = InputError
-) -> bytes:
+def read_bytes(path: str | Path, *, limit: int = MAX_DESCRIPTION_BYTES) -> bytes:
     """The content of a file, at most ``limit`` bytes of it; errors as for :func:`check_file`."""
-    path = check_file(path, limit=limit, error=error)
+    path = check_file(path, limit=limit)
     try:
         # One byte more than allowed, for a file that grows while it is read.
         content = _read_beginning(path, limit + 1)
     except OSError as reason:
-        raise unreadable_file(path, reason, error) from reason
+        raise unreadable_file(path, reason) from reason
     if len(content) > limit:
-        raise too_large(path, len(content), limit, error)
+        raise too_large(path, len(content), limit)
     return content
 
 
@@ -188,40 +183,38 @@ def _read_beginning(path: Path, count: int) -> bytes:
         return stream.read(count) or b""
 
 
-def read_text(
-    path: str | Path, *, limit: int = MAX_DESCRIPTION_BYTES, error: type[InputError] = InputError
-) -> str:
+def read_text(path: str | Path, *, limit: int = MAX_DESCRIPTION_BYTES) -> str:
     """The text of a UTF-8 file, with or without a byte order mark; errors as for :func:`check_file`."""
-    content = read_bytes(path, limit=limit, error=error)
+    content = read_bytes(path, limit=limit)
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as reason:
-        raise error(
+        raise InputError(
             f"is no UTF-8 text (byte {reason.start} is 0x{content[reason.start]:02x})",
             source=path,
             remedy="save it as UTF-8",
         ) from reason
 
 
-def unreadable_file(path: Path, reason: Exception, error: type[InputError] = InputError) -> InputError:
+def unreadable_file(path: Path, reason: Exception) -> InputError:
     """The error for a file that the system does not give."""
     if isinstance(reason, ValueError):
-        return error("has a name that no file can have", source=repr(str(path)), remedy="check the path")
+        return InputError("has a name that no file can have", source=repr(str(path)), remedy="check the path")
     code = reason.errno if isinstance(reason, OSError) else None
     if code in {errno.ENOENT, errno.ENOTDIR}:
         made = _MADE_BY.get(path.name, "") if path.parent.is_dir() else ""
-        return error("no such file", source=path, remedy=made or "check the path")
+        return InputError("no such file", source=path, remedy=made or "check the path")
     if code == errno.ENAMETOOLONG:
-        return error("has a name too long for a file", source=f"{str(path)[:60]}…", remedy="shorten it")
+        return InputError("has a name too long for a file", source=f"{str(path)[:60]}…", remedy="shorten it")
     if code in {errno.EACCES, errno.EPERM}:
-        return error("may not be read", source=path, remedy="change its permissions")
+        return InputError("may not be read", source=path, remedy="change its permissions")
     said = reason.strerror if isinstance(reason, OSError) and reason.strerror else type(reason).__name__
-    return error(f"cannot be read ({said})", source=path, remedy="check the disk that it is on")
+    return InputError(f"cannot be read ({said})", source=path, remedy="check the disk that it is on")
 
 
-def too_large(path: Path, size: int, limit: int, error: type[InputError] = InputError) -> InputError:
+def too_large(path: Path, size: int, limit: int) -> InputError:
     """The error for a file above a limit."""
-    return error(
+    return InputError(
         f"has {size} bytes, more than the {limit} that are read",
         source=path,
         remedy="check that it is the right file",
@@ -232,7 +225,6 @@ def too_large(path: Path, size: int, limit: int, error: type[InputError] = Input
 # read.
 
 _OPENED: dict[str, Any] = {".gz": gzip.open, ".xz": lzma.open, ".bz2": bz2.open}
-_DAMAGED = (OSError, EOFError, zlib.error, lzma.LZMAError, ValueError)
 BLOCK = 1 << 20
 
 
@@ -247,7 +239,7 @@ def plain_name(path: Path) -> Path:
 
 
 @contextmanager
-def unpack_file(path: Path, *, limit: int, error: type[InputError] = InputError) -> Iterator[Path]:
+def unpack_file(path: Path, *, limit: int) -> Iterator[Path]:
     """The path; of a packed file that of a copy without packing, which is gone after the block.
 
     What is raised of the copy within the block names the packed file.
@@ -255,22 +247,24 @@ def unpack_file(path: Path, *, limit: int, error: type[InputError] = InputError)
     Args:
         path: of a file.
         limit: most bytes of what is in a packed file.
-        error: class of the errors.
 
     Raises:
-        InputError: of the class ``error``: it is damaged, or there is more in it than is read.
+        InputError: it is damaged, or there is more in it than is read.
     """
     if not is_packed(path):
         yield path
         return
-    check_file(path, error=error)
+    check_file(path)
     folder = TemporaryFolder()
     copy = folder.path / plain_name(path).name
-    _copy_unpacked(path, copy, limit, error)
+    _copy_unpacked(path, copy, limit)
     try:
         yield copy
     except InputError as reason:
-        _rename_in_error(reason, copy, path)
+        # The packed file's name, where the error says that of its copy.
+        reason.args = tuple(str(text).replace(str(copy), str(path)) for text in reason.args)
+        if reason.source is not None and str(reason.source) == str(copy):
+            reason.source = path
         raise
 
 
@@ -287,27 +281,21 @@ def pack_file(plain: Path, path: Path) -> None:
                 target.write(block)
 
 
-def _copy_unpacked(path: Path, copy: Path, limit: int, error: type[InputError]) -> None:
+def _copy_unpacked(path: Path, copy: Path, limit: int) -> None:
     size = 0
     try:
         with _OPENED[path.suffix.lower()](path, "rb") as source, copy.open("wb") as target:
             while block := source.read(BLOCK):
                 size += len(block)
                 if size > limit:
-                    raise too_large(path, size, limit, error)
+                    raise too_large(path, size, limit)
                 target.write(block)
-    except _DAMAGED as reason:
-        text = " ".join(str(reason).split()) or type(reason).__name__
-        raise error(
-            f"cannot be unpacked ({text[:160]})", source=path, remedy="check that the file is complete"
+    except (OSError, EOFError, zlib.error, lzma.LZMAError, ValueError) as reason:
+        raise InputError(
+            f"cannot be unpacked ({in_one_line(reason)[:160]})",
+            source=path,
+            remedy="check that the file is complete",
         ) from reason
-
-
-def _rename_in_error(reason: InputError, copy: Path, path: Path) -> None:
-    """Say the packed file's name where an error says that of its copy."""
-    reason.args = tuple(str(text).replace(str(copy), str(path)) for text in reason.args)
-    if reason.source is not None and str(reason.source) == str(copy):
-        reason.source = path
 
 
 # Files of which one or several are handed over.

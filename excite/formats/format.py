@@ -10,7 +10,6 @@ from typing import Any, ClassVar
 
 from numpy.typing import NDArray
 
-from excite.errors import InputError
 from excite.formats.file import MAX_FILE_BYTES, check_file, unreadable
 
 
@@ -47,18 +46,18 @@ class ColumnFormat(ABC):
     suffixes: ClassVar[tuple[str, ...]]
     own_process: ClassVar[bool] = False
 
-    def read(self, path: Path, error: type[InputError] = InputError) -> Content:
+    def read(self, path: Path) -> Content:
         """All columns of a file.
 
         Raises:
-            InputError: of the class ``error``: the file is missing, is no such file, or holds more than is read.
+            InputError: the file is missing, is no such file, or holds more than is read.
         """
-        path = check_file(path, limit=MAX_FILE_BYTES, error=error)
-        with unreadable(path, error):
-            return self._read(path, error)
+        path = check_file(path, limit=MAX_FILE_BYTES)
+        with unreadable(path):
+            return self._read(path)
 
     @abstractmethod
-    def _read(self, path: Path, error: type[InputError]) -> Content:
+    def _read(self, path: Path) -> Content:
         """What :meth:`read` returns of a regular file of bounded size; may raise whatever its library raises."""
 
     @abstractmethod

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +13,6 @@ from numpy.typing import NDArray
 from excite.errors import InputError
 from excite.formats.file import check_size, unreadable
 from excite.formats.format import ColumnFormat, Content
-
-if TYPE_CHECKING:
-    import h5py
 
 # The longest array that is a constant of the whole recording: gains of a humanoid with hands.
 MOST_CONSTANTS = 100
@@ -31,11 +28,11 @@ class Hdf5Format(ColumnFormat):
     suffixes: ClassVar[tuple[str, ...]] = (".h5", ".hdf5")
     own_process: ClassVar[bool] = True
 
-    def _read(self, path: Path, error: type[InputError]) -> Content:
-        found = hdf5_arrays(path, error)
+    def _read(self, path: Path) -> Content:
+        found = hdf5_arrays(path)
         # What lies deeper is no channel: a group, or a field of a record.
         roots = dict.fromkeys(name.partition("/")[0] for name in found)
-        check_size(0, len(roots), path, error)
+        check_size(0, len(roots), path)
         columns = {name: found.get(name, np.empty(0, dtype=object)) for name in roots}
         statement = columns.pop("excite", None)
         return Content(columns, "" if statement is None else str(statement))
@@ -51,20 +48,21 @@ class Hdf5Format(ColumnFormat):
                 file.create_dataset(name, data=values, compression="gzip", fletcher32=True)
 
 
-def hdf5_arrays(path: Path, error: type[InputError] = InputError) -> dict[str, NDArray[Any]]:
-    """Data sets of numbers and texts by their paths, and what attributes say by path and name; raises ``error``."""
+def hdf5_arrays(path: Path) -> dict[str, NDArray[Any]]:
+    """Data sets of numbers and texts by their paths, and what attributes say by path and name; raises InputError."""
     if importlib.util.find_spec("h5py") is None:
-        raise error("is HDF5, which needs h5py", source=path, remedy="pip install 'excite[hdf5]'")
+        raise InputError("is HDF5, which needs h5py", source=path, remedy="pip install 'excite[hdf5]'")
     import h5py
 
     found: dict[str, NDArray[Any]] = {}
-    with unreadable(path, error, "HDF5"), h5py.File(path, "r") as file:
+    with unreadable(path, "HDF5"), h5py.File(path, "r") as file:
         names = [""]
         file.visit(names.append)
         for name in file:
             if not isinstance(file.get(name, getlink=True), h5py.HardLink):
-                raise error("is a link", source=path, field=name[:60], remedy=_WITHIN)
-        check_size(sum(item.size or 0 for item in _data_sets(file, names)), 0, path, error)
+                raise InputError("is a link", source=path, field=name[:60], remedy=_WITHIN)
+        data_sets = (item for name in names[1:] if isinstance(item := file[name], h5py.Dataset))
+        check_size(sum(item.size or 0 for item in data_sets), 0, path)
         for name in names:
             if name.startswith("#refs#"):
                 continue
@@ -72,15 +70,9 @@ def hdf5_arrays(path: Path, error: type[InputError] = InputError) -> dict[str, N
             found |= _read_attributes(name, item.attrs)
             if isinstance(item, h5py.Dataset):
                 if item.is_virtual or item.external:
-                    raise error("lies in another file", source=path, field=name[:60], remedy=_WITHIN)
+                    raise InputError("lies in another file", source=path, field=name[:60], remedy=_WITHIN)
                 found |= _data_set(name, item, file)
     return found
-
-
-def _data_sets(file: h5py.File, names: list[str]) -> Iterator[h5py.Dataset]:
-    import h5py
-
-    return (item for name in names[1:] if isinstance(item := file[name], h5py.Dataset))
 
 
 def _read_attributes(name: str, attributes: Any) -> dict[str, Any]:

@@ -50,14 +50,12 @@ class DataSet:
         fps: rows a second [Hz]; 0 where it does not say.
         features: what each column holds, by name.
         files: Parquet files with episodes, in order.
-        error: class of the errors.
     """
 
     path: Path
     fps: float
     features: Mapping[str, Any]
     files: tuple[Path, ...]
-    error: type[InputError]
 
     def names(self, feature: str) -> list[str]:
         """Names of a feature's numbers, which may stand in lists within lists or dictionaries, one a motor."""
@@ -66,7 +64,7 @@ class DataSet:
     def episodes(self) -> Iterator[tuple[int, dict[str, NDArray[Any]]]]:
         """Number and rows of each episode: ``(n,)`` or ``(n, k)`` by feature, and ``time`` [s] where it is known."""
         for file in self.files:
-            arrays = read_arrow(check_file(file, limit=MAX_FILE_BYTES, error=self.error), self.error)
+            arrays = read_arrow(check_file(file, limit=MAX_FILE_BYTES))
             n = max((len(values) for values in arrays.values()), default=0)
             index = arrays.get("episode_index", np.zeros(n)).astype(int)
             for episode in np.unique(index):
@@ -78,20 +76,20 @@ class DataSet:
                 yield int(episode), found
 
 
-def read_data_set(path: Path, error: type[InputError] = InputError) -> DataSet:
-    """What a data set says of itself; raises ``error`` where that is no JSON, or there are no episodes."""
-    info = read_json(path / _INFO, error=error)
+def read_data_set(path: Path) -> DataSet:
+    """What a data set says of itself; raises InputError where that is no JSON, or there are no episodes."""
+    info = read_json(path / _INFO)
     files = tuple(sorted((path / "data").glob("**/*.parquet")))
     if not files:
-        raise error(
+        raise InputError(
             "has no Parquet files", source=path / "data", remedy="download the data set's data folder"
         )
     fps, features = info.get("fps") or 0.0, info.get("features", {})
     if not isinstance(fps, int | float) or not isinstance(features, Mapping):
-        raise error(
+        raise InputError(
             "has no number fps and no features by name", source=path / _INFO, remedy="download it again"
         )
-    return DataSet(path, float(fps), features, files, error)
+    return DataSet(path, float(fps), features, files)
 
 
 def _flatten_names(names: Any) -> list[str]:

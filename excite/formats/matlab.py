@@ -17,15 +17,15 @@ from excite.formats.hdf5 import hdf5_arrays
 _NAMES = re.compile(r"(?:^|[^A-Za-z])(?:name|label)(?![a-z])|(?:Name|Label)(?![a-z])|^(?:NAME|LABEL)$")
 
 
-def read_mat(path: Path, error: type[InputError] = InputError) -> dict[str, NDArray[Any]]:
+def read_mat(path: Path) -> dict[str, NDArray[Any]]:
     """Variables of numbers and texts, those in structs too, by their paths.
 
     Raises:
-        InputError: of the class ``error``: it holds objects alone, such as tables.
+        InputError: it holds objects alone, such as tables.
     """
     start = first_bytes(path, 520)
     if start[512:].startswith(b"\x89HDF") or start.startswith((b"\x89HDF", b"MATLAB 7.3")):
-        return hdf5_arrays(path, error)
+        return hdf5_arrays(path)
     from scipy.io import loadmat
 
     content = loadmat(path, simplify_cells=True)
@@ -34,7 +34,7 @@ def read_mat(path: Path, error: type[InputError] = InputError) -> dict[str, NDAr
         if not name.startswith("__"):
             _collect_variables(name, value, found, 0)
     if not found and "__function_workspace__" in content:
-        raise error(
+        raise InputError(
             "holds objects of MATLAB alone, such as tables",
             source=path,
             remedy="save their columns: s = table2struct(timetable2table(t), ToScalar=true); save run.mat -struct s",

@@ -37,13 +37,12 @@ def check_number(
     return number
 
 
-def check_count(value: object, field: str, low: int, high: int, *, source: object = None) -> int:
+def check_count(value: object, field: str, low: int, high: int) -> int:
     """A whole number from ``low`` to ``high``, both allowed; raises InputError that names the field."""
     number = int(value) if isinstance(value, Integral) and not isinstance(value, bool) else low - 1
     if not low <= number <= high:
         raise InputError(
             f"is {shorten_value(value)}",
-            source=source,
             field=field,
             remedy=f"choose a whole number, {low} to {high}",
         )

@@ -91,13 +91,13 @@ class Table:
             if line.lstrip().startswith(COMMENTS):
                 yield line.lstrip(" " + "".join(COMMENTS)).rstrip()
 
-    def in_si(self, path: Path, error: type[InputError]) -> dict[str, NDArray[Any]]:
-        """The columns in SI by the units that the file states; raises ``error`` for a unit that is not known."""
+    def in_si(self, path: Path) -> dict[str, NDArray[Any]]:
+        """The columns in SI by the units that the file states; raises InputError for a unit that is not known."""
         found = {}
         for name, values in self.columns.items():
             factor = SI_FACTORS.get(self.units[name].lower())
             if factor is None:
-                raise error(
+                raise InputError(
                     f"is in {self.units[name][:30]!r}, a unit that is not known here",
                     source=path,
                     field=name[:60],
@@ -115,8 +115,6 @@ def is_unit(cell: str) -> bool:
 def read_table(
     path: Path,
     *,
-    error: type[InputError] = InputError,
-    limit: int = MAX_FILE_BYTES,
     strict: bool = True,
     below: str = "",
     is_unit: Callable[[str], bool] = is_unit,
@@ -125,35 +123,33 @@ def read_table(
 
     Args:
         path: of the file.
-        error: class of the errors.
-        limit: most bytes of it.
         strict: whether the table must have names, and every row as many cells. Units in brackets behind a name are
             then parted from it.
         below: the line that the table stands below, such as ``endheader``; empty where no such line is asked for.
         is_unit: whether a cell may stand in a line of units.
 
     Raises:
-        InputError: of the class ``error``: the file cannot be read or holds more than is read; strict, a row or the
-            names are wrong. It says where.
+        InputError: the file cannot be read or holds more than is read; strict, a row or the names are wrong. It says
+            where.
     """
-    path = check_file(path, limit=limit, error=error)
-    with unreadable(path, error):
+    path = check_file(path, limit=MAX_FILE_BYTES)
+    with unreadable(path):
         encoding = _find_encoding(path)
-        lines = _read_head(path, encoding, strict=strict, error=error)
+        lines = _read_head(path, encoding, strict=strict)
         above = (
             next((k for k, line in enumerate(lines, 1) if line.strip().lower() == below), 0) if below else 0
         )
         if below and not above:
-            raise error(f"has no {below} and rows below", source=path, remedy="export it again")
+            raise InputError(f"has no {below} and rows below", source=path, remedy="export it again")
         own = lines[above:]
         dress = find_dress(own, is_unit, strict=strict) or (_dress_of_words(own) if strict else None)
         if dress is None:
             return Table({}, {}, tuple(lines), Dress(",", ".", 0, (), (), False))
         dress = _with_numbers_as_names(dress, own) if strict else dress
         written_names = dress.names
-        dress = _check_names(dress, above, path, error) if strict else dress
+        dress = _check_names(dress, above, path) if strict else dress
         dress = replace(dress, skip=above + dress.skip)
-        columns = _parse_columns(path, dress, encoding, strict=strict, error=error)
+        columns = _parse_columns(path, dress, encoding, strict=strict)
     units = dict(zip(dress.names, dress.units or ("",) * len(dress.names), strict=True))
     return Table(columns, units, tuple(lines), dress, written_names)
 
@@ -164,13 +160,15 @@ class CsvFormat(ColumnFormat):
     name: ClassVar[str] = "csv"
     suffixes: ClassVar[tuple[str, ...]] = (".csv", ".tsv", ".txt")
 
-    def _read(self, path: Path, error: type[InputError]) -> Content:
-        table = read_table(path, error=error)
+    def _read(self, path: Path) -> Content:
+        table = read_table(path)
         if not table.columns:
-            raise error("cannot be read (it is empty)", source=path, remedy="check that it is the right file")
+            raise InputError(
+                "cannot be read (it is empty)", source=path, remedy="check that it is the right file"
+            )
         written = dict(zip(table.written_names, table.columns.values(), strict=True))
         statement = next((text for text in table.comments if text.startswith("{")), "")
-        return Content(table.in_si(path, error), statement, written)
+        return Content(table.in_si(path), statement, written)
 
     def write(self, columns: Mapping[str, NDArray[Any]], path: Path, statement: str = "") -> None:
         """See :meth:`ColumnFormat.write`."""
@@ -191,15 +189,13 @@ def csv_text(names: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     return stream.getvalue()
 
 
-def numbers_of_words(
-    values: NDArray[Any], name: str, path: Path, skip: int, error: type[InputError]
-) -> NDArray[Any]:
-    """A column as numbers, NaN where a cell is empty; raises ``error`` with the line of the first word."""
+def numbers_of_words(values: NDArray[Any], name: str, path: Path, skip: int) -> NDArray[Any]:
+    """A column as numbers, NaN where a cell is empty; raises InputError with the line of the first word."""
     if values.dtype.kind in "fiub":
         return values.astype(float)
     for row, cell in enumerate(values):
         if cell is not None and not _NUMBER.match(str(cell).strip()):
-            raise error(
+            raise InputError(
                 f"line {skip + row + 1} is not numeric ({str(cell)[:60]!r} in {name[:60]})",
                 source=path,
                 remedy="write numbers only",
@@ -218,11 +214,11 @@ def _with_numbers_as_names(dress: Dress, lines: Sequence[str]) -> Dress:
     )
 
 
-def _check_names(dress: Dress, above: int, path: Path, error: type[InputError]) -> Dress:
-    """The dress of a table with names, each once, units in brackets behind them taken off; raises ``error``."""
-    check_size(0, len(dress.names), path, error)
+def _check_names(dress: Dress, above: int, path: Path) -> Dress:
+    """The dress of a table with names, each once, units in brackets behind them taken off; raises InputError."""
+    check_size(0, len(dress.names), path)
     if not dress.named and dress.misfit:
-        raise error(
+        raise InputError(
             f"line {above + dress.skip + 1} has {len(dress.names)} fields for {dress.n_named} columns",
             source=path,
             remedy="write one field a column, empty for what is missing",
@@ -236,13 +232,13 @@ def _check_names(dress: Dress, above: int, path: Path, error: type[InputError]) 
             units[k] = word
         else:
             names.append(name)
-    check_unique(names, path, error)
+    check_unique(names, path)
     return Dress(
         dress.separator, dress.decimal, dress.skip, tuple(names), tuple(units), dress.named, dress.folded
     )
 
 
-def _read_head(path: Path, encoding: str, *, strict: bool, error: type[InputError]) -> list[str]:
+def _read_head(path: Path, encoding: str, *, strict: bool) -> list[str]:
     """The first lines, comments above the table not counted."""
     # A recording that lies on its side has a line a channel.
     longest = 50 * MAX_COLUMNS if strict else MAX_FILE_BYTES
@@ -254,10 +250,10 @@ def _read_head(path: Path, encoding: str, *, strict: bool, error: type[InputErro
             comments += is_comment
             if len(line) > longest:
                 text = f"has a line of more than {longest} characters where the columns' names should stand"
-                raise error(text, source=path, remedy="check that it is the right file")
+                raise InputError(text, source=path, remedy="check that it is the right file")
             if comments > _MOST_COMMENTS:
                 text = f"begins with more than {_MOST_COMMENTS} lines of comments"
-                raise error(text, source=path, remedy="check that it is the right file")
+                raise InputError(text, source=path, remedy="check that it is the right file")
             found.append(line.rstrip("\r\n"))
     return found
 
@@ -278,9 +274,7 @@ def _find_encoding(path: Path) -> str:
     return "utf-8-sig"
 
 
-def _parse_columns(
-    path: Path, dress: Dress, encoding: str, *, strict: bool, error: type[InputError]
-) -> dict[str, NDArray[Any]]:
+def _parse_columns(path: Path, dress: Dress, encoding: str, *, strict: bool) -> dict[str, NDArray[Any]]:
     """Columns of the rows: numbers, or words where a column does not hold numbers alone."""
     start = first_bytes(path, BLOCK)
     of_carriage_returns = b"\r" in start and b"\n" not in start
@@ -328,12 +322,12 @@ def _parse_columns(
         )
     if strict and bad:
         row = bad[0]
-        raise error(
+        raise InputError(
             f"line {dress.skip + (row.number or 0)} has {row.actual_columns} fields for {width} columns",
             source=path,
             remedy="write one field a column, empty for what is missing",
         )
-    check_size(table.num_rows * width, width if strict else 0, path, error)
+    check_size(table.num_rows * width, width if strict else 0, path)
     found = numpy_columns(table)
     return {name: found[name] for name in dress.names}
 

@@ -161,8 +161,6 @@ def joint_offsets() -> Array:
     return matrix
 
 
-# Inertial parameters of a person's segments from the published tables.
-
 Anthropometry = Literal["de_leva", "dumas"]
 ANTHROPOMETRY: tuple[str, ...] = ("de_leva", "dumas")
 _MIRROR = np.diag([1.0, -1.0, 1.0])

@@ -45,8 +45,19 @@ from excite.human.recording import (
     with_known_labels,
 )
 from excite.human.recording_files import paired_recordings
-from excite.human.segments import JOINT_NAMES, NAMES, PAIRS, PARENTS, SEGMENTS, Subject
-from excite.human.skeleton import base_pose, frame_turn, joint_angles, near_singular, place_segments
+from excite.human.segments import (
+    JOINT_NAMES,
+    NAMES,
+    PAIRS,
+    PARENTS,
+    SEGMENTS,
+    Subject,
+    base_pose,
+    frame_turn,
+    joint_angles,
+    near_singular,
+    place_segments,
+)
 from excite.human.trial_poses import Calibration, TrialPoses, calibrate_body, trial_poses
 from excite.logs.files import save_log
 from excite.logs.header_blocks import Role, SensorHeader, TrialHeader
@@ -77,7 +88,6 @@ _KINDS: Mapping[str, str] = {
     for kind, bodies in read_yaml(Path(__file__).with_name("segment_tables.yaml"))["opensim"].items()
     for body in bodies.split()
 }
-_SIDES = {"_r": "right_", "_l": "left_"}
 
 
 @dataclass(frozen=True)
@@ -146,7 +156,9 @@ def read_osim(path: str | Path) -> OpenSimModel:
         known = {**read_marker_set(name).sites, **known}
     sites = {}
     for marker in root.iter("Marker"):
-        label, segment = marker.get("name", ""), _segment_of(_carrier_of(marker))
+        # ``/bodyset/NAME`` of OpenSim 4, ``body`` of OpenSim 3.
+        carrier = marker.findtext("socket_parent_frame") or marker.findtext("body") or ""
+        label, segment = marker.get("name", ""), _segment_of(carrier.strip().removeprefix("/bodyset/"))
         if segment is not None:
             site = known.get(label)
             sites[label] = site if site is not None and site.segment == segment else MarkerSite(segment)
@@ -157,7 +169,7 @@ def _segment_of(body: str) -> str | None:
     """The segment that a body belongs to; None where that is not known."""
     if body in NAMES:
         return body
-    side = _SIDES.get(body[-2:].lower(), "")
+    side = {"_r": "right_", "_l": "left_"}.get(body[-2:].lower(), "")
     kind = _KINDS.get((body[:-2] if side else body).lower())
     if kind is None:
         return None
@@ -171,12 +183,6 @@ def _read_mass(body: ElementTree.Element, path: Path) -> float:
         raise InputError(
             "is no number", source=path, field=f"{body.get('name')}/mass", remedy="give kg"
         ) from error
-
-
-def _carrier_of(marker: ElementTree.Element) -> str:
-    """Name of the body that a marker is fixed to: ``/bodyset/NAME`` of OpenSim 4, ``body`` of OpenSim 3."""
-    stated = marker.findtext("socket_parent_frame") or marker.findtext("body") or ""
-    return stated.strip().removeprefix("/bodyset/")
 
 
 # A person as a URDF and a ``robot.yaml``: spherical joints are three axes with massless links between.

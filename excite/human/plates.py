@@ -15,8 +15,7 @@ from excite.errors import LogError
 from excite.finding import Finding
 from excite.human.body import Body
 from excite.human.recording import PlateRecording, Recording
-from excite.human.segments import NAMES, SIDES
-from excite.human.skeleton import Placement
+from excite.human.segments import NAMES, SIDES, Placement
 from excite.logs.signals.butterworth import Derivatives, central_differences, lowpass, settling_samples
 from excite.robot.quantities import GRAVITY
 

@@ -93,7 +93,6 @@ _UP = {
 }
 AXES = tuple(_UP)
 """Axes of a laboratory, one of which points up."""
-_HIGH = ("torso", "head", "pelvis")
 _UNITS = {1e-3: "millimetres", 1e-2: "centimetres", 1e3: "metres", 1e2: "metres"}
 _SEEN_TOO_SELDOM = 0.1
 
@@ -202,7 +201,7 @@ def up_axis(recording: Recording, markers: MarkerSet) -> str:
     Raises:
         LogError: the person does not stand along an axis, or upside down.
     """
-    high = _marker_middle(recording, markers, lambda segment: segment in _HIGH)
+    high = _marker_middle(recording, markers, lambda segment: segment in ("torso", "head", "pelvis"))
     low = _marker_middle(recording, markers, lambda segment: segment.endswith(("foot", "shank")))
     direction = high - low
     axis = int(np.argmax(np.abs(direction)))

@@ -12,11 +12,10 @@ from typing import Any, NoReturn
 import numpy as np
 
 from excite.arrays import Array, Indices
-from excite.errors import LogError
+from excite.errors import LogError, raised_as
 from excite.finding import Finding
-from excite.formats.c3d import MAX_C3D_BYTES, read_c3d
 from excite.formats.file import plain_name, unpack_file
-from excite.formats.markers import read_storage, read_trc
+from excite.formats.markers import MAX_C3D_BYTES, read_c3d, read_storage, read_trc
 from excite.formats.tables import numbers_of_words, read_table
 from excite.human.recording import PlateRecording, Recording
 
@@ -48,7 +47,7 @@ def metres_per_unit(unit: str, path: Path) -> float:
 
 def read_c3d_file(path: Path) -> Recording:
     """Read by ezc3d, which turns the channels of plates of types 1 to 7 to force and moment in the laboratory."""
-    raw = read_c3d(path, LogError)
+    raw = read_c3d(path)
     n = raw.points.shape[2]
     if n < 2 or not 0.0 < raw.rate_hz < np.inf:
         raise LogError(f"has {n} frames at {raw.rate_hz:g} Hz", source=path, remedy="record longer")
@@ -101,7 +100,6 @@ def _read_plate(plate: Any, index: int, length: float, time: np.ndarray, path: P
 # A unit that is not known: what it is shows in the person's weight.
 _OTHER_UNIT = re.compile(r"\s*(?:\[[^\[\]]*\]|\([^()]*\))\s*$")
 _TIMES = {"time", "t", "times", "timestamp", "seconds", "sec"}
-_BETWEEN_CHARACTERS = " ._:-/"
 _BETWEEN = r"[\s._:/\-]*"
 _MARKER = re.compile(r"(?P<stem>.+?)[\s._:/\-]*(?P<axis>[xyzXYZ])")
 # FP1_Fx, plate.left.fx, Fx1, Force Plate 2 - COPy.
@@ -155,7 +153,7 @@ def columns_of(labels: Sequence[str], pattern: re.Pattern[str] = _PLATE) -> Colu
         found = pattern.fullmatch(name)
         if found:
             kind = found["kind"].lower()
-            whose = (found["stem"] + found["tail"]).strip(_BETWEEN_CHARACTERS)
+            whose = (found["stem"] + found["tail"]).strip(" ._:-/")
             if pattern is _STORED_PLATE:
                 # A moment beside a point of application is one about it.
                 whose, kind = whose.replace("torque", "force"), kind.replace("m", "t")
@@ -182,7 +180,7 @@ def read_csv_file(path: Path) -> Recording:
     Names are those of :func:`columns_of`. Moments are about the file's origin; where there is a centre of pressure,
     moments are its force's, and the torque that there is besides.
     """
-    table = read_table(path, error=LogError)
+    table = read_table(path)
     named = columns_of([_OTHER_UNIT.sub("", label) for label in table.columns])
     if named.time is None:
         raise LogError(
@@ -192,8 +190,8 @@ def read_csv_file(path: Path) -> Recording:
             "the plates too",
         )
     columns = {
-        _OTHER_UNIT.sub("", label): numbers_of_words(values, label, path, table.dress.skip, LogError)
-        for label, values in table.in_si(path, LogError).items()
+        _OTHER_UNIT.sub("", label): numbers_of_words(values, label, path, table.dress.skip)
+        for label, values in table.in_si(path).items()
         if label
     }
     time = checked_time(columns[named.time], path)
@@ -211,7 +209,7 @@ def read_csv_file(path: Path) -> Recording:
 
 def read_storage_file(path: Path) -> Recording:
     """``NAME_vx … vz`` forces [N], ``NAME_px … pz`` points of application [m], torques ``…torque…x … z`` [N·m]."""
-    columns = read_storage(path, LogError)
+    columns = read_storage(path)
     time = checked_time(columns["time"], path)
     plates: list[PlateRecording] = []
     findings: list[Finding] = []
@@ -285,7 +283,7 @@ def _column_vector(table: Mapping[str, Array], axes: Mapping[str, str], stem: st
 
 def read_trc_file(path: Path) -> Recording:
     """Markers alone."""
-    found = read_trc(path, LogError)
+    found = read_trc(path)
     points = found.points * metres_per_unit(found.unit, path)
     markers = {label: points[:, i] for i, label in enumerate(found.labels)}
     return Recording(path, checked_time(found.time, path), markers)
@@ -352,6 +350,7 @@ READERS: dict[str, Callable[[Path], Recording]] = {
 }
 
 
+@raised_as(LogError)
 def read_recording(path: Path) -> Recording:
     """Read a file by its ending; a format without markers gives a recording without any.
 
@@ -362,7 +361,7 @@ def read_recording(path: Path) -> Recording:
     if read is None:
         known = ", ".join(READERS)
         raise LogError(f"no reader for {path.suffix[:60]!r}", source=path, remedy=f"use one of {known}")
-    with unpack_file(path, limit=MAX_C3D_BYTES, error=LogError) as plain:
+    with unpack_file(path, limit=MAX_C3D_BYTES) as plain:
         return check_recording(replace(read(plain), source=path))
 
 

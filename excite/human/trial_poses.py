@@ -23,8 +23,17 @@ from excite.human.markers.inverse_kinematics import (
 )
 from excite.human.markers.marker_set import MarkerSite, landmark_place
 from excite.human.recording import Recording
-from excite.human.segments import NAMES, PARENTS, Subject
-from excite.human.skeleton import DESCENDANTS, N_SEGMENTS, N_VELOCITY, Pose, place_segments, point_jacobian
+from excite.human.segments import (
+    DESCENDANTS,
+    N_SEGMENTS,
+    N_VELOCITY,
+    NAMES,
+    PARENTS,
+    Pose,
+    Subject,
+    place_segments,
+    point_jacobian,
+)
 from excite.logs.signals.butterworth import lowpass, settling_samples
 
 # A subject's own joint centres and marker places, from all that markers do together.
@@ -226,8 +235,6 @@ def _shared_equations(model: MarkerModel, points: Array, pose: Pose, basis: Arra
     return _Normal(h, g, float((right**2).sum()))
 
 
-# Postures of a whole trial.
-
 _REPAIRS, _FAR_MARKERS = 4, 2
 
 
@@ -392,9 +399,6 @@ def _prior_pose(model: MarkerModel, points: Array, pose: Pose, time: Array) -> _
         text = f"{NAMES[k]}: too few of its markers for {seconds:.2f} s; its posture is interpolated there"
         lost.append(Finding("lost_segment", text, {"seconds": seconds}, (NAMES[k],)))
     return _Prior(Pose(pose.position, standing), weight, lost)
-
-
-# Postures between those that are known: positions linearly, rotations on the shortest arc.
 
 
 def interpolate_poses(at: Array, pose: Pose, wanted: Array) -> Pose:

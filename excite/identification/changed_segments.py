@@ -32,10 +32,6 @@ _LEAST_EVIDENCE = 15.0
 # Deviations by which a change of mass has to differ from zero, so that a quotient by it is near Gaussian.
 _SURE = 5.0
 
-# By what share of themselves all bodies may differ from the nominal ones: of a model that is exact, and of CAD. Chosen
-# with the rule below on simulated UR10, iiwa14, Jaco2 and TALOS; no other robot has judged them.
-_DEVIATIONS = (0.0, 0.02, 0.05, 0.1, 0.2)
-
 Point = tuple[float, float, float]
 
 
@@ -136,7 +132,9 @@ def find_changes(
     """
     exact, last = _Search(rows, noise, asked, bodies_alone=bodies_alone), (np.inf, np.inf)
     found: list[tuple[_Search, tuple[int, ...], float]] = []
-    for share in (0.0,) if bodies_alone else _DEVIATIONS:
+    # By what share of themselves all bodies may differ from the nominal ones: of a model that is exact, and of CAD.
+    # Chosen with the rule below on simulated UR10, iiwa14, Jaco2 and TALOS; no other robot has judged them.
+    for share in (0.0,) if bodies_alone else (0.0, 0.02, 0.05, 0.1, 0.2):
         search = exact.beside_deviations(share)
         chosen = search.find_set()
         # Bodies are off by no more than it takes to leave nothing but noise, or than the criterion asks for then.

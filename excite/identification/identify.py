@@ -301,9 +301,6 @@ def _informed_settings(robot: Robot, settings: EstimatorSettings, changes: Chang
     return replace(settings, segment_spread={**spread, **settings.segment_spread})
 
 
-# An estimate or, where its solver fails, the best that is known, with the failure beside it.
-
-
 def attempt_estimate(
     estimator: Estimator[Any], problem: IdentificationProblem, settings: EstimatorSettings, rows: Regression
 ) -> tuple[Estimate, NoSolutionError | None]:

@@ -218,9 +218,6 @@ def said_rsd(rsd_percent: float | None) -> str:
     return NOT_SHOWN if rsd_percent is None or not rsd_percent <= _NOT_SHOWN else percent(rsd_percent)
 
 
-# What is to be expected of an experiment before anything is measured: of a target, and of each base parameter.
-
-
 @dataclass(frozen=True)
 class Forecast(Stated):
     """What is to be expected of a target before anything is measured.

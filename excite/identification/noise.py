@@ -230,9 +230,6 @@ def trial_grids(problem: IdentificationProblem) -> tuple[TrialGrid, ...]:
     return tuple(grids)
 
 
-# The sensors' noise, and the way it takes to the rows of a regression at each instant of a motion.
-
-
 @dataclass(frozen=True, eq=False)
 class NoiseSource:
     """White noise of a group of sensors and the way it takes to the rows.

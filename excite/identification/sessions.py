@@ -271,7 +271,6 @@ _POSITIVE = [0, 4, 5, 6]
 _LEAST_SHARE = 0.05
 # Moments of inertia, and each product with the moment that its double cannot exceed: 2|Ixy| ≤ Izz, as x² + y² ≥ 2|xy|.
 _MOMENTS = [4, 5, 6]
-_PRODUCT_BELOW = {7: 6, 8: 5, 9: 4}
 _STEP = 1e-6
 
 
@@ -415,7 +414,7 @@ def _of_a_body(low: Array, middle: Array, high: Array) -> _Ends:
         high[i] = min(high[i], high[first] + high[second])
         middle[i] = min(middle[i], middle[first] + middle[second])
         low[i] = min(low[i], middle[i])
-    for i, moment in _PRODUCT_BELOW.items():
+    for i, moment in {7: 6, 8: 5, 9: 4}.items():
         most = 0.5 * middle[moment]
         middle[i] = np.clip(middle[i], -most, most)
         most = 0.5 * high[moment]
@@ -697,9 +696,6 @@ def _poorer_sessions(rows: Mapping[str, Regression], base: BaseParameters) -> di
         for name, item in rows.items()
     }
     return {name: rank for name, rank in ranks.items() if rank < base.rank}
-
-
-# Which trials of several logs are of one session.
 
 
 def split_sessions(logs: Sequence[Log]) -> dict[str, Log]:

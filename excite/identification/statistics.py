@@ -26,8 +26,6 @@ from excite.regressor.base_parameters import BaseParameters, base_parameters, r_
 from excite.regressor.columns import PARAMETERS
 from excite.threads import one_blas_thread
 
-# Base parameters with intervals that hold for filtered noise.
-
 
 @dataclass(frozen=True, eq=False)
 class BaseEstimate:

@@ -208,7 +208,6 @@ def _unit_quaternions(quaternions: Array, file: Path) -> Array:
 
 # Finding and repairing what loggers do to samples: repeated, swapped and missing rows, clipping, steps.
 
-_MAX_REORDERED = 0.01
 # A quantised position that moves changes within so many rows.
 _AROUND = 8
 # Commands are clipped and stepped on purpose.
@@ -244,7 +243,7 @@ def clean_columns(columns: dict[str, Array], path: Path) -> CleanColumns:
     check_stamps(time, path)
     late = time < np.maximum.accumulate(time)
     reordered = int(late.sum())
-    if reordered > max(1, _MAX_REORDERED * len(time)):
+    if reordered > max(1, 0.01 * len(time)):
         row = int(np.argmax(late))
         raise LogError(
             f"goes back from {time[row - 1]:.6g} s to {time[row]:.6g} s in row {row}, {reordered} rows late",
@@ -306,23 +305,13 @@ def _in_motion(positions: list[Array], n: int) -> Flags:
     return np.asarray(passed[np.minimum(rows + _AROUND + 1, n)] > passed[np.maximum(rows - _AROUND, 0)])
 
 
-# Samples at the end of a sensor's range.
-
 _LEAST, _SHARE = 8, 0.002
-# How much more often a clipped channel is at its extreme than at any value near it. A parabola's top level is met
-# at most 2.4 times as often as the next.
-_OFTEN = 4.0
-_NEAR_LEVELS = 3
 # Depth below the extreme at which an approach is judged, in steps or deviations of the noise, and how much deeper
 # it is judged again. A straight approach takes four times as long from there, one that turns back or comes to rest
 # twice, and 2.5 times where a step hides the top of a parabola.
 _DEEP, _DEEPER = 4.0, 4.0
-_STRAIGHT = 2.75
 # Rows that an approach takes from the first depth.
 _ROWS = 2
-# A step so coarse that approaches are judged over more than this share of the range tells nothing: far away, all are
-# alike.
-_COARSEST = 0.1
 
 
 def clipped_samples(values: Array, step: float, noise: float, moving: Flags) -> int:
@@ -350,22 +339,24 @@ def _at_the_top(values: Array, step: float, depth: float, moving: Flags) -> int:
     below = values.max() - values
     at = (below < 0.5 * step) if step else (below == 0.0)
     count = int(np.sum(at & moving))
-    if count < max(_LEAST, _SHARE * len(values)) or count < _OFTEN * _share_beside_extreme(
-        below[moving], step
-    ):
+    # How much more often a clipped channel is at its extreme than at any value near it. A parabola's top level is met
+    # at most 2.4 times as often as the next.
+    if count < max(_LEAST, _SHARE * len(values)) or count < 4.0 * _share_beside_extreme(below[moving], step):
         return 0
     ways = [way for direction in (1, -1) for way in _ways_out(below[::direction], at[::direction])]
     starts = [way[_ROWS] for way in ways if len(way) > _ROWS]
     depth = max(depth, float(np.median(starts))) if starts else depth
     deep, deeper = depth + 0.5 * step, _DEEPER * depth + 0.5 * step
-    if _DEEPER * _DEEP * step > _COARSEST * float(below.max()):
+    # A step so coarse that approaches are judged over more than this share of the range tells nothing: far away, all
+    # are alike.
+    if _DEEPER * _DEEP * step > 0.1 * float(below.max()):
         return 0
     # A way that comes back before it is deep is part of what is at the top.
     times = np.array([[np.argmax(way > d) for d in (deep, deeper)] for way in ways if way.max() > deeper])
     if len(times) < 2:
         return 0
     short, long = times.sum(axis=0)
-    return count if long > _STRAIGHT * short + 0.5 * np.sqrt(len(times)) else 0
+    return count if long > 2.75 * short + 0.5 * np.sqrt(len(times)) else 0
 
 
 def _ways_out(below: Array, at: Flags) -> list[Array]:
@@ -380,15 +371,12 @@ def _share_beside_extreme(below: Array, step: float) -> float:
     """How often the channel is at a value near its extreme: the most of the next levels, or of nearly all values."""
     if step:
         levels = np.rint(below / step)
-        return float(max(np.sum(levels == k) for k in range(1, _NEAR_LEVELS + 1)))
+        return float(max(np.sum(levels == k) for k in range(1, 3 + 1)))
     counts = np.unique(below[below > 0.0], return_counts=True)[1]
     return float(np.quantile(counts, 0.99)) if len(counts) else 0.0
 
 
 # Whether anything was measured of the torques that a log promises.
-
-# No sensor resolves less [N·m, N or A].
-_RESOLVED = 1e-9
 
 
 def check_measured(trials: Sequence[Trial], header: LogHeader, path: Path) -> None:
@@ -409,7 +397,8 @@ def check_measured(trials: Sequence[Trial], header: LogHeader, path: Path) -> No
     for attribute, prefix in (("tau", "tau"), ("current", "i")):
         values = [getattr(trial, attribute) for trial in trials]
         wanted = header.torque != "none" and all(value is not None for value in values)
-        if wanted and not any((np.ptp(value[:, measured], axis=0) > _RESOLVED).any() for value in values):
+        # No sensor resolves less [N·m, N or A].
+        if wanted and not any((np.ptp(value[:, measured], axis=0) > 1e-9).any() for value in values):
             raise LogError(
                 "never changes, of no joint and in no identification trial",
                 source=path,

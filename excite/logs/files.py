@@ -10,7 +10,7 @@ from pathlib import Path
 import yaml
 
 from excite.atomic import HIDDEN, atomic_folder
-from excite.errors import LogError
+from excite.errors import LogError, raised_as
 from excite.formats.documents import MAX_XML_BYTES
 from excite.formats.file import read_text
 from excite.formats.registry import read_contents, write_columns
@@ -28,6 +28,7 @@ from excite.robot.urdf.tree import MOVING
 _WRITTEN = "# Written by excite, which replaces this log when told to write here again.\n"
 
 
+@raised_as(LogError)
 def load_log(path: str | Path, robot: RobotLike | None = None) -> Log:
     """Read a log folder, check it, repair its rows.
 
@@ -52,7 +53,7 @@ def load_log(path: str | Path, robot: RobotLike | None = None) -> Log:
     files = [path.parent / entry.file for entry in header.trials]
     trials = tuple(
         read_columns(content.of_joints(header.joints), entry, header, file)
-        for content, entry, file in zip(read_contents(files, LogError), header.trials, files, strict=True)
+        for content, entry, file in zip(read_contents(files), header.trials, files, strict=True)
     )
     check_log_clock(trials, header, path)
     check_measured(trials, header, path)
@@ -104,7 +105,7 @@ def save_log(log: Log, folder: str | Path) -> Path:
         for entry, trial in zip(header.trials, log.trials, strict=True):
             columns = trial_columns(trial, header)
             check_columns(columns, header, folder / entry.file)
-            write_columns(columns, temporary / entry.file, LogError)
+            write_columns(columns, temporary / entry.file)
         keep_others(folder, temporary)
     return folder
 
@@ -187,13 +188,13 @@ def _read_robot(header: LogHeader, path: Path, robot: Robot | None) -> str | Non
             remedy="put the nominal model beside log.yaml, or name a bundled robot",
         )
     if file.suffix in {".yaml", ".yml"}:
-        return read_text(file, error=LogError)
+        return read_text(file)
     if robot is None:
         joints = parse_urdf(file).findall("joint")
         _check_joints(
             header.joints, tuple(j.get("name", "") for j in joints if j.get("type") in MOVING), path
         )
-    return read_text(file, limit=MAX_XML_BYTES, error=LogError)
+    return read_text(file, limit=MAX_XML_BYTES)
 
 
 def _check_joints(joints: Iterable[str], known: tuple[str, ...], path: Path) -> None:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from excite.errors import InputError, LogError
+from excite.errors import InputError, LogError, raised_as
 from excite.formats.documents import check_content, read_yaml
 from excite.logs.log import LogHeader
 from excite.logs.signals.coupling import coupling_matrix
@@ -17,9 +17,6 @@ from excite.logs.vocabulary import EFFECTS, RIGID_BODY
 # Gains that the servos of large robots have stay below [N·m/rad, N·m·s/rad, Hz].
 _LARGEST_GAIN = 1e9
 _MANUAL = "see docs/formats.md, or let `excite init-log` write one to fill in"
-_REQUIRED = ("schema", "robot", "base", "rate_hz", "joints", "trials")
-_GAINS = ("kp", "kd", "ki")
-_CONTROLLER_NUMBERS = ("rate_hz", "delay_s")
 
 
 def header_path(log: str | Path) -> Path:
@@ -34,15 +31,16 @@ def header_path(log: str | Path) -> Path:
     return Path(log) / "log.yaml" if os.path.isdir(log) else Path(log)
 
 
+@raised_as(LogError)
 def read_header(path: Path) -> LogHeader:
     """Read and validate a ``log.yaml``.
 
     Raises:
         LogError: the file is missing, is no YAML, or something in it is unknown, doubled or contradictory.
     """
-    content = read_yaml(path, error=LogError, remedy=_MANUAL)
+    content = read_yaml(path, remedy=_MANUAL)
     _check_complete(content, path)
-    header = check_content(LogHeader, content, path, remedy=_MANUAL, error=LogError)
+    header = check_content(LogHeader, content, path, remedy=_MANUAL)
     check_header(header, path)
     return header
 
@@ -50,7 +48,7 @@ def read_header(path: Path) -> LogHeader:
 def _check_complete(content: dict[str, Any], path: Path) -> None:
     """Name all fields that are missing, those too that only some logs need; one alone is told by what checks it."""
     base = content.get("base")
-    needed = [*_REQUIRED]
+    needed = ["schema", "robot", "base", "rate_hz", "joints", "trials"]
     needed += ["base_link"] if base in ("floating", "suspended") else ["torque"]
     needed += ["sensors", "wrench"] if base == "floating" and not content.get("feet") else []
     missing = [name for name in needed if content.get(name) is None]
@@ -147,8 +145,8 @@ def _wrong_torques(header: LogHeader) -> Iterator[_Fault]:
 
 def _wrong_gains(header: LogHeader) -> Iterator[_Fault]:
     said = header.controller or {}
-    values = [(f"controller.{name}", said[name]) for name in _CONTROLLER_NUMBERS if name in said]
-    for gain in _GAINS:
+    values = [(f"controller.{name}", said[name]) for name in ("rate_hz", "delay_s") if name in said]
+    for gain in ("kp", "kd", "ki"):
         field, stated = f"controller.{gain}", said.get(gain, {})
         if isinstance(stated, dict):
             for joint in stated:

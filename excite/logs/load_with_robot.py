@@ -14,8 +14,6 @@ from excite.logs.robot import nominal_robot, robot_for_log
 from excite.robot.load import RobotLike, as_robot
 from excite.robot.robot import Robot
 
-# A log and its robot, as they are or as they are named.
-
 
 def robot_and_log(robot: RobotLike | None, log: str | Path | Log) -> tuple[Robot, Log]:
     """The nominal robot and the log.
@@ -37,8 +35,6 @@ def robot_and_log(robot: RobotLike | None, log: str | Path | Log) -> tuple[Robot
     loaded = log if isinstance(log, Log) else load_log(log, found)
     return found or nominal_robot(loaded), loaded
 
-
-# Several logs of one robot as one.
 
 # What has to agree for trials to belong to one log.
 _SAME = ("base", "gravity", "joints", "torque", "base_link", "wrench", "sensors")

@@ -8,9 +8,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from excite.arrays import Array
-from excite.logs.signals.clock import cubic_misfit
-
-# The step of a channel that a sensor, or a file with few digits, has quantised.
+from excite.logs.signals.resample import cubic_misfit
 
 _FEW_ROWS, _FEW_LEVELS = 200, 200
 # Steps below this share of the noise add less than one per cent to its variance (a twelfth of the squared step).

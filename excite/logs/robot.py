@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from excite.arrays import Array
-from excite.errors import LogError, RobotError
+from excite.errors import LogError, RobotError, raised_as
 from excite.finding import Finding, list_names
 from excite.formats.documents import read_xml
 from excite.logs.header import header_path, read_header
@@ -44,7 +44,7 @@ def nominal_robot(log: Log) -> Robot:
     if log.folder is None:
         raise LogError("was made in memory", field="robot", remedy="hand the robot over")
     file = log.folder / log.header.robot
-    if _names_bundled(log):
+    if not file.is_file() and log.header.robot in bundled_robots():
         loaded = _robot_as_held(load_robot(log.header.robot), log.header)
         return robot_in_log(loaded, log.header, log.folder / "log.yaml")
     if file.suffix in {".yaml", ".yml"}:
@@ -54,12 +54,7 @@ def nominal_robot(log: Log) -> Robot:
     )
 
 
-def _names_bundled(log: Log) -> bool:
-    """Whether a log's header names a bundled robot, not a file beside it."""
-    beside = log.folder is not None and (log.folder / log.header.robot).is_file()
-    return not beside and log.header.robot in bundled_robots()
-
-
+@raised_as(RobotError)
 def robot_for_log(name_or_path: str | Path, log: str | Path) -> Robot:
     """The robot that logs are to be read with: a bundled one, a ``robot.yaml``, or a bare model.
 
@@ -75,7 +70,7 @@ def robot_for_log(name_or_path: str | Path, log: str | Path) -> Robot:
         UnknownNameError: no such robot.
     """
     file = Path(name_or_path)
-    if file.suffix != ".urdf" or not states_mass(read_xml(file, error=RobotError)):
+    if file.suffix != ".urdf" or not states_mass(read_xml(file)):
         robot = load_robot(name_or_path)
         return _robot_as_held(robot, read_header(header_path(log))) if robot.floating else robot
     path = header_path(log)
@@ -145,28 +140,27 @@ def _logged_mechanism(
     return found
 
 
-def base_offset(robot: Robot, header: LogHeader, source: Path | None = None) -> pin.SE3:
+def base_offset(robot: Robot, header: LogHeader) -> pin.SE3:
     """Pose of the logged base link in the frame of the free-flyer; raises LogError if it moves there."""
     if header.base_link is None:
         return pin.SE3.Identity()
-    return _placement_on_base(robot, header.base_link, "base_link", "pose", source)
+    return _placement_on_base(robot, header.base_link, "base_link", "pose")
 
 
-def imu_placement(robot: Robot, header: LogHeader, source: Path | None = None) -> pin.SE3:
+def imu_placement(robot: Robot, header: LogHeader) -> pin.SE3:
     """Pose of the IMU's link in the frame of the free-flyer; raises LogError where it is not on the base."""
     link = "" if header.imu is None else header.imu.link
-    return _placement_on_base(robot, link, "imu.link", "IMU", source)
+    return _placement_on_base(robot, link, "imu.link", "IMU")
 
 
-def _placement_on_base(robot: Robot, link: str, field: str, what: str, source: Path | None) -> pin.SE3:
+def _placement_on_base(robot: Robot, link: str, field: str, what: str) -> pin.SE3:
     try:
-        joint, placement = link_placement(robot.model, link, source, field)
+        joint, placement = link_placement(robot.model, link, None, field)
     except RobotError as error:
-        raise LogError(error.what, source=source, field=field, remedy=error.remedy) from error
+        raise LogError(error.what, field=field, remedy=error.remedy) from error
     if joint != 1:
         raise LogError(
             f"link {link!r} moves against the root {robot.base_link!r}",
-            source=source,
             field=field,
             remedy=f"log the {what} of the root link, or of one fixed to it",
         )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from excite.errors import InputError, MotionError, UnknownNameError
+from excite.errors import InputError, MotionError, UnknownNameError, raised_as
 from excite.formats.file import PathsLike, as_paths, unreadable_file
 from excite.motion.files import load_motion
 from excite.motion.motion import Motion
@@ -18,10 +18,8 @@ from excite.robot.robot import Robot
 MotionsLike = Motion | str | Path | Iterable[Motion | str | Path]
 """Motions, or files and folders of them."""
 
-# What reports draw from, in folders of results: the suffix of a motion, and none.
-_RESULT_ARRAYS = "report_data.npz"
 
-
+@raised_as(MotionError)
 def motion_paths(paths: Iterable[str | Path]) -> list[Path]:
     """Expand folders into the motion files in them, sorted by name; ``motions/`` inside a folder counts too.
 
@@ -34,7 +32,7 @@ def motion_paths(paths: Iterable[str | Path]) -> list[Path]:
             folder = path.is_dir() and not is_motion(path)
             there = path.exists()
         except (OSError, ValueError) as error:
-            raise unreadable_file(path, error, MotionError) from error
+            raise unreadable_file(path, error) from error
         if not there:
             raise MotionError("no such file", source=path, remedy="check the path")
         files += _motions_inside(path) if folder else [path]
@@ -45,13 +43,14 @@ def _motions_inside(path: Path) -> list[Path]:
     """Motions in a folder, bags among them, sorted by name."""
     inside = path / "motions" if (path / "motions").is_dir() else path
     try:
+        # What reports draw from, in folders of results: the suffix of a motion, and none.
         found = sorted(
             item
             for item in inside.iterdir()
-            if item.name[0] != "." and item.name != _RESULT_ARRAYS and is_motion(item)
+            if item.name[0] != "." and item.name != "report_data.npz" and is_motion(item)
         )
     except OSError as error:
-        raise unreadable_file(inside, error, MotionError) from error
+        raise unreadable_file(inside, error) from error
     if not found:
         raise MotionError(
             "folder holds no motions",

@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from excite.arrays import Array
 from excite.atomic import atomic_path
-from excite.errors import MotionError, OtherRobotError
+from excite.errors import MotionError, OtherRobotError, raised_as
 from excite.formats.documents import check_content
 from excite.formats.registry import format_of
 from excite.motion.content import (
@@ -200,6 +200,7 @@ def motion_robot(path: Path) -> str:
     return "" if said is None else said.robot
 
 
+@raised_as(MotionError)
 def _read_statement(metadata: Any, path: Path) -> MotionDocument | None:
     """What a file says of itself; None for one that was made elsewhere."""
     if metadata == {}:
@@ -220,9 +221,7 @@ def _read_statement(metadata: Any, path: Path) -> MotionDocument | None:
             field="schema",
             remedy="check that it is a motion; write one with excite.save_motion, or a table without metadata",
         )
-    return check_content(
-        MotionDocument, dict(metadata), path, remedy="check that it is a motion", error=MotionError
-    )
+    return check_content(MotionDocument, dict(metadata), path, remedy="check that it is a motion")
 
 
 def _motion_metadata(said: MotionDocument | None, digest: str) -> MotionMetadata:
@@ -396,8 +395,6 @@ def thinned(motion: Motion, every: int) -> Motion:
 
 # Columns of a motion in a Parquet file, in full or in as few bytes as a plan needs.
 
-_POSITIONS = ("q.", "base.p", "base.q")
-
 
 def _narrow_column(name: str, column: NDArray[Any]) -> NDArray[Any]:
     """A column in few bytes: positions in single precision, velocities and accelerations to 16 binary digits."""
@@ -406,6 +403,6 @@ def _narrow_column(name: str, column: NDArray[Any]) -> NDArray[Any]:
     if column.dtype != float:
         return column.astype(np.int8)
     single = column.astype(np.float32)
-    if name.startswith(_POSITIONS):
+    if name.startswith(("q.", "base.p", "base.q")):
         return single
     return ((single.view(np.uint32) + np.uint32(0x80)) & np.uint32(0xFFFFFF00)).view(np.float32)

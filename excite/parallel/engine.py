@@ -14,7 +14,7 @@ from functools import cache
 from itertools import chain, islice
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
-from excite.errors import ExciteError
+from excite.errors import ExciteError, in_one_line
 from excite.formats.child import processor_s
 from excite.parallel.jobs import AtMost, Executor, Jobs, at_once, check_jobs
 from excite.parallel.worker import Answer, Shared, begin_worker, perform_task
@@ -392,8 +392,8 @@ class _Round:
         if entry.deaths < _GUILTY:
             return
         name = entry.task if isinstance(entry.task, str) else getattr(entry.task, "name", None)
-        reason = " ".join(str(trouble).split())[:300]
         raise ExciteError(
             f"{self._stage}: task {entry.number}{f' ({name})' if name else ''} ended its process, or got no answer, "
-            f"{entry.deaths} times ({type(trouble).__name__}: {reason}); give it more memory, or leave it out"
+            f"{entry.deaths} times ({type(trouble).__name__}: {in_one_line(trouble)[:300]}); give it more "
+            "memory, or leave it out"
         ) from trouble

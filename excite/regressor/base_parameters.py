@@ -16,13 +16,6 @@ from excite.regressor.columns import measured_columns, regressor_rows
 from excite.regressor.contact_forces import stance_flags
 from excite.robot.robot import Robot
 
-# Coefficients this close to 0, 1 or -1 are these; what rounding leaves is far smaller.
-_CLEAN = 1e-9
-# Elements of a rotation this close to zero come of a right angle that was typed, at worst as 1.57 or 3.14. Left as they
-# are, gravity and other joints' motion reach parameters by a 1e-5th: of SO-101 50 combinations would count instead of
-# 48, of Stretch 52 instead of 50, of a Minitaur 96 instead of 80; of 70 other robots none is another.
-_TYPED = 2e-3
-
 
 @dataclass(frozen=True, eq=False)
 class BaseParameters:
@@ -100,7 +93,9 @@ def base_parameters(rows: Array, names: Sequence[str], tol: float = 1e-8) -> Bas
     kept = shares > tol
     independent = np.flatnonzero(kept)
     weights = solve_triangular(basis.T @ scaled[:, kept], basis.T @ scaled) * norms / norms[kept, None]
-    matrix = _clean_weights(weights)
+    # Coefficients this close to 0, 1 or -1 are these; what rounding leaves is far smaller.
+    nearest = np.clip(np.round(weights), -1.0, 1.0)
+    matrix = np.where(np.abs(weights - nearest) < 1e-9, nearest, weights)
     matrix[:, independent] = np.eye(len(independent))
     # A column is explained by the columns before it alone.
     matrix[independent[:, None] > np.arange(len(names))] = 0.0
@@ -167,7 +162,11 @@ def _at_right_angles(robot: Robot) -> Robot:
     model = pin.Model(robot.model)
     for joint in range(1, model.njoints):
         placement = model.jointPlacements[joint]
-        typed = np.where(np.abs(placement.rotation) < _TYPED, 0.0, placement.rotation)
+        # Elements of a rotation this close to zero come of a right angle that was typed, at worst as 1.57 or 3.14. Left
+        # as they are, gravity and other joints' motion reach parameters by a 1e-5th: of SO-101 50 combinations would
+        # count instead of 48, of Stretch 52 instead of 50, of a Minitaur 96 instead of 80; of 70 other robots none is
+        # another.
+        typed = np.where(np.abs(placement.rotation) < 2e-3, 0.0, placement.rotation)
         left, _, right = np.linalg.svd(typed)
         model.jointPlacements[joint] = pin.SE3(left @ right, placement.translation)
     return replace(robot, model=model)
@@ -202,12 +201,6 @@ def _orthonormal_basis(columns: Array, tol: float) -> tuple[Array, Array]:
             basis[:, rank] = rest / shares[j]
             rank += 1
     return basis[:, :rank], shares
-
-
-def _clean_weights(weights: Array) -> Array:
-    """Weights with the dust of rounding removed from 0, 1 and -1."""
-    nearest = np.clip(np.round(weights), -1.0, 1.0)
-    return np.where(np.abs(weights - nearest) < _CLEAN, nearest, weights)
 
 
 # Triangular factors of tall regressors.

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import os
 import shlex
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from statistics import median
 from typing import NamedTuple
 
 from excite.display import count
+from excite.finding import list_names
 from excite.identification.judgement import POOR_RSD, Forecast
 from excite.logs.log import LogHeader
 from excite.report.folder import Document, Findings
@@ -18,8 +19,6 @@ from excite.report.plots.curves import channel_label
 from excite.robot.catalogue import robot_of_log
 from excite.safety.verdict import conditions
 
-# Named worst offenders in a sentence.
-NAMED = 3
 _SPOILS = {"fatal", "spoils"}
 
 
@@ -80,10 +79,6 @@ def _and_more(n: int, what: str) -> str:
     return f", and {count(n, what)}" if n > 0 else ""
 
 
-def _list_some(names: Sequence[str], rest: str) -> str:
-    return ", ".join(names[:NAMED]) + (rest if len(names) > NAMED else "")
-
-
 # What a campaign comes to.
 
 
@@ -118,7 +113,7 @@ def of_campaign(campaign: Document, findings: Findings) -> Conclusion:
     if campaign["targets_met"]:
         return Conclusion(f"{found}: the targets are met.", True, *model_command(findings))
     missed, helped = last["not_met"], last["helped"]
-    found += f"; not enough for {_list_some(missed, f' and {len(missed) - NAMED} more')}"
+    found += f"; not enough for {list_names(missed, 3)}"
     if helped == []:
         said = f"{found}, and more motion would help none of them, see Certainty for why."
         identified = findings.identification
@@ -371,9 +366,7 @@ def of_plan(plan: Document, findings: Findings) -> Conclusion:
     )
     unsafe = [m["motion"] for m in (findings.check or {"motions": ()})["motions"] if not m["safe"]]
     if unsafe:
-        found += (
-            f"; but {len(unsafe)} do not pass the independent check: do not run {_list_some(unsafe, '')}."
-        )
+        found += f"; but {len(unsafe)} do not pass the independent check: do not run {', '.join(unsafe[:3])}."
         return Conclusion(
             found, False, ("check", robot_words(findings), findings.folder), "see where and when"
         )
@@ -395,9 +388,8 @@ def of_check(check: Document, findings: Findings) -> Conclusion:
     motions = check["motions"]
     unsafe, n = [motion["motion"] for motion in motions if not motion["safe"]], count(len(motions), "motion")
     if unsafe or not motions:
-        found = (
-            f"{len(unsafe)} of {n} do not pass the independent check: do not run {_list_some(unsafe, ' …')}."
-        )
+        named = ", ".join(unsafe[:3]) + " …" * (len(unsafe) > 3)
+        found = f"{len(unsafe)} of {n} do not pass the independent check: do not run {named}."
         return Conclusion(found, False, purpose="see Violations for what, where and when, and plan them anew")
     held = {"the model is true": None, **{one: None for m in motions for one in m.get("as_far_as", ())}}
     found = f"All of {n} pass the independent check: safe to run{conditions(held)}."

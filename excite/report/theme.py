@@ -35,7 +35,6 @@ class Role:
 
 INK = Role("ink", "#1c2127", "#e6e9ed")
 MUTED = Role("muted", "#5b6570", "#a3adb8")
-GRID = Role("grid", "#dfe3e8", "#38414b")
 PAPER = Role("paper", "#fefefe", "#1b2026")
 IDENTIFIED = Role("identified", "#0072b2", "#5ab6ea")
 NOMINAL = Role("nominal", "#d55e00", "#f39149")
@@ -43,7 +42,7 @@ TRUE = Role("true", "#009e73", "#3fc89f")
 PALE = Role("pale", "#c9d3dd", "#4a5662")
 GROUND = Role("ground", "#eceff3", "#262d35")
 BODY = Role("body", "#b3bfcb", "#8a9aaa")
-ROLES = (INK, MUTED, GRID, PAPER, IDENTIFIED, NOMINAL, TRUE, PALE, GROUND, BODY)
+ROLES = (INK, MUTED, Role("grid", "#dfe3e8", "#38414b"), PAPER, IDENTIFIED, NOMINAL, TRUE, PALE, GROUND, BODY)
 
 WIDTH_IN = 9.6
 # Height of a line in figures [inch].

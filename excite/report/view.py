@@ -34,9 +34,6 @@ from excite.report.sections.motions import HOW_TO_WATCH, motion_title, recorded_
 from excite.robot.load import load_robot
 from excite.robot.robot import Robot
 
-# Ports that are tried from the one that was asked for.
-_PORTS = 100
-
 
 @dataclass(frozen=True, eq=False)
 class Thing:
@@ -112,7 +109,8 @@ def serve_page(
 
 
 def _open_server(port: int, handler: type[BaseHTTPRequestHandler]) -> ThreadingHTTPServer:
-    for one in range(port, min(port + _PORTS, 65536)):
+    # Ports that are tried from the one that was asked for.
+    for one in range(port, min(port + 100, 65536)):
         try:
             return ThreadingHTTPServer(("127.0.0.1", one), handler)
         except OSError:

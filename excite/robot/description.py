@@ -12,7 +12,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
-from excite.errors import RobotError
+from excite.errors import RobotError, raised_as
 from excite.formats.documents import read_yaml
 from excite.formats.number import shorten_value
 from excite.results import Assumed
@@ -375,6 +375,7 @@ def _check_unique(names: list[str], field: str) -> None:
             raise ValueError(f"{field}: {name!r} stands twice")
 
 
+@raised_as(RobotError)
 def read_description(path: Path) -> RobotDescription:
     """Read and validate a ``robot.yaml``.
 
@@ -387,7 +388,7 @@ def read_description(path: Path) -> RobotDescription:
     Raises:
         RobotError: the file is missing, is no YAML, or breaks the schema; names the first field at fault.
     """
-    content = read_yaml(path, error=RobotError, remedy="write one with excite init-robot")
+    content = read_yaml(path, remedy="write one with excite init-robot")
     try:
         return RobotDescription.model_validate(content)
     except ValidationError as error:

@@ -140,7 +140,6 @@ def _carrying_velocities(robot: Robot) -> list[int]:
 # twentieth more. Of 10 leg swings of a 67 kg humanoid (H1_2) 5, 7 and 8 stand in simulation with 5, 9 and 19 at the
 # ankles; of 10 of a G1 with 15 % of its mass on its back 0, 2, 7, 7 and 8 stand with 2, 4, 9, 18 and 37.
 UPRIGHT = 20.0
-_SOFT = 0.5 * UPRIGHT
 
 
 def toppling_stiffness(robot: Robot, ends: Iterable[int], mass: float) -> dict[int, float]:
@@ -175,7 +174,7 @@ def too_soft_to_stand(robot: Robot) -> str | None:
     has = {joint: float(stiffness[robot.joint_index(name)]) for joint, name in names.items()}
     known = [joint for joint in topples if np.isfinite(has[joint])]
     softest = min(known, key=lambda joint: has[joint] / topples[joint], default=None)
-    if softest is None or has[softest] >= _SOFT * topples[softest]:
+    if softest is None or has[softest] >= (0.5 * UPRIGHT) * topples[softest]:
         return None
     return (
         f"{names[softest]} has {has[softest]:.3g} N·m/rad (controller.kp) where {topples[softest]:.3g} topple the "

@@ -15,7 +15,7 @@ import yaml
 
 from excite.arrays import Array
 from excite.display import span
-from excite.errors import MotionError, RobotError
+from excite.errors import MotionError, RobotError, raised_as
 from excite.formats.documents import MAX_XML_BYTES
 from excite.formats.file import read_bytes
 from excite.results import Assumed
@@ -194,6 +194,7 @@ def _assumed_limits(
     return assumed_limits(left)
 
 
+@raised_as(RobotError)
 def _robot_fingerprint(description: RobotDescription, model_path: Path, root: ElementTree.Element) -> str:
     """SHA-256 of all that a verdict on a motion depends on: description with its limits, model, collision geometry.
 
@@ -204,7 +205,7 @@ def _robot_fingerprint(description: RobotDescription, model_path: Path, root: El
         by_alias=True, exclude_defaults=True
     )
     # The file as it is, not the text as loaded: that one holds paths of this machine.
-    content = read_bytes(model_path, limit=MAX_XML_BYTES, error=RobotError)
+    content = read_bytes(model_path, limit=MAX_XML_BYTES)
     digest = hashlib.sha256(stated.encode() + b"\0" + content)
     if ground_is_assumed(description):
         digest.update(b"\0ground assumed")

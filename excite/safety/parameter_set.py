@@ -29,7 +29,7 @@ import scipy
 from numpy.typing import NDArray
 
 from excite.arrays import Array, Moved
-from excite.errors import RobotError
+from excite.errors import RobotError, raised_as
 from excite.formats.arrays import read_npz
 from excite.regressor.kernels import base_link_regressor, block_of, joint_torque_regressor
 from excite.regressor.parameter_loops import (
@@ -113,22 +113,28 @@ class ParameterSet:
         return float(ratio), int(sample)
 
     def farthest(self, at: Array) -> Array:
-        """The member at which a row rises most, as what it has beyond the model, ``(10·n_segments,)``.
+        """The members at which rows rise most, as what they have beyond the model, ``(…, 10·n_segments)``.
 
         Args:
-            at: the row in coordinates ``(n_coordinates,)``.
+            at: the rows in coordinates ``(…, n_coordinates)``.
         """
         part = self._parts(at)
-        sign = np.sign(part.bodies[:, 1:])
-        heavier = self.mass * np.sign(part.bodies[:, 0] + np.abs(part.bodies[:, 1:4]).sum(axis=-1))
-        moved = sign[:, :3] * (1.0 + heavier[:, None])
-        found = np.einsum("bck,bk->bc", self.bodies, np.column_stack([heavier, moved, sign[:, 3:]]))
-        np.add.at(found, self.carriers, np.where(part.loads > 0.0, 1.0, 0.0)[:, None] * self.loads)
-        length = float(np.linalg.norm(part.root))
-        if self.ellipsoid.shape[1] and part.shift + length > 0.0:
-            along = part.root / length if length > 0.0 else part.root
-            return np.asarray(found.ravel() + self.ellipsoid @ np.append(1.0, along))
-        return np.asarray(found.ravel())
+        sign = np.sign(part.bodies[..., 1:])
+        heavier = self.mass * np.sign(part.bodies[..., 0] + np.abs(part.bodies[..., 1:4]).sum(axis=-1))
+        moved = sign[..., :3] * (1.0 + heavier[..., None])
+        shares = np.concatenate([heavier[..., None], moved, sign[..., 3:]], axis=-1)
+        found = np.einsum("bck,...bk->...bc", self.bodies, shares)
+        for carrier, load, pull in zip(
+            self.carriers, self.loads, np.moveaxis(part.loads, -1, 0), strict=True
+        ):
+            found[..., carrier, :] += np.where(pull > 0.0, 1.0, 0.0)[..., None] * load
+        found = found.reshape(*at.shape[:-1], -1)
+        if self.ellipsoid.shape[1]:
+            length = np.linalg.norm(part.root, axis=-1)
+            along = part.root / np.where(length > 0.0, length, 1.0)[..., None]
+            beyond = self.ellipsoid[:, 0] + along @ self.ellipsoid[:, 1:].T
+            found += np.where(part.shift + length > 0.0, 1.0, 0.0)[..., None] * beyond
+        return np.asarray(found)
 
     def _parts(self, at: Array) -> _Parts:
         n, n_loads = OF_BODY * len(self.bodies), len(self.loads)
@@ -345,6 +351,7 @@ class Ellipsoid:
         return cls(np.asarray(centre, dtype=float), sigmas * root)
 
 
+@raised_as(RobotError)
 def read_ellipsoid(file: Path, robot: Robot, sigmas: float) -> Ellipsoid:
     """The parameters of an identification within some standard deviations, from the file that it left.
 
@@ -356,7 +363,7 @@ def read_ellipsoid(file: Path, robot: Robot, sigmas: float) -> Ellipsoid:
     Raises:
         RobotError: it cannot be read, or holds something else, or another robot's.
     """
-    found = read_npz(file, _IDENTIFIED, error=RobotError, remedy="run `excite identify` again")
+    found = read_npz(file, _IDENTIFIED, remedy="run `excite identify` again")
     links = [segment.link for segment in robot.segments]
     if set(found) != set(_IDENTIFIED) or list(map(str, found["links"])) != links:
         raise RobotError(

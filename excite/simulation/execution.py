@@ -227,9 +227,6 @@ class _Track:
         )
 
 
-# Steps of the physics and of the sensors in a run.
-
-
 @dataclass(frozen=True, eq=False)
 class Clock:
     """Steps of the physics and of the sensors.

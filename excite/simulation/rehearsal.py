@@ -41,13 +41,6 @@ UNKNOWN_LOAD = 0.15
 # What a robot carries in a second rehearsal where none of its motions stands the first, on small or narrow feet: a
 # model that knows its robot that well is the least that a motion without feedback of balance needs.
 LEAST_LOAD = 0.05
-KNAPSACK = (-0.1, 0.0, 0.1)
-_LOAD_SIZE_M = 0.1
-# How far a point foot may slip while it carries, in shares of the way from the centre of mass to the support polygon's
-# edge at rest: that far the edge may come nearer. It is 5 mm on a Go2, 11 on an ANYmal. Of 98 candidates of seven
-# quadrupeds of 9 to 90 kg, 76 slip less, none of which tilts by more than 0.03 rad; where stiff legs pull at each
-# other, as a Spot's do, they drag feet by up to 20 %.
-MAX_SLIP_SHARE = 0.035
 # Steps of the physics [s], the next where it diverges. Of 420 motions of eight robots (G1, HRP-2, Talos and Go2; R1,
 # H1, H1_2 and B2 from their maker's files), 62 of which fall, touch themselves or slip, none has another verdict in
 # steps of 2.5 than of 1 ms, in which they take 1.8 times as long.
@@ -108,7 +101,11 @@ def can_fall(robot: Robot) -> bool:
 
 def may_slip_m(robot: Robot) -> float:
     """How far a point foot of a robot that stands may slip while it carries [m]."""
-    return MAX_SLIP_SHARE * support_reach(robot, robot.feet)
+    # How far a point foot may slip while it carries, in shares of the way from the centre of mass to the support
+    # polygon's edge at rest: that far the edge may come nearer. It is 5 mm on a Go2, 11 on an ANYmal. Of 98 candidates
+    # of seven quadrupeds of 9 to 90 kg, 76 slip less, none of which tilts by more than 0.03 rad; where stiff legs pull
+    # at each other, as a Spot's do, they drag feet by up to 20 %.
+    return 0.035 * support_reach(robot, robot.feet)
 
 
 def _rehearse_one(shared: tuple[Robot, float, Sequence[Motion]], index: int) -> Rejection | None:
@@ -320,7 +317,7 @@ def _loaded_machine(robot: Robot, load: float, step: float, which: str) -> Machi
 
 
 def loaded_robot(
-    robot: Robot, offset: tuple[float, float, float] = KNAPSACK, load: float = UNKNOWN_LOAD
+    robot: Robot, offset: tuple[float, float, float] = (-0.1, 0.0, 0.1), load: float = UNKNOWN_LOAD
 ) -> VirtualRobot:
     """A virtual robot that carries a share of its mass on its heaviest segment.
 
@@ -342,7 +339,7 @@ def loaded_robot(
         link=robot.segments[trunk].link,
         mass=load * float(masses.sum()),
         position=(float(centre[0]), float(centre[1]), float(centre[2])),
-        size=(_LOAD_SIZE_M,) * 3,
+        size=(0.1,) * 3,
     )
     virtual = nominal_robot(robot)
     return replace(virtual, truth=with_part(virtual.truth, part))

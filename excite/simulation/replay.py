@@ -100,7 +100,10 @@ def watched_run(
 def _judge_replay(robot: Robot, planned: Motion, run: Recording) -> Replay:
     tilt, sink = np.zeros(1), np.zeros(1)
     if robot.floating and robot.feet:
-        tilt, sink = _base_departure(run.q, planned.q[: len(run.q)])
+        wanted = planned.q[: len(run.q)]
+        # Angle between the base's vertical axis and the planned one [rad], and how far it sank [m].
+        cosine = np.einsum("ni,ni->n", vertical_axis(run.q[:, 3:7]), vertical_axis(wanted[:, 3:7]))
+        tilt, sink = np.arccos(np.clip(cosine, -1.0, 1.0)), wanted[:, 2] - run.q[:, 2]
     lost = (tilt > FALL_TILT_RAD) | (sink > FALL_HEIGHT_M)
     lost[-1] |= tilt[-1] > FALL_END_TILT_RAD
     fallen = np.flatnonzero(lost)
@@ -125,12 +128,6 @@ def _planned_motion(robot: Robot, motion: Motion) -> Motion:
     )
 
 
-def _base_departure(q: Array, planned: Array) -> tuple[Array, Array]:
-    """Angle between the base's vertical axis and the planned one [rad], and how far it sank [m]."""
-    cosine = np.einsum("ni,ni->n", vertical_axis(q[:, 3:7]), vertical_axis(planned[:, 3:7]))
-    return np.arccos(np.clip(cosine, -1.0, 1.0)), planned[:, 2] - q[:, 2]
-
-
 def _foot_slips(robot: Robot, run: Recording, planned: Motion) -> dict[str, tuple[float, ...]]:
     """Slip of each foot in each of its phases on the ground [m]."""
     slip: dict[str, tuple[float, ...]] = {}
@@ -152,11 +149,6 @@ def _foot_slips(robot: Robot, run: Recording, planned: Motion) -> dict[str, tupl
 # A base that tilts or sinks further than this from where the motion wants it has fallen.
 FALL_TILT_RAD = 0.5
 FALL_HEIGHT_M = 0.15
-_FALL_COSINE = math.cos(FALL_TILT_RAD)
-# A foot has this long after touchdown to come to rest before its slip counts.
-_TOUCHDOWN_S = 0.05
-# Feet that stand are looked at so often [s]: looking takes as long as two steps of the physics.
-_LOOK_S = 0.05
 # MuJoCo's place of a foot and pinocchio's differ by rounding: a slip that ends a run is one by either.
 _CLEARLY = 1.0 + 1e-6
 
@@ -173,7 +165,7 @@ class Fall:
         height, w, x, y, z = plant.data.qpos[plant.qpos[2:7]].tolist()
         a, b, c = self.vertical[sample]
         cosine = 2.0 * a * (x * z + w * y) + 2.0 * b * (y * z - w * x) + c * (1.0 - 2.0 * (x * x + y * y))
-        return bool(cosine < _FALL_COSINE or self.height[sample] - height > FALL_HEIGHT_M)
+        return bool(cosine < math.cos(FALL_TILT_RAD) or self.height[sample] - height > FALL_HEIGHT_M)
 
 
 class FirstFault:
@@ -192,7 +184,8 @@ class FirstFault:
                 self._starts[start, number], self._counts[start:end, number] = True, True
         self._stood = np.zeros((len(robot.feet), 2))
         self._looked: Flags = np.asarray(self._starts.any(axis=1))
-        self._looked[:: max(1, round(_LOOK_S * robot.description.sensors.rate_hz))] = True
+        # Feet that stand are looked at so often [s]: looking takes as long as two steps of the physics.
+        self._looked[:: max(1, round(0.05 * robot.description.sensors.rate_hz))] = True
         if math.isinf(slip_m):
             self._looked[:] = False
 
@@ -215,7 +208,8 @@ class FirstFault:
 
 def standing_phases(robot: Robot, planned: Motion) -> dict[str, list[tuple[int, int]]]:
     """Half-open ranges of samples in which each foot stands and its slip counts, by name of the foot."""
-    settle = round(_TOUCHDOWN_S * robot.description.sensors.rate_hz)
+    # A foot has this long after touchdown to come to rest before its slip counts.
+    settle = round(0.05 * robot.description.sensors.rate_hz)
     found = {}
     for foot in robot.feet:
         flags = planned.contacts.get(foot.name, np.ones(planned.n_samples, dtype=bool))

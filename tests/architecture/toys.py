@@ -205,7 +205,7 @@ class ToyFormat(ColumnFormat):
     name = "toy"
     suffixes = (".toy",)
 
-    def _read(self, path, error):
+    def _read(self, path):
         return Content({name: np.array(values) for name, values in json.loads(path.read_text()).items()})
 
     def write(self, columns, path, statement=""):

@@ -73,7 +73,7 @@ def truly_closed(analysis: Analysis, quiet: Log) -> float:
     scale = measured[~held_out].std(axis=0)
     before, after = (
         float(((residual_of(problem, fitted)[held_out] / scale) ** 2).sum())
-        for fitted in (analysis.before, analysis.after)
+        for fitted in (analysis.found.baseline, analysis.named_fit)
     )
     return 1.0 - after / before
 

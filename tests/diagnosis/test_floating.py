@@ -17,7 +17,7 @@ from excite.diagnosis.floating.hypotheses import Placed, nominal_fit, refine_fit
 from excite.diagnosis.floating.problem import Problem, build_problem, find_unloaded
 from excite.diagnosis.floating.record import FloatingRecord, prepare_record
 from excite.diagnosis.floating.registry import FLOATING_EFFECTS
-from excite.diagnosis.floating.search import Ranked, remove_superfluous
+from excite.diagnosis.floating.search import keep_needed
 from excite.diagnosis.floating.state import State
 from excite.errors import LogError
 from excite.logs.files import load_log
@@ -117,9 +117,8 @@ def test_what_a_later_effect_makes_superfluous_is_dropped(record: FloatingRecord
     one = refine_fit(problem, (pull,), (np.zeros(8),), baseline)
     assert baseline.power - one.power > 1000.0
     both = refine_fit(problem, (pull, gain), (*one.theta, np.array([0.01])), one)
-    kept = remove_superfluous(problem, ((Ranked(one, 500.0),), (Ranked(both, 500.0),)), baseline)
-    assert [item.effect.name for item in kept[-1][0].fitted.placed] == ["sensor_gain"]
-    assert len(kept) == 1
+    kept = keep_needed(problem, both, baseline)
+    assert [item.effect.name for item in kept.placed] == ["sensor_gain"]
 
 
 def test_a_foot_in_the_air_tells_the_bias(gap_dir: Path) -> None:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import pytest
 
 from excite.arrays import Array
-from excite.campaign.gradient_search import GradientDesign, sets_within
+from excite.campaign.gradient_search import GradientDesign, chosen_sources, sets_within
 from excite.campaign.optimised_series import Asked
 from excite.errors import InputError, UnknownNameError
 from excite.excitation.design_rows import ArmRows, StandingRows, design_rows
@@ -194,6 +195,21 @@ def test_sets_fit_into_the_time_and_leave_none_out(source: Motion) -> None:
     sets = sets_within(motions, 22.0)
     assert [[one.name for one in some] for some in sets] == [["8.0", "7.9", "5.7"], ["9.4"], ["30.0"]]
     assert [len(some) for some in sets_within(motions, None)] == [3, 2]
+
+
+def test_sources_fit_into_the_minutes_and_say_more_than_others_that_do(ur10: Robot) -> None:
+    rows, motions = ArmRows(ur10), load_motions("ur10")[:4]
+    known = first_information(rows, motions)
+    budget = sum(sorted(one.duration for one in motions)[-2:])
+    chosen = chosen_sources(rows, motions, known, LogDeterminant(), budget)
+    assert sum(one.duration for one in chosen) <= budget
+
+    def value(some: Sequence[Motion]) -> float:
+        return float(np.linalg.slogdet(known + sum(map(rows.of_motion, some)))[1])
+
+    assert value(chosen) >= max(value(pair) for pair in combinations(motions, 2)) - 1e-9
+    shortest = min(motions, key=lambda one: one.duration)
+    assert chosen_sources(rows, motions, known, LogDeterminant(), 0.1) == [shortest]
 
 
 def test_a_motion_is_judged_as_it_is_and_no_repair_slows_it(ur10: Robot, source: Motion) -> None:

@@ -15,9 +15,9 @@ import pytest
 import excite
 from excite.errors import InputError, NoSolutionError, RobotError
 from excite.export.models import urdf as urdf_module
+from excite.export.models.model_format import XmlText
 from excite.export.models.parameters import InconsistentModelError, Member, split_segment
 from excite.export.models.simulator_model import write_mjcf, write_models, write_urdf
-from excite.export.models.xml_text import XmlText
 from excite.identification.inertia import parameters_of_pseudo_inertia, pseudo_inertia_matrices
 from excite.robot.loading import build_robot, load_robot, model_file
 from excite.robot.robot import Robot

@@ -12,7 +12,7 @@ import pytest
 import yaml
 
 from excite.conversion.sources.registry import read_source
-from excite.errors import ExciteError, LogError
+from excite.errors import ExciteError, InputError
 from excite.formats.documents import read_yaml
 from excite.human.recording_files import read_recording
 from excite.logs.files import load_log
@@ -218,5 +218,5 @@ def test_tables_of_limits_and_maps_in_their_dresses(content, tmp_path):
 
 def test_a_map_in_utf_16_is_refused_with_the_reason(tmp_path):
     (tmp_path / "map.yaml").write_bytes("a: 1\n".encode("utf-16"))
-    with pytest.raises(LogError, match=r"map\.yaml: is no UTF-8 text .*; save it as UTF-8"):
-        read_yaml(tmp_path / "map.yaml", error=LogError)
+    with pytest.raises(InputError, match=r"map\.yaml: is no UTF-8 text .*; save it as UTF-8"):
+        read_yaml(tmp_path / "map.yaml")

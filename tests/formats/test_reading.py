@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.io import savemat
 
-from excite.errors import ExciteError, InputError, LogError, RobotError
+from excite.errors import ExciteError, InputError, RobotError
 from excite.formats.child import in_child
 from excite.formats.documents import read_json, read_xml, read_yaml
 from excite.formats.file import read_bytes, read_text
@@ -57,8 +57,8 @@ XML = {
 def refused(reader, path: Path, text: str, **options) -> str:
     path.write_text(text)
     started = time.monotonic()
-    with pytest.raises(RobotError) as caught:
-        reader(path, error=RobotError, **options)
+    with pytest.raises(InputError) as caught:
+        reader(path, **options)
     assert time.monotonic() - started < 10.0
     assert "\n" not in str(caught.value) and str(path) in str(caught.value) and caught.value.remedy
     return str(caught.value)
@@ -102,8 +102,8 @@ def test_only_regular_files_of_sane_size_are_opened(tmp_path: Path) -> None:
         tmp_path / "latin": "is no UTF-8 text",
     }
     for path, line in cases.items():
-        with pytest.raises(LogError, match=line):
-            read_text(path, error=LogError)
+        with pytest.raises(InputError, match=line):
+            read_text(path)
     (tmp_path / "marked").write_bytes(b"\xef\xbb\xbfname: x")
     assert read_text(tmp_path / "marked") == "name: x"
 
@@ -123,8 +123,8 @@ def test_a_native_reader_that_crashes_hangs_or_eats_memory_is_one_line(tmp_path:
         ((("numpy:ones", 1 << 33), {"memory_gb": 1.0}), "fail"),
         ((("sys:exit", 3), {}), "fail"),
     ):
-        with pytest.raises(LogError, match=line):
-            in_child(*call[0], source=tmp_path, error=LogError, **call[1])
+        with pytest.raises(InputError, match=line):
+            in_child(*call[0], source=tmp_path, **call[1])
 
 
 def test_what_the_reader_itself_refuses_arrives_as_it_is(tmp_path: Path) -> None:
@@ -149,8 +149,8 @@ def test_whatever_is_in_a_file_it_is_read_or_refused(
     path.write_bytes(content)
     for reader in (read_yaml, read_json, read_xml):
         try:
-            reader(path, error=RobotError)
-        except RobotError as error:
+            reader(path)
+        except InputError as error:
             assert "\n" not in str(error)
 
 
@@ -171,5 +171,5 @@ def test_objects_of_matlab_alone_are_one_line(tmp_path: Path) -> None:
     savemat(file, {"x": np.zeros((1, 8), np.uint8)})
     path = tmp_path / "run.mat"
     path.write_bytes(file.getvalue().replace(b"\1\0\1\0x\0\0\0", b"\1\0\0\0\0\0\0\0"))
-    with pytest.raises(LogError, match=r"run\.mat: holds objects of MATLAB alone.*table2struct"):
-        read_mat(path, LogError)
+    with pytest.raises(InputError, match=r"run\.mat: holds objects of MATLAB alone.*table2struct"):
+        read_mat(path)

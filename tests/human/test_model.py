@@ -12,8 +12,11 @@ from excite.errors import InputError
 from excite.human.body import body_of
 from excite.human.markers.inverse_kinematics import MarkerModel, solve_poses
 from excite.human.measure import robot_yaml, urdf_text
-from excite.human.segments import JOINT_NAMES, NAMES, SEGMENTS, Subject
-from excite.human.skeleton import (
+from excite.human.segments import (
+    JOINT_NAMES,
+    NAMES,
+    SEGMENTS,
+    Subject,
     base_pose,
     frame_turn,
     joint_angles,

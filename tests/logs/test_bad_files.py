@@ -1,4 +1,4 @@
-"""Whatever the bytes of a trial's file are, reading it gives columns or one LogError; what was written comes back."""
+"""Whatever the bytes of a trial's file are, reading it gives columns or one InputError; what was written comes back."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from excite.errors import LogError
+from excite.errors import InputError
 from excite.formats.registry import FORMATS, format_of, read_content, read_contents, write_columns
 from tests.corpus.practice import columns
 
@@ -58,8 +58,8 @@ def damaged(data: bytes, changes: list[tuple[float, str, int]]) -> bytes:
 
 def columns_or_error(path: Path) -> None:
     try:
-        found = read_content(path, LogError).columns
-    except LogError as error:
+        found = read_content(path).columns
+    except InputError as error:
         assert str(path) in str(error) and "\n" not in str(error)
     else:
         assert all(isinstance(values, np.ndarray) for values in found.values())
@@ -100,8 +100,8 @@ def test_damaged_hdf5_is_named_among_others(tmp_path, sound):
     for file in files:
         file.write_bytes(sound[".h5"])
     files[1].write_bytes(sound[".h5"][:700] + bytes(300) + sound[".h5"][1000:])
-    with pytest.raises(LogError, match=r"b\.h5"):
-        list(read_contents(files, LogError))
+    with pytest.raises(InputError, match=r"b\.h5"):
+        list(read_contents(files))
 
 
 @pytest.mark.parametrize("suffix", [".parquet", ".npz", ".csv"])
@@ -110,7 +110,7 @@ def test_damaged_hdf5_is_named_among_others(tmp_path, sound):
 def test_what_was_written_comes_back_bit_for_bit(tmp_path, suffix, table):
     path = tmp_path / f"a{suffix}"
     format_of(path).write(table, path)
-    found = read_content(path, LogError).columns
+    found = read_content(path).columns
     assert list(found) == list(table)
     for name, values in table.items():
         # Text has no minus zero apart from zero.
@@ -125,11 +125,11 @@ def test_packed_trials_come_back(tmp_path, suffix):
     path = tmp_path / f"a{suffix}"
     write_columns(columns(), path)
     assert [file.name for file in tmp_path.iterdir()] == [path.name]
-    found = read_content(path, LogError).columns
+    found = read_content(path).columns
     assert all((found[name] == values).all() for name, values in columns().items())
     module = {".gz": gzip, ".xz": lzma, ".bz2": bz2}[path.suffix]
     path.write_bytes(module.compress(module.decompress(path.read_bytes())))
-    again = read_content(path, LogError).columns
+    again = read_content(path).columns
     assert all((again[name] == values).all() for name, values in columns().items())
 
 
@@ -144,7 +144,7 @@ def test_a_packed_trial_leaves_one_of_the_plain_name_alone(tmp_path):
 def test_hdf5_comes_back_bit_for_bit(tmp_path):
     path = tmp_path / "a.h5"
     format_of(path).write(columns(), path)
-    found = read_content(path, LogError).columns
+    found = read_content(path).columns
     assert all(found[name].tobytes() == values.tobytes() for name, values in columns().items())
 
 
@@ -159,8 +159,8 @@ def test_a_changed_number_is_noticed(tmp_path, suffix):
     for place in range(len(data) // 2, len(data) // 2 + 4):
         data[place] ^= 0xFF
     path.write_bytes(data)
-    with pytest.raises(LogError):
-        read_content(path, LogError).columns
+    with pytest.raises(InputError):
+        read_content(path).columns
 
 
 def test_memory_follows_what_a_file_says_before_it_is_read(tmp_path):
@@ -169,5 +169,5 @@ def test_memory_follows_what_a_file_says_before_it_is_read(tmp_path):
 
     case = next(c for c in CASES if (c.family, c.name) == ("log: npz", "bomb"))
     case.build(tmp_path)
-    with pytest.raises(LogError, match="more than the"):
-        read_content(tmp_path / "one.npz", LogError).columns
+    with pytest.raises(InputError, match="more than the"):
+        read_content(tmp_path / "one.npz").columns

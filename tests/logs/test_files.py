@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import yaml
 
-from excite.errors import ExciteError, LogError
+from excite.errors import ExciteError, InputError, LogError
 from excite.formats.registry import FORMATS
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log
@@ -59,15 +59,15 @@ def test_every_format_keeps_every_number(name: str, tmp_path: Path) -> None:
     values = np.random.default_rng(4).normal(size=(50, 2))
     path = tmp_path / f"trial{reader.suffixes[0]}"
     reader.write({"time": values[:, 0], "q.a joint": values[:, 1]}, path)
-    columns = reader.read(path, LogError).columns
+    columns = reader.read(path).columns
     assert list(columns) == ["time", "q.a joint"] or sorted(columns) == ["q.a joint", "time"]
     np.testing.assert_array_equal(columns["q.a joint"], values[:, 1])
     path.write_bytes(path.read_bytes()[:40])
     if name != "csv":
-        with pytest.raises(LogError, match="cannot be read"):
-            reader.read(path, LogError)
-    with pytest.raises(LogError, match="no such file"):
-        reader.read(tmp_path / f"absent{reader.suffixes[0]}", LogError)
+        with pytest.raises(InputError, match="cannot be read"):
+            reader.read(path)
+    with pytest.raises(InputError, match="no such file"):
+        reader.read(tmp_path / f"absent{reader.suffixes[0]}")
 
 
 def test_nothing_is_left_of_a_log_that_could_not_be_written(arm_log: Log, tmp_path: Path) -> None:

@@ -7,9 +7,8 @@ import pytest
 
 from excite.errors import InputError, LogError, UnknownNameError
 from excite.logs.signals.butterworth import decimation_step, kept_samples, lowpass
-from excite.logs.signals.clock import cubic_misfit
 from excite.logs.signals.coupling import coupling_matrix, joint_positions, joint_torques
-from excite.logs.signals.resample import long_standstill
+from excite.logs.signals.resample import cubic_misfit, long_standstill
 from tests.logs.lag import estimate_lag
 
 RATE = 200.0

@@ -115,7 +115,7 @@ def import_recordings(mapping: Mapping[str, Any] | Path, folder: Path, robot_tex
 def _parse_mapping(mapping: Mapping[str, Any] | Path, source: object) -> RecordingMapping:
     if not isinstance(mapping, Path):
         return _validate_content(RecordingMapping, dict(mapping), source)
-    return _validate_content(RecordingMapping, read_yaml(mapping, error=LogError), source)
+    return _validate_content(RecordingMapping, read_yaml(mapping), source)
 
 
 def _validate_content(kind: type[_Model], content: object, source: object) -> _Model:
@@ -165,7 +165,7 @@ def _single_columns(found: dict[str, Array]) -> dict[str, Array]:
 
 def _cut_columns(file: Path, part: tuple[float, float], wanted: list[_Column]) -> dict[str, Array]:
     """The wanted columns of a file under the contract's names, from the wanted part of its duration."""
-    content = read_content(file, LogError)
+    content = read_content(file)
     found = _single_columns(content.written or content.columns)
     columns = {}
     for column in wanted:

@@ -23,8 +23,7 @@ from excite.robot.catalogue import example_robot_data
 from excite.robot.init_robot.description import scaffold_description
 from excite.robot.init_robot.files import write_scaffold
 from excite.robot.loading import load_robot
-from excite.robot.mjcf.conversion import convert_mjcf
-from excite.robot.mjcf.scan import scan_mjcf
+from excite.robot.mjcf.conversion import convert_mjcf, scan_mjcf
 from excite.robot.shapes.mesh_files import binary_stl, read_meshes
 from tests.corpus.arm import MJCF, replaced
 from tests.robot.small import ARM

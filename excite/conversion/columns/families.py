@@ -505,12 +505,6 @@ def _correlation(a: Array, b: Array) -> float | None:
     return float(np.corrcoef(a[whole], b[whole])[0, 1])
 
 
-# Columns without names, told by their values.
-
-# Correlations of smoothed signals: a command and its position, a derivative and its velocity.
-_TWIN, _DERIVATIVE = 0.98, 0.9
-
-
 def tell_by_derivatives(columns: Mapping[str, Array], dt: float, joints: Sequence[str]) -> dict[str, Family]:
     """Positions, velocities, commands and torques among columns without names; empty where that is open.
 
@@ -530,9 +524,11 @@ def tell_by_derivatives(columns: Mapping[str, Array], dt: float, joints: Sequenc
     for order in (np.arange(count * n).reshape(count, n), np.arange(count * n).reshape(n, count).T):
         derived = np.array([[_likeness(rate[:, b], smooth[:, c]) for c in order] for b in order])
         np.fill_diagonal(derived, 0.0)
-        has = [b for b in range(count) if derived[b].max() > _DERIVATIVE]
+        # Of smoothed signals, a derivative and its velocity.
+        has = [b for b in range(count) if derived[b].max() > 0.9]
         held = [b for b in has if b not in {int(np.argmax(derived[k])) for k in has}]
-        if len(held) == 2 and _likeness(smooth[:, order[held[0]]], smooth[:, order[held[1]]]) > _TWIN:
+        # Of smoothed signals, a command and its position.
+        if len(held) == 2 and _likeness(smooth[:, order[held[0]]], smooth[:, order[held[1]]]) > 0.98:
             # Of twins that comes later which was measured: ``x(t) = y(t − d)`` makes ``x − y = −d·rate``.
             a, b = (smooth[:, order[k]] for k in held)
             held = held if float((np.gradient(a, axis=0) * (a - b)).sum()) < 0.0 else held[::-1]

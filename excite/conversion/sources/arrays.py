@@ -13,7 +13,6 @@ from excite.conversion.columns.words import read_clue
 from excite.conversion.recording import Column, Recording, Stream
 from excite.conversion.shapes import longest_streams, split_batches, stream_of_arrays
 from excite.conversion.sources.source import Source
-from excite.errors import LogError
 from excite.formats.arrays import read_npy, read_npz
 from excite.formats.arrow import ARROW, read_arrow
 from excite.formats.file import MAX_FILE_BYTES, check_size, first_bytes
@@ -60,8 +59,8 @@ class ArraySource(Source):
 
 def _read_numpy(path: Path) -> Arrays:
     if path.suffix.lower() == ".npy":
-        return read_npy(path, LogError)
-    return read_npz(path, limit=MAX_FILE_BYTES, longest_text=100_000, error=LogError, remedy=_NUMBERS)
+        return read_npy(path)
+    return read_npz(path, limit=MAX_FILE_BYTES, longest_text=100_000, remedy=_NUMBERS)
 
 
 def _source(
@@ -73,16 +72,16 @@ def _source(
 
 
 MatSource = _source(
-    *("mat", "a .mat file", "MATLAB (.mat, version 7.3 too)", ".mat", lambda path: read_mat(path, LogError)),
+    *("mat", "a .mat file", "MATLAB (.mat, version 7.3 too)", ".mat", lambda path: read_mat(path)),
     beginnings=(b"MATLAB",),
 )
 Hdf5Source = _source(
-    *("hdf5", "HDF5", "HDF5 (.h5, .hdf5)", ".h5 .hdf5", lambda path: hdf5_arrays(path, LogError)),
+    *("hdf5", "HDF5", "HDF5 (.h5, .hdf5)", ".h5 .hdf5", lambda path: hdf5_arrays(path)),
     beginnings=(b"\x89HDF\r\n\x1a\n",),
 )
 ParquetSource = _source(
     *("parquet", "a table of Arrow", "tables of Arrow (.parquet, .feather, .arrow)"),
-    *(".parquet .pq .feather .arrow", lambda path: read_arrow(path, LogError)),
+    *(".parquet .pq .feather .arrow", lambda path: read_arrow(path)),
     beginnings=ARROW,
     grouped=False,
 )
@@ -97,7 +96,7 @@ PaceSource = _source(
 
 def recordings_of(path: Path, arrays: Arrays) -> tuple[Recording, ...]:
     """Recordings among arrays by their paths (``trial1/q``): one a trial where they are stacked, or lie in groups."""
-    check_size(sum(np.size(values) for values in arrays.values()), 0, path, LogError)
+    check_size(sum(np.size(values) for values in arrays.values()), 0, path)
     stacked = {f"{path.stem}_{name}": members for name, members in split_batches(arrays).items()}
     groups = _trial_groups(dict(arrays)) or stacked or {path.stem: dict(arrays)}
     return tuple(
@@ -176,7 +175,7 @@ class LogFolderSource(Source):
                 tuple(_in_si(stream) for stream in stream_of_arrays(file.stem, content.columns)),
                 said,
             )
-            for file, content in zip(files, read_contents(files, LogError), strict=True)
+            for file, content in zip(files, read_contents(files), strict=True)
         )
 
 
@@ -219,7 +218,7 @@ class LeRobotSource(Source):
 
     def read(self, path: Path) -> tuple[Recording, ...]:
         """See :class:`Source`."""
-        return tuple(recordings_of_episodes(read_data_set(path, LogError)))
+        return tuple(recordings_of_episodes(read_data_set(path)))
 
 
 def recordings_of_episodes(data: DataSet) -> Iterator[Recording]:

@@ -123,7 +123,7 @@ class BagSource(Source):
         topics, there = Topics(), dict[str, str]()
         notes: tuple[str, ...] = ()
         try:
-            with open_bag(path, LogError) as bag:
+            with open_bag(path) as bag:
                 there = bag.topics
                 _gather(topics, bag)
         except Exception as error:

@@ -8,7 +8,7 @@ from pathlib import Path
 from excite.conversion.recording import Recording, nothing_there
 from excite.conversion.sources.source import Source
 from excite.data_tables import read_rows
-from excite.errors import LogError
+from excite.errors import LogError, raised_as
 from excite.formats.child import in_child
 from excite.formats.file import (
     MAX_FILE_BYTES,
@@ -47,9 +47,6 @@ RECORDED = frozenset(
 )  # Files that people put beside recordings.
 _BESIDE = frozenset("readme license licence notice changelog requirements".split())
 
-# As long as reading may take: starting, then a tenth of what disks do [s, bytes/s].
-_STARTING_S, _BYTES_PER_S = 30.0, 2e6
-
 
 def _refuse(path: Path) -> None:
     """Raise LogError for what people bring that is not opened, and say what to do instead: ``refused.csv``."""
@@ -61,6 +58,7 @@ def _refuse(path: Path) -> None:
             raise LogError(row["what"], source=path, remedy=row["remedy"])
 
 
+@raised_as(LogError)
 def read_source(path: Path) -> tuple[Recording, ...]:
     """Recordings of a file or folder, by the first format that recognises it.
 
@@ -71,10 +69,10 @@ def read_source(path: Path) -> tuple[Recording, ...]:
         raise LogError("no such file or folder", source=path, remedy="check the name of the source")
     if not path.is_dir():
         # A pipe or device has no beginning to look at, and no end.
-        check_file(path, error=LogError)
+        check_file(path)
         _refuse(path)
         if is_packed(path):
-            with unpack_file(path, limit=MAX_FILE_BYTES, error=LogError) as plain:
+            with unpack_file(path, limit=MAX_FILE_BYTES) as plain:
                 return tuple(replace(recording, source=str(path)) for recording in read_source(plain))
     name = recognised(path)
     if name is None:
@@ -84,13 +82,13 @@ def read_source(path: Path) -> tuple[Recording, ...]:
         return _read(name, path)
     files = path.rglob("*") if path.is_dir() else [path]
     size = sum(file.stat().st_size for file in files if file.is_file())
+    # As long as reading may take: starting, then a tenth of what disks do [s, bytes/s].
     found: tuple[Recording, ...] = in_child(
         f"{__name__}:_read",
         name,
         path,
         source=path,
-        error=LogError,
-        seconds=_STARTING_S + size / _BYTES_PER_S,
+        seconds=30.0 + size / 2e6,
         kept=True,
     )
     return found
@@ -112,8 +110,8 @@ def recognised_recording(path: Path) -> bool:
 def _read(name: str, path: Path) -> tuple[Recording, ...]:
     source = SOURCES.make(name)
     if not path.is_dir():
-        check_file(path, limit=source.limit, error=LogError)
-    with unreadable(path, LogError, source.what or name):
+        check_file(path, limit=source.limit)
+    with unreadable(path, source.what or name):
         found = tuple(recording for recording in source.read(path) if recording.streams)
     if not found:
         raise nothing_there(path)

@@ -11,7 +11,6 @@ import numpy as np
 
 from excite.conversion.recording import NAMELESS, Column, Recording, Stream
 from excite.conversion.sources.source import Source
-from excite.errors import LogError
 from excite.formats.file import first_bytes
 from excite.formats.tables import COMMENTS, read_table, seconds
 from excite.logs.units import TICKS, UNITS, unit_named
@@ -51,7 +50,7 @@ class TextSource(Source):
 
     def read(self, path: Path) -> tuple[Recording, ...]:
         """See :class:`Source`."""
-        table = read_table(path, error=LogError, strict=False, is_unit=_is_unit)
+        table = read_table(path, strict=False, is_unit=_is_unit)
         columns = {name: _numbers(values) for name, values in table.columns.items()}
         numbers = [
             Column(name, values, unit=table.units[name])

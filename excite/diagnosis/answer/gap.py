@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated
 
@@ -16,6 +16,7 @@ from excite.diagnosis.equations.samples import ArmSamples
 from excite.diagnosis.equations.units import force_unit
 from excite.finding import Finding, list_names
 from excite.logs.signals.butterworth import noise_bandwidth
+from excite.logs.signals.spectrum import welch_spectrum
 from excite.results import FEW, HIDDEN, Interval, Name, Stated, Unbounded, UnboundedPositive, added_as, named
 
 
@@ -81,6 +82,57 @@ class Where(Stated):
     depends_on: Name
     band_hz: Interval
     dependence: Annotated[dict[Name, Unbounded], FEW] = field(default_factory=dict)
+
+
+# Share of a residual's power from which it is said to depend on something.
+_LEAST = 0.02
+
+
+def locate_residual(
+    channel: str,
+    share: float,
+    residual: Array,
+    features: Mapping[str, Array],
+    trials: Sequence[Array],
+    rate_hz: float,
+) -> Where:
+    """One line of the map: what a channel's residual follows, and at which frequencies it is.
+
+    The dependence is the share of its power that functions of one thing alone explain, less what as many arbitrary
+    columns would.
+
+    Args:
+        share: its share of the gap.
+        residual: ``(n,)`` of the channel.
+        features: by what they are functions of, ``(n, k)``.
+        trials: the residual of each trial, those that judge too.
+        rate_hz: of the samples.
+    """
+    dependence = {what: _explained_share(columns, residual) for what, columns in features.items()}
+    best = max(dependence, key=lambda what: dependence[what])
+    follows = best if dependence[best] > _LEAST else "nothing known"
+    return Where(channel, share, follows, _power_band(trials, rate_hz), dependence)
+
+
+def _explained_share(columns: Array, residual: Array) -> float:
+    size = np.linalg.norm(columns, axis=0)
+    columns = columns[:, size > 1e-9 * max(float(size.max()), 1e-300)]
+    rest = residual - columns @ np.linalg.lstsq(columns, residual, rcond=1e-8)[0]
+    return max(0.0, 1.0 - float(rest @ rest) / max(float(residual @ residual), 1e-300) - 0.005)
+
+
+def _power_band(trials: Sequence[Array], rate_hz: float) -> tuple[float, float]:
+    """Frequencies between a tenth and nine tenths of a residual's power [Hz]."""
+    # One grid of frequencies for all trials, which the shortest can fill.
+    length = min(256, *(len(part) for part in trials))
+    spectra = []
+    for part in trials:
+        f, p = welch_spectrum(part, rate_hz, length, centred=False)
+        spectra.append(p)
+    growth = np.cumsum(np.mean(spectra, axis=0))
+    growth /= max(float(growth[-1]), 1e-300)
+    low, high = (float(f[min(int(np.searchsorted(growth, x)), len(f) - 1)]) for x in (0.1, 0.9))
+    return low, high
 
 
 def of_positions(units: Iterable[str]) -> bool:

@@ -12,7 +12,7 @@ from scipy.special import ndtri, stdtrit
 from excite.arrays import Array, jackknife_std
 from excite.diagnosis.answer.answer import NO_NAME, Absorbed, Diagnosis, Rollout
 from excite.diagnosis.answer.candidate import Candidate, Estimate, format_estimate
-from excite.diagnosis.answer.gap import Budget, Curves, Gap, Where, gap_of, share_closed
+from excite.diagnosis.answer.gap import Budget, Curves, Gap, Where, gap_of, locate_residual, share_closed
 from excite.diagnosis.arm.read import BudgetVerdict
 from excite.diagnosis.arm.record import TorqueRecord
 from excite.diagnosis.attribution import Attribution, Judgement, Scored, Scorer
@@ -50,7 +50,6 @@ from excite.diagnosis.simulator.rollout_compare import simulate_effects
 from excite.diagnosis.trivial import of_torques
 from excite.finding import Finding
 from excite.logs.log import Log
-from excite.logs.signals.spectrum import welch_spectrum
 from excite.robot.robot import Robot
 from excite.rows.drive_terms import DRIVE_TERMS
 
@@ -281,14 +280,11 @@ def trial_curves(samples: ArmSamples, before: Array, after: Array) -> Curves:
 
 # Where the gap lies: joint by joint, and what each joint's residual follows.
 
-_LEAST = 0.02
-
 
 def locate_gap(context: Context, shares: Mapping[str, float]) -> tuple[Where, ...]:
     """Map of the baseline's residual, largest share first.
 
-    The dependence is the share of a joint's residual power on the identification trials that functions of
-    one thing alone explain, less what as many arbitrary columns would.
+    What a residual depends on is told by the identification trials.
 
     Args:
         context: the baseline.
@@ -299,22 +295,20 @@ def locate_gap(context: Context, shares: Mapping[str, float]) -> tuple[Where, ..
     """
     samples = context.baseline.samples
     use, rest = (samples.identification_rows, context.baseline.plain_residual(context.baseline.fit.residual))
-    lines = []
-    for j, name in enumerate(context.joints):
-        dependence = {
-            what: _explained_share(samples.to_rows(columns)[use], rest[j][use])
-            for what, columns in _dependence_features(context, j).items()
-        }
-        best = max(dependence, key=lambda what: dependence[what])
-        lines.append(
-            Where(
-                channel=name,
-                share=shares[name],
-                depends_on=best if dependence[best] > _LEAST else "nothing known",
-                band_hz=_power_band(context, rest[j]),
-                dependence=dependence,
-            )
+    lines = [
+        locate_residual(
+            name,
+            shares[name],
+            rest[j][use],
+            {
+                what: samples.to_rows(columns)[use]
+                for what, columns in _dependence_features(context, j).items()
+            },
+            [rest[j][samples.trial_of_row == k] for k in range(len(samples.trials))],
+            samples.bands.rate_hz,
         )
+        for j, name in enumerate(context.joints)
+    ]
     return tuple(sorted(lines, key=lambda line: -line.share))
 
 
@@ -334,29 +328,6 @@ def _dependence_features(context: Context, j: int) -> dict[str, Array]:
         "acceleration": np.column_stack([a, np.abs(a) * sign]),
         "time": np.column_stack([clock, clock**2, clock * sign, clock**2 * sign, clock * v]),
     }
-
-
-def _explained_share(columns: Array, residual: Array) -> float:
-    size = np.linalg.norm(columns, axis=0)
-    columns = columns[:, size > 1e-9 * max(float(size.max()), 1e-300)]
-    rest = residual - columns @ np.linalg.lstsq(columns, residual, rcond=1e-8)[0]
-    return max(0.0, 1.0 - float(rest @ rest) / max(float(residual @ residual), 1e-300) - 0.005)
-
-
-def _power_band(context: Context, residual: Array) -> tuple[float, float]:
-    """Frequencies between a tenth and nine tenths of the residual's power [Hz]."""
-    samples = context.baseline.samples
-    parts = [residual[samples.trial_of_row == k] for k in range(len(samples.trials))]
-    # One grid of frequencies for all trials, which the shortest can fill.
-    length = min(256, *(len(part) for part in parts))
-    spectra = []
-    for part in parts:
-        f, p = welch_spectrum(part, samples.bands.rate_hz, length, centred=False)
-        spectra.append(p)
-    growth = np.cumsum(np.mean(spectra, axis=0))
-    growth /= max(float(growth[-1]), 1e-300)
-    low, high = (float(f[min(int(np.searchsorted(growth, x)), len(f) - 1)]) for x in (0.1, 0.9))
-    return low, high
 
 
 # Friction, rotor inertia and constants that the baseline took from the record, with their intervals.

@@ -9,13 +9,12 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.diagnosis.answer.gap import ChannelGap, Curves, Gap, Where, share_closed
+from excite.diagnosis.answer.gap import ChannelGap, Curves, Gap, Where, locate_residual, share_closed
 from excite.diagnosis.floating.hypotheses import Fitted, columns_of, explained_state, nominal_fit, refine_fit
 from excite.diagnosis.floating.problem import Problem, noise_floor, noise_level
 from excite.diagnosis.floating.record import FloatingRecord
 from excite.diagnosis.floating.spectrum import BAND_HZ, in_band
 from excite.diagnosis.floating.state import State
-from excite.logs.signals.spectrum import welch_spectrum
 
 # Curves of the wrench on the base.
 
@@ -252,8 +251,6 @@ def held_out_gain(problem: Problem, without: Fitted, candidate: Fitted) -> float
 
 # Where a gap lies: wrench component by component.
 
-_LEAST = 0.02
-
 
 def locate_gap(problem: Problem, fitted: Fitted) -> tuple[Where, ...]:
     """Map of what a fit leaves, largest share first; ``depends_on`` names what explains most of a component."""
@@ -264,19 +261,17 @@ def locate_gap(problem: Problem, fitted: Fitted) -> tuple[Where, ...]:
     power = np.maximum((residual**2).mean(axis=0) - floor**2, 0.0) / scale**2
     total = max(float(power.sum()), 1e-300)
     features = _dependence_features(problem, state)
-    lines = []
-    for i, axis in enumerate(problem.nominal.channel_units):
-        dependence = {what: _explained_share(columns, residual[:, i]) for what, columns in features.items()}
-        best = max(dependence, key=lambda what: dependence[what])
-        lines.append(
-            Where(
-                channel=axis,
-                share=float(power[i] / total),
-                depends_on=best if dependence[best] > _LEAST else "nothing known",
-                band_hz=_power_band(residual[:, i], record.rate_hz),
-                dependence=dependence,
-            )
+    lines = [
+        locate_residual(
+            axis,
+            float(power[i] / total),
+            residual[:, i],
+            features,
+            [residual[span, i] for span in record.spans],
+            record.rate_hz,
         )
+        for i, axis in enumerate(problem.nominal.channel_units)
+    ]
     return tuple(sorted(lines, key=lambda line: -line.share))
 
 
@@ -294,17 +289,3 @@ def _dependence_features(problem: Problem, state: State) -> dict[str, Array]:
         "acceleration": in_band(record, base_a),
         "position": np.hstack([state.q[:, :3], state.q[:, 3:6]]),
     }
-
-
-def _explained_share(columns: Array, residual: Array) -> float:
-    size = np.linalg.norm(columns, axis=0)
-    columns = columns[:, size > 1e-9] / size[size > 1e-9]
-    rest = residual - columns @ np.linalg.lstsq(columns, residual, rcond=1e-8)[0]
-    return max(0.0, 1.0 - float(rest @ rest) / max(float(residual @ residual), 1e-300) - 0.005)
-
-
-def _power_band(residual: Array, rate_hz: float) -> tuple[float, float]:
-    f, p = welch_spectrum(residual, rate_hz, min(256, len(residual)), centred=False)
-    growth = np.cumsum(p) / max(float(p.sum()), 1e-300)
-    low, high = (float(f[min(int(np.searchsorted(growth, x)), len(f) - 1)]) for x in (0.1, 0.9))
-    return low, high

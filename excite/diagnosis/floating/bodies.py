@@ -12,11 +12,8 @@ from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Estimate
 from excite.diagnosis.floating.effect import (
     POINT,
-    Absence,
     FloatingEffect,
     Parameter,
-    Part,
-    Reads,
     joint_of,
     link_names,
     segment_of,
@@ -35,11 +32,10 @@ class LinkInertia(FloatingEffect):
     """True parameters = the model's + error; also what a payload does, which is a positive error."""
 
     name = "link_inertia"
-    seen_by = frozenset(Reads)
+    in_torques = True
     observed_by = frozenset({Doubt.POSITION, Doubt.GRAVITY, Doubt.CLOCK, Doubt.SIZE})
     reads_as = "constant sensor bias, and the neighbouring links where they move as one"
-    confusable_with = ("sensor_bias",)
-    says = Part.BODIES
+    changes = "phi"
 
     def locations(self, state: State) -> tuple[str, ...]:
         """Links with mass, where the inertial parameters are not identified anyway."""
@@ -95,11 +91,10 @@ class JointElasticity(FloatingEffect):
     """
 
     name = "joint_elasticity"
-    seen_by = frozenset(Reads)
+    in_torques = True
     reads_as = "encoder offset, where the joint's load hardly changes"
-    confusable_with = ("encoder_offset",)
     leaves = ("encoder_offset",)
-    says = Absence.MOTION
+    changes = "q"
     least_shrink = 0.15
 
     places = staticmethod(visible_joints)
@@ -194,11 +189,10 @@ class LinkLengthError(FloatingEffect):
     """True placement of the joint = the model's + error, in the parent's frame."""
 
     name = "link_length_error"
-    seen_by = frozenset(Reads)
+    in_torques = True
     observed_by = frozenset({Doubt.POSITION, Doubt.GRAVITY, Doubt.CLOCK, Doubt.SIZE})
     reads_as = "sensor frame at the leg's end; inertia of what the joint carries"
-    confusable_with = ("sensor_frame_offset", "link_inertia")
-    says = Part.LENGTHS
+    changes = "tree"
     places = staticmethod(visible_joints)
     # Displacement of the joint's origin; the contract counts the model's placement less the true one.
     own = Parameter.of_names("xyz", "m", 0.015, 1e-3)
@@ -226,8 +220,7 @@ class SoftTissue(FloatingEffect):
     name = "soft_tissue"
     observed_by = frozenset({Doubt.CLOCK, Doubt.DELAY})
     reads_as = "elasticity, where the joint's load is the segment's own inertia"
-    confusable_with = ("joint_elasticity",)
-    says = Absence.MOTION
+    changes = "q"
     least_shrink = 0.3
 
     def locations(self, state: State) -> tuple[str, ...]:
@@ -389,11 +382,8 @@ class WobblingMass(FloatingEffect):
     name = "soft_tissue"
     form = "wobbling_mass"
     reads_as = "an external force, and elasticity of the joints that carry the segment"
-    confusable_with = ("external_force", "joint_elasticity")
-    says = Absence.FORCES
+    changes = "extra"
     least_shrink = 0.3
-    # A resonance is narrow.
-    rough_steps = 10
 
     def locations(self, state: State) -> tuple[str, ...]:
         """Links with a good part of the whole mass."""
@@ -403,7 +393,7 @@ class WobblingMass(FloatingEffect):
     def parameters_at(self, state: State, location: str) -> tuple[Parameter, ...]:
         """Mass, where it rests, and how it wobbles: logarithms, so that neither can be negative."""
         return (
-            Parameter("mass", "kg", 0.5 * self._own_mass(state, location), _MASS_STEP),
+            Parameter("mass", "kg", 0.5 * self._own_mass(state, location), _MASS_STEP, low=0.0),
             *POINT,
             Parameter("log_frequency", "", 1.0, 1e-2),
             Parameter("log_damping", "", 0.7, 1e-2),
@@ -414,10 +404,6 @@ class WobblingMass(FloatingEffect):
         slowest = _slowest_hz(state)
         logs = (float(np.log(hertz / slowest - 1.0)) for hertz in _BEGINNINGS_HZ if hertz > slowest)
         return tuple(np.array([0.0, 0.0, 0.0, 0.0, log, 0.0]) for log in logs)
-
-    def is_allowed(self, theta: Array) -> bool:
-        """Masses are positive."""
-        return bool(theta[0] > 0.0)
 
     def apply_to(self, state: State, location: str, theta: Array) -> State:
         """Let it wobble; it is a part of the segment's mass, and nothing below zero."""

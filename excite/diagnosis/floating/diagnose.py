@@ -22,9 +22,10 @@ from excite.diagnosis.floating.search import (
     DECISIVE,
     FORM_DOUBT,
     Ranked,
-    Ranker,
     Step,
+    explained_share,
     find_tied_rivals,
+    is_unexplained,
     search_effects,
     tied_places,
 )
@@ -37,8 +38,6 @@ from excite.robot.robot import Robot
 
 # From hypotheses to a verdict.
 
-# Share of the power above the noise that the accepted effects must explain.
-EXPLAINED = 0.85
 # Power left, over the noise's, from which one wrong reading that would leave none is the likelier.
 _WRONG_FORM = 4.0
 
@@ -51,7 +50,6 @@ class Attribution:
         verdict: ``none``, ``effect``, ``ambiguous`` or ``unknown``.
         baseline: the baseline's fit.
         steps: for each accepted effect, all its rivals given the others, best first.
-        partial: fits of the first accepted effect, of the first two and so on.
         rivals: names that the data cannot tell from the first accepted effect, itself first.
         tied: places that the data cannot tell from each accepted effect's, itself first.
         overdispersion: power that the accepted effects leave over that expected.
@@ -61,7 +59,6 @@ class Attribution:
     verdict: Verdict
     baseline: Fitted
     steps: tuple[Step, ...]
-    partial: tuple[Fitted, ...]
     rivals: tuple[Ranked, ...]
     tied: tuple[tuple[str, ...], ...]
     overdispersion: float
@@ -77,21 +74,20 @@ def attribute_gap(problem: Problem) -> Attribution:
     """Find effects until the noise is reached or nothing explains what is left, and judge what they leave."""
     baseline = nominal_fit(problem)
     n = len(problem.nominal_rows)
-    steps = search_effects(Ranker(problem), baseline)
+    steps = search_effects(problem, baseline)
     current = steps[-1][0].fitted if steps else baseline
     over = max(1.0, current.power / n)
-    open_power = baseline.power - n
-    explained = 0.0 if open_power <= 0.0 else 1.0 - max(0.0, current.power - n) / open_power
+    explained = explained_share(problem, current)
     tied = tuple(tied_places(step, n) for step in steps)
     close = find_tied_rivals(steps[0], n) if steps else ()
-    verdict = _decide_verdict(problem, baseline, steps, close, explained, n)
+    verdict = _decide_verdict(problem, baseline, steps, close)
     if verdict in {"effect", "ambiguous"} and _has_nameless_rival(problem, current):
         verdict = "unknown"
     wrong = problem.record.robot.sensors and steps and current.power > _WRONG_FORM * n
     patched = current.power > NOISE_SLACK * n and _has_tied_namesakes(steps, tied)
     if patched or (wrong and misread_channels(problem, baseline)):
         verdict = "unknown"
-    return Attribution(verdict, baseline, steps, _fit_partial(problem, current), close, tied, over, explained)
+    return Attribution(verdict, baseline, steps, close, tied, over, explained)
 
 
 def _fit_partial(problem: Problem, full: Fitted) -> tuple[Fitted, ...]:
@@ -102,18 +98,13 @@ def _fit_partial(problem: Problem, full: Fitted) -> tuple[Fitted, ...]:
 
 
 def _decide_verdict(
-    problem: Problem,
-    baseline: Fitted,
-    steps: tuple[Step, ...],
-    close: tuple[Ranked, ...],
-    explained: float,
-    n: int,
+    problem: Problem, baseline: Fitted, steps: tuple[Step, ...], close: tuple[Ranked, ...]
 ) -> Verdict:
-    quiet = baseline.power < NOISE_SLACK * n and problem.repeatability.repeatable
+    loud = baseline.power > NOISE_SLACK * len(problem.nominal_rows)
     if not steps:
-        return "none" if quiet else "unknown"
+        return "unknown" if loud or not problem.repeatability.repeatable else "none"
     accepted = steps[-1][0].fitted
-    if (accepted.power > NOISE_SLACK * n and explained < EXPLAINED) or not _is_repeatable(problem, accepted):
+    if is_unexplained(problem, accepted) or not _is_repeatable(problem, accepted):
         return "unknown"
     return "ambiguous" if len(close) > 1 else "effect"
 
@@ -320,15 +311,17 @@ class Analysis:
         problem: all trials, in which the gap is measured.
         learnt: the identification trials, which alone the verdict, names and sizes come from.
         found: the verdict.
-        before: the baseline's fit.
-        after: that of the accepted effects; the baseline's where there are none.
     """
 
     problem: Problem
     learnt: Problem
     found: Attribution
-    before: Fitted
-    after: Fitted
+
+    @property
+    def named_fit(self) -> Fitted:
+        """That of the effects that are named; the baseline's where there are none."""
+        named = self.found.verdict in {"effect", "ambiguous"}
+        return self.found.accepted_fit if named else self.found.baseline
 
 
 def analyse_log(log: Log, robot: Robot | None = None) -> Analysis:
@@ -337,11 +330,9 @@ def analyse_log(log: Log, robot: Robot | None = None) -> Analysis:
     Args and errors as of :func:`diagnose_floating`.
     """
     record = prepare_record(log, robot)
-    learnt = build_problem(record.learning_trials())
-    problem = learnt if learnt.record is record else build_problem(record)
-    found = attribute_gap(learnt)
-    accepted = found.accepted_fit if found.verdict in {"effect", "ambiguous"} else found.baseline
-    return Analysis(problem, learnt, found, found.baseline, accepted)
+    # Samples are more than the band of the likelihood needs.
+    learnt = build_problem(record.learning_trials().halve_rate())
+    return Analysis(build_problem(record), learnt, attribute_gap(learnt))
 
 
 def diagnose_floating(
@@ -369,8 +360,8 @@ def diagnosis_of(
     """What an analysis says, with the gap's interval from a bootstrap, and roll-outs; arguments as above."""
     problem, learnt, found = analysis.problem, analysis.learnt, analysis.found
     rng = rng or np.random.default_rng(0)
-    accepted = found.accepted_fit if found.verdict in {"effect", "ambiguous"} else found.baseline
-    gap = gap_of(problem, analysis.before, analysis.after, rng)
+    accepted = analysis.named_fit
+    gap = gap_of(problem, found.baseline, accepted, rng)
     first = found.steps[0] if found.steps and accepted.placed else ()
     tied = found.tied[0] if first else ()
     if found.verdict == "unknown" and problem.record.robot.sensors:
@@ -385,13 +376,13 @@ def diagnosis_of(
         effects=_accepted_effects(learnt, found, gap) if accepted.placed else (),
         gap=gap,
         where=locate_gap(learnt, found.baseline),
-        simulation=simulate_effects(problem, analysis.before, analysis.after, rng, out)
+        simulation=simulate_effects(problem, found.baseline, accepted, rng, out)
         if problem.record.robot.sensors
         else NO_ROLLOUTS,
         n_tied=len(found.rivals) if found.verdict == "ambiguous" else 0,
         next_experiment=_next_experiment(found),
         warnings=_collect_warnings(problem, found),
-        curves=trial_curves(problem, analysis.before, analysis.after),
+        curves=trial_curves(problem, found.baseline, accepted),
     )
 
 
@@ -474,7 +465,8 @@ def _closed_share(problem: Problem, found: Attribution, fitted: Fitted, gap: Gap
 def _accepted_effects(problem: Problem, found: Attribution, gap: Gap) -> tuple[Candidate, ...]:
     """The accepted effects in the order in which they were added, at the parameters of the joint fit."""
     weights = [float(_hypothesis_probabilities(_one_each((), step))[0]) for step in found.steps]
-    closed = [_closed_share(problem, found, fitted, gap) for fitted in found.partial]
+    partial = _fit_partial(problem, found.accepted_fit)
+    closed = [_closed_share(problem, found, fitted, gap) for fitted in partial]
     return tuple(
         _report_effect(problem, found.accepted_fit, k, step[0].evidence, closed[k], found.tied[k], weights[k])
         for k, step in enumerate(found.steps)

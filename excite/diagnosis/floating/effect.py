@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from enum import StrEnum
 from typing import Any, ClassVar
 
 import numpy as np
@@ -17,54 +15,14 @@ from excite.diagnosis.floating.record import FloatingRecord
 from excite.diagnosis.floating.state import State
 from excite.doctor.doubt import Doubt
 
-# An effect's form in a MuJoCo model of a standing robot: a part of the model, or a note beside it.
-
-
-class Part(StrEnum):
-    """A part of a model that is written from the state with all effects in it."""
-
-    BODIES = "body mass, pos and inertia"
-    LENGTHS = "body pos"
-    SENSORS = "pos and quat of the site that is the sensor"
-
-
-class Absence(StrEnum):
-    """Why a model cannot have an effect by itself: what its runner then applies to the record."""
-
-    MOTION = "the recorded motion that it is led through is no part of a model"
-    READINGS = "what sensors read is no part of a model"
-    FORCES = "a force that depends on the motion, or that comes and goes, is no part of a model"
-
-
-@dataclass(frozen=True)
-class StandingNote:
-    """An effect beside a model, for the runner to apply.
-
-    Attributes:
-        word: the library's word for its form.
-        location: its place.
-        parameters: by name, in order, SI.
-        holds: what it has learnt beside these, ready for JSON.
-        beyond: why the model cannot have it.
-    """
-
-    word: str
-    location: str
-    parameters: Mapping[str, float]
-    holds: Mapping[str, Any]
-    beyond: Absence
-
-    def to_json(self) -> str:
-        """Parameters and all else as JSON."""
-        return json.dumps({"parameters": dict(self.parameters), **self.holds})
-
-
-class Reads(StrEnum):
-    """What a log of a robot with a free base reads of its forces."""
-
-    WRENCHES = "contact wrenches"
-    TORQUES = "joint torques"
-
+# Parts of a MuJoCo model that are written from a state with all effects in it, by the state's field. What changes
+# another field (the recorded motion, what sensors read, a force that comes and goes) is no part of a model, and is
+# noted beside it for its runner to apply.
+MODEL_PARTS = {
+    "phi": "body mass, pos and inertia",
+    "tree": "body pos",
+    "placements": "pos and quat of the site that is the sensor",
+}
 
 # How far from a link's origin forces act on it [m].
 _REACH = 0.1
@@ -79,12 +37,14 @@ class Parameter:
         unit: SI unit.
         scale: standard deviation of what one would expect before looking at data, in ``unit``.
         step: step of finite differences, in ``unit``.
+        low: the least that it may be.
     """
 
     name: str
     unit: str
     scale: float
     step: float
+    low: float = -np.inf
 
     @classmethod
     def of_names(cls, names: Sequence[str], unit: str, scale: float, step: float) -> tuple[Parameter, ...]:
@@ -99,10 +59,9 @@ class FloatingEffect(ABC):
         name: a word of the contract.
         form: which of several forms of the same physics it is; empty where there is but one.
         reads_as: what it is confused with, and what tells it apart.
-        confusable_with: effects that can look alike, by name.
         leaves: effects as which an approximate form of it leaves its own rest, at the same place.
         observed_by: quantities of a log that it is measured by: where these are in doubt it cannot be named.
-        says: the part of a MuJoCo model that has it, or why none can.
+        changes: field of a state that it changes.
         places: where it can sit.
         own: its parameters, where they are the same at all places.
         counts: sign with which the contract counts its parameters: -1 where it counts what is logged less what is true.
@@ -110,25 +69,22 @@ class FloatingEffect(ABC):
             noise in the regressors' kinematics lets a fit to a clean record shrink it a little, and more so
             where the columns are made of accelerations.
         exact: whether its form is, so that it leaves nothing that another of its name would take up.
-        seen_by: what has to be read for it to show.
-        rough_steps: iterations before it is first compared with others.
+        in_torques: whether joint torques show it where no wrench is read.
         price: what must be paid for what was learnt of it from the record before its parameters [nats].
     """
 
     name: ClassVar[str]
     form: ClassVar[str] = ""
     reads_as: ClassVar[str]
-    confusable_with: ClassVar[tuple[str, ...]] = ()
     leaves: ClassVar[tuple[str, ...]] = ()
     observed_by: ClassVar[frozenset[Doubt]] = frozenset()
-    says: ClassVar[Part | Absence]
+    changes: ClassVar[str]
     places: ClassVar[staticmethod[[State], tuple[str, ...]]]
     own: ClassVar[tuple[Parameter, ...]]
     counts: ClassVar[float] = 1.0
     least_shrink: ClassVar[float] = 0.1
     exact: ClassVar[bool] = False
-    seen_by: ClassVar[frozenset[Reads]] = frozenset({Reads.WRENCHES})
-    rough_steps: ClassVar[int] = 4
+    in_torques: ClassVar[bool] = False
     price: float = 0.0
 
     @property
@@ -138,17 +94,12 @@ class FloatingEffect(ABC):
 
     def is_seen(self, record: FloatingRecord) -> bool:
         """Whether a record can show it."""
-        return (Reads.WRENCHES if record.robot.sensors else Reads.TORQUES) in self.seen_by
+        return self.in_torques or bool(record.robot.sensors)
 
     @property
     def mujoco_part(self) -> str:
         """What of a MuJoCo model it is, in words; empty where it is noted beside the model."""
-        return str(self.says) if isinstance(self.says, Part) else ""
-
-    @property
-    def changes_readings(self) -> bool:
-        """Whether it says something else of what the sensors read."""
-        return self.says is Absence.READINGS
+        return MODEL_PARTS.get(self.changes, "")
 
     def locations(self, state: State) -> tuple[str, ...]:
         """Places where it can sit."""
@@ -170,26 +121,9 @@ class FloatingEffect(ABC):
         """The effect that holds what :meth:`stored_data` said."""
         return self
 
-    def is_allowed(self, theta: Array) -> bool:
-        """Whether linearly fitted parameters are physically possible."""
-        return True
-
     @abstractmethod
     def apply_to(self, state: State, location: str, theta: Array) -> State:
         """The true state if the effect is there with parameters ``theta``."""
-
-    def in_mujoco(self, state: State, location: str, theta: Array) -> Part | StandingNote:
-        """What of a model has it, written from what :meth:`apply_to` makes of a state, or the note beside the model.
-
-        Args:
-            state: the nominal state.
-            theta: its parameters.
-        """
-        if isinstance(self.says, Part):
-            return self.says
-        names = [p.name for p in self.parameters_at(state, location)]
-        values = dict(zip(names, theta.tolist(), strict=True))
-        return StandingNote(self.form_name, location, values, self.stored_data(state.record), self.says)
 
     def residual_columns(self, state: State, location: str, theta: Array) -> Array:
         """Minus the derivative of the residual with respect to ``theta``, ``(n, 6, k)``.

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.floating.effect import FloatingEffect
-from excite.diagnosis.floating.problem import LinearFit, Problem
-from excite.diagnosis.floating.registry import FLOATING_EFFECTS
+from excite.diagnosis.floating.problem import Problem
 from excite.diagnosis.floating.state import State
 
-_MAX_STEPS = 8
+# A resonance is narrow, and takes the most.
+_MAX_STEPS = 10
 _CONVERGED_NATS = 0.5
 
 
@@ -123,42 +122,6 @@ def refine_fit(
     )
 
 
-class Linearised(NamedTuple):
-    """What a further effect is fitted to.
-
-    Attributes:
-        problem: with a fit's effects integrated out as well.
-        state: with these effects in it.
-        rows: whitened ones of what is left.
-    """
-
-    problem: Problem
-    state: State
-    rows: Array
-
-
-def linearise_fit(problem: Problem, fitted: Fitted) -> Linearised:
-    """What a further effect is to be fitted to, when those of a fit are free to give way."""
-    state = explained_state(problem, fitted)
-    rows = problem.residual_rows(state) + problem.baseline_rows(fitted.delta)
-    if not fitted.placed:
-        return Linearised(problem, state, rows)
-    columns, theta = columns_of(problem, fitted), np.concatenate(fitted.theta)
-    scales = np.concatenate([p.effect.parameter_scales(problem.nominal, p.location) for p in fitted.placed])
-    return Linearised(problem.integrate_out(columns), state, rows + columns @ (theta / scales))
-
-
-def judged_by(problem: Problem, fitted: Fitted) -> Fitted:
-    """A fit, as it is, judged by another problem, as one with more samples of the same record."""
-    if not fitted.placed:
-        return nominal_fit(problem)
-    counts = [len(values) for values in fitted.theta]
-    scales = np.concatenate([p.effect.parameter_scales(problem.nominal, p.location) for p in fitted.placed])
-    theta = np.concatenate(fitted.theta)
-    rows = _residual_rows(problem, problem.state_with_errors(fitted.delta), fitted.placed, theta, counts)
-    return replace(fitted, power=_penalised_cost(problem, rows, theta / scales, fitted.delta))
-
-
 def columns_of(problem: Problem, fitted: Fitted) -> Array:
     """``(m, k)`` whitened columns of a fit's effects at their parameters, in units of their scales."""
     counts, theta = [len(values) for values in fitted.theta], np.concatenate(fitted.theta)
@@ -193,34 +156,13 @@ def _split_parameters(values: Array, counts: list[int]) -> tuple[Array, ...]:
 # Every effect at every place, linearised once: which deserve a closer look.
 
 
-@dataclass(frozen=True, eq=False)
-class Screened:
-    """An effect at a place and its linearised fit.
-
-    Attributes:
-        effect: the effect.
-        location: the place.
-        begun: parameters with which it is absent, at which it is linearised.
-        fit: of what is added to them, in units of their scales.
-    """
-
-    effect: FloatingEffect
-    location: str
-    begun: Array
-    fit: LinearFit
-
-    def start_parameters(self, state: State) -> Array:
-        """Its parameters by that fit, in their units."""
-        return self.begun + self.fit.theta * self.effect.parameter_scales(state, self.location)
-
-
 def effect_columns(
     problem: Problem, state: State, effect: FloatingEffect, location: str, theta: Array
 ) -> Array:
     """Whitened columns of an effect in units of its scales, unloaded sensors included, ``(m, k)``."""
     base = problem.whitening(effect.residual_columns(state, location, theta))
     unloaded = np.zeros((6 * len(problem.unloaded.sensors), base.shape[1]))
-    if len(unloaded) and effect.changes_readings:
+    if len(unloaded) and effect.changes == "readings":
         here = problem.unloaded.scaled_residual(effect.apply_to(state, location, theta))
         for i, parameter in enumerate(effect.parameters_at(state, location)):
             ahead = theta.copy()
@@ -228,29 +170,3 @@ def effect_columns(
             there = problem.unloaded.scaled_residual(effect.apply_to(state, location, ahead))
             unloaded[:, i] = (here - there) / parameter.step
     return np.vstack([base, unloaded]) * effect.parameter_scales(state, location)
-
-
-def screen_effects(problem: Problem, state: State, rows: Array) -> list[Screened]:
-    """Linearised fits of all effects at all places from the likeliest of their beginnings, best evidence first.
-
-    Args:
-        state: the state to linearise at.
-        rows: ``(m,)`` whitened residual there.
-    """
-    hypotheses = [
-        (effect, location, begun)
-        for effect in FLOATING_EFFECTS.values()
-        if effect.name not in state.record.modelled and effect.is_seen(state.record)
-        for location in effect.locations(state)
-        for begun in effect.fit_starts(state, location)
-    ]
-    columns = [effect_columns(problem, state, *hypothesis) for hypothesis in hypotheses]
-    screened = [
-        Screened(*hypothesis, fit)
-        for hypothesis, fit in zip(hypotheses, problem.fit_each(rows, columns), strict=True)
-    ]
-    likeliest: dict[tuple[FloatingEffect, str], Screened] = {}
-    for item in sorted(screened, key=lambda item: -item.fit.evidence):
-        if item.effect.is_allowed(item.start_parameters(state)):
-            likeliest.setdefault((item.effect, item.location), item)
-    return list(likeliest.values())

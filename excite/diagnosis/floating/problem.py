@@ -278,37 +278,18 @@ class Problem:
         """Factor of the baseline's normal equations, prior included."""
         return scipy.linalg.cho_factor(self.columns.T @ self.columns + np.eye(len(self.index)))
 
-    def integrate_out(self, columns: Array) -> Problem:
-        """The problem in which the parameters of ``columns (m, k)``, of unit prior, are integrated out as well."""
-        left = columns - self.basis @ self.project_rows(columns)
-        factor = np.linalg.cholesky(np.eye(columns.shape[1]) + columns.T @ left)
-        further = scipy.linalg.solve_triangular(factor, left.T, lower=True).T
-        return replace(self, basis=np.hstack([self.basis, further]))
-
     def residual_power(self, rows: Array) -> float:
         """Sum of squares left by the baseline, its prior included."""
         return float(rows @ rows - (self.project_rows(rows) ** 2).sum())
 
     def fit_columns(self, rows: Array, columns: Array) -> LinearFit:
         """Fit ``columns (m, k)``, in units of their scales, to ``rows (m,)``."""
-        return self.fit_each(rows, [columns])[0]
-
-    def fit_each(self, rows: Array, hypotheses: list[Array]) -> list[LinearFit]:
-        """Fit each of several sets of columns, by itself."""
-        ends = np.cumsum([columns.shape[1] for columns in hypotheses])[:-1]
-        projected, shadow = self.project_rows(np.hstack(hypotheses)), self.project_rows(rows)
-        return [
-            solve_ridge(columns.T @ columns - part.T @ part, columns.T @ rows - part.T @ shadow)
-            for columns, part in zip(hypotheses, np.split(projected, ends, axis=1), strict=True)
-        ]
-
-
-def solve_ridge(gram: Array, right: Array) -> LinearFit:
-    """Ridge solution with unit prior, and its evidence, from normal equations ``gram (k, k)`` and ``right (k,)``."""
-    factor = scipy.linalg.cho_factor(np.eye(len(gram)) + gram)
-    theta = scipy.linalg.cho_solve(factor, right)
-    gain, price = 0.5 * float(right @ theta), float(np.log(np.diag(factor[0])).sum())
-    return LinearFit(theta, scipy.linalg.cho_solve(factor, np.eye(len(gram))), gain, gain - price)
+        part = self.project_rows(columns)
+        gram, right = columns.T @ columns - part.T @ part, columns.T @ rows - part.T @ self.project_rows(rows)
+        factor = scipy.linalg.cho_factor(np.eye(len(gram)) + gram)
+        theta = scipy.linalg.cho_solve(factor, right)
+        gain, price = 0.5 * float(right @ theta), float(np.log(np.diag(factor[0])).sum())
+        return LinearFit(theta, scipy.linalg.cho_solve(factor, np.eye(len(gram))), gain, gain - price)
 
 
 def damped_basis(columns: Array) -> Array:

@@ -16,11 +16,8 @@ from excite.diagnosis.effects.friction import CoulombFriction, ViscousFriction
 from excite.diagnosis.effects.gears.gear_effect import Armature
 from excite.diagnosis.effects.readings import TorqueBias, TorqueGain
 from excite.diagnosis.floating.effect import (
-    Absence,
     FloatingEffect,
     Parameter,
-    Part,
-    Reads,
     joint_of,
     sensor_names,
     visible_joints,
@@ -38,8 +35,7 @@ class SensorBias(FloatingEffect):
 
     name = "sensor_bias"
     reads_as = "constant external force, inertials, base orientation; the unloaded foot tells"
-    confusable_with = ("external_force", "link_inertia", "base_orientation_bias")
-    says = Absence.READINGS
+    changes = "readings"
 
     places = staticmethod(sensor_names)
     own = Parameter.of_names(WRENCH_AXES[:3], "N", 15.0, 1.0) + Parameter.of_names(
@@ -63,8 +59,7 @@ class BaseOrientationBias(FloatingEffect):
     name = "base_orientation_bias"
     observed_by = frozenset({Doubt.POSITION, Doubt.GRAVITY})
     reads_as = "constant horizontal sensor bias or external force; bending forward and turning"
-    confusable_with = ("sensor_bias", "external_force")
-    says = Absence.MOTION
+    changes = "q"
 
     own = Parameter.of_names(("rx", "ry", "rz"), "rad", 0.03, 1e-3)
     # Logged against true.
@@ -94,11 +89,10 @@ class EncoderOffset(FloatingEffect):
     """True position = logged + offset."""
 
     name = "encoder_offset"
-    seen_by = frozenset(Reads)
+    in_torques = True
     observed_by = frozenset({Doubt.POSITION, Doubt.GRAVITY})
     reads_as = "link length and inertia beyond the joint; postures that turn it against gravity"
-    confusable_with = ("link_length_error", "link_inertia")
-    says = Absence.MOTION
+    changes = "q"
 
     places = staticmethod(visible_joints)
     # The offset, true less logged; the contract counts the opposite.
@@ -123,8 +117,7 @@ class SensorCrosstalk(FloatingEffect):
 
     name = "sensor_crosstalk"
     reads_as = "a turn of the sensor's frame, which couples A to B and B to A"
-    confusable_with = ("sensor_frame_offset",)
-    says = Absence.READINGS
+    changes = "readings"
 
     def locations(self, state: State) -> tuple[str, ...]:
         """Every ordered pair of axes of every sensor."""
@@ -157,8 +150,7 @@ class SensorFrameOffset(FloatingEffect):
 
     name = "sensor_frame_offset"
     reads_as = "cross-talk between force axes; the last link's length for a foot sensor"
-    confusable_with = ("sensor_crosstalk", "link_length_error")
-    says = Part.SENSORS
+    changes = "placements"
     places = staticmethod(sensor_names)
     # Translation and rotation vector, in the declared frame.
     own = Parameter.of_names("xyz", "m", 0.01, 1e-3) + Parameter.of_names(
@@ -180,8 +172,7 @@ class SensorGain(FloatingEffect):
     name = "sensor_gain"
     observed_by = frozenset({Doubt.CLOCK, Doubt.SIZE})
     reads_as = "with free inertials a gain common to all sensors is invisible"
-    confusable_with = ("link_inertia",)
-    says = Absence.READINGS
+    changes = "readings"
     own = (Parameter("gain_error", "1", 0.1, 1e-3),)
 
     def locations(self, state: State) -> tuple[str, ...]:
@@ -208,10 +199,10 @@ class TimeDelay(FloatingEffect):
     """reading(t) = true(t − delay), all sensors."""
 
     name = "time_delay"
-    seen_by = frozenset(Reads)
+    in_torques = True
     observed_by = frozenset({Doubt.CLOCK, Doubt.DELAY})
     reads_as = "nothing else follows the wrench's rate"
-    says = Absence.READINGS
+    changes = "readings"
     own = (Parameter("delay", "s", 0.02, 1e-3),)
 
     def locations(self, state: State) -> tuple[str, ...]:
@@ -263,18 +254,18 @@ class DriveTerm(FloatingEffect):
     """
 
     law: ClassVar[Effect]
-    says = Absence.READINGS
+    changes = "readings"
     exact = True
-    seen_by = frozenset({Reads.TORQUES})
+    in_torques = True
 
     def __init_subclass__(cls) -> None:
         """Name, words and doubts are those of the law."""
-        cls.name, cls.confusable_with, cls.observed_by = (
-            cls.law.name,
-            cls.law.confusable_with,
-            cls.law.observed_by,
-        )
+        cls.name, cls.observed_by = cls.law.name, cls.law.observed_by
         cls.reads_as = f"{', '.join(cls.law.confusable_with)}; {cls.law.separating_motion}"
+
+    def is_seen(self, record: FloatingRecord) -> bool:
+        """In torques alone."""
+        return not record.robot.sensors
 
     def locations(self, state: State) -> tuple[str, ...]:
         """Joints."""

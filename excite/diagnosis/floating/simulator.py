@@ -16,7 +16,6 @@ from excite.arrays import Array
 from excite.atomic import write_text
 from excite.diagnosis.answer.answer import Rollout
 from excite.diagnosis.answer.gap import RolloutPath
-from excite.diagnosis.floating.effect import StandingNote
 from excite.diagnosis.floating.hypotheses import Fitted, Placed, apply_all, refine_fit
 from excite.diagnosis.floating.problem import Problem
 from excite.diagnosis.floating.record import FloatingRecord
@@ -49,9 +48,16 @@ if TYPE_CHECKING:
 # Effects written beside a model that cannot express them, and read again.
 
 
-def write_note(spec: mujoco.MjSpec, number: int, note: StandingNote) -> None:
-    """Leave a note in a specification; the number keeps the order."""
-    spec.add_text(name=f"{NOTE}.{number}.{note.word}.{note.location}", data=note.to_json())
+def describe_effect(state: State, item: Placed, theta: Array) -> str:
+    """An effect's parameters by name, SI, and what it has learnt beside these, as JSON.
+
+    Args:
+        state: the nominal state.
+        theta: its parameters.
+    """
+    names = [parameter.name for parameter in item.effect.parameters_at(state, item.location)]
+    parameters = dict(zip(names, theta.tolist(), strict=True))
+    return json.dumps({"parameters": parameters, **item.effect.stored_data(state.record)})
 
 
 def read_notes(model: mujoco.MjModel, record: FloatingRecord) -> tuple[tuple[Placed, ...], tuple[Array, ...]]:
@@ -104,9 +110,10 @@ def standing_model(problem: Problem, fitted: Fitted) -> AugmentedModel:
         spec.option.gravity = problem.record.tree.gravity
         _add_sensors(spec, problem, state.placements)
         for number, (item, theta) in enumerate(zip(fitted.placed, fitted.theta, strict=True)):
-            form = item.effect.in_mujoco(problem.nominal, item.location, theta)
-            if isinstance(form, StandingNote):
-                write_note(spec, number, form)
+            if not item.effect.mujoco_part:
+                # The number keeps the order.
+                name = f"{NOTE}.{number}.{item.effect.form_name}.{item.location}"
+                spec.add_text(name=name, data=describe_effect(problem.nominal, item, theta))
         spec.compile()
     except ValueError as error:
         raise refused_model_error(error) from error

@@ -8,13 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
-from scipy.special import ndtr
 
 from excite.arrays import Array
 from excite.diagnosis.budget.fit.design import Rows
 from excite.diagnosis.budget.fit.terms import Term
 from excite.diagnosis.equations.own_columns import COULOMB
-from excite.diagnosis.selection.sampler import Indices, Problem
+from excite.diagnosis.selection.sampler import AtomPrior, Indices, Problem
 
 # Terms that a model begins with are as likely there as not; what has no name is rare.
 _STARTED, _NAMELESS = 0.5, 0.03
@@ -233,30 +232,8 @@ def problem_of(atoms: Sequence[Atom], gram: Array, right: Array) -> Problem:
     groups = groups_of(atoms)
     number = {key: g for g, key in enumerate(groups)}
     group = np.array([number[group_of(atom.term)] for atom in atoms], dtype=np.int64)
-    width = np.array([atom.n_cols for atom in atoms], dtype=np.int64)
-    mean, precision, low, high = (
-        np.concatenate([np.zeros(0), *(getattr(atom, name) for atom in atoms)])
-        for name in ("mean", "precision", "low", "high")
-    )
-    deviation = precision**-0.5
-    mass = np.log(np.maximum(ndtr((high - mean) / deviation) - ndtr((low - mean) / deviation), 1e-30))
-    count = np.bincount(group, minlength=len(groups))
-    return Problem(
-        np.ascontiguousarray(gram),
-        right + precision * mean,
-        precision,
-        -0.5 * precision * mean**2,
-        np.maximum(low, -1e30),
-        np.minimum(high, 1e30),
-        mass,
-        np.cumsum(width) - width,
-        width,
-        group,
-        np.array([atom.log_prior for atom in atoms]),
-        np.cumsum(count) - count,
-        count,
-        _prerequisite_groups(atoms, number),
-    )
+    priors = [AtomPrior(a.mean, a.precision, a.low, a.high, a.log_prior) for a in atoms]
+    return Problem.of_atoms(priors, group, _prerequisite_groups(atoms, number), gram, right)
 
 
 def _prerequisite_groups(atoms: Sequence[Atom], number: Mapping[Key, int]) -> Indices:

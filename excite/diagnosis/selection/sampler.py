@@ -17,10 +17,12 @@ once. What the second draws from is the list of rivals.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtr
 
 from excite.arrays import Array
 from excite.lazy_kernel import LazyKernel
@@ -33,6 +35,24 @@ _MOST, _WIDEST = 400, 24
 _NEVER = 1e4
 # Standard deviations by which a size may leave its bounds by chance.
 _BY_CHANCE = 3.0
+
+
+class AtomPrior(NamedTuple):
+    """Prior of an atom: normal sizes of its columns within bounds, and its odds.
+
+    Attributes:
+        mean: ``(width,)``.
+        precision: ``(width,)``.
+        low: ``(width,)`` bounds; ``high`` alike.
+        high: ``(width,)``.
+        log_prior: log odds against none.
+    """
+
+    mean: Array
+    precision: Array
+    low: Array
+    high: Array
+    log_prior: float = 0.0
 
 
 class Problem(NamedTuple):
@@ -69,6 +89,43 @@ class Problem(NamedTuple):
     begin: Indices
     n_atoms: Indices
     needs: Indices
+
+    @classmethod
+    def of_atoms(
+        cls, atoms: Sequence[AtomPrior], group: Indices, needs: Indices, gram: Array, right: Array
+    ) -> Problem:
+        """The problem of atoms that stand group by group.
+
+        Args:
+            group: ``(n_atoms,)``.
+            needs: ``(n_groups,)``.
+            gram: ``(n, n)`` of all their columns, with what every model has integrated out.
+            right: ``(n,)``.
+        """
+        mean, precision, low, high = (
+            np.concatenate([np.zeros(0), *(getattr(atom, name) for atom in atoms)])
+            for name in ("mean", "precision", "low", "high")
+        )
+        deviation = precision**-0.5
+        mass = np.log(np.maximum(ndtr((high - mean) / deviation) - ndtr((low - mean) / deviation), 1e-30))
+        width = np.array([len(atom.mean) for atom in atoms], dtype=np.int64)
+        count = np.bincount(group, minlength=len(needs))
+        return cls(
+            np.ascontiguousarray(gram),
+            right + precision * mean,
+            precision,
+            -0.5 * precision * mean**2,
+            np.maximum(low, -1e30),
+            np.minimum(high, 1e30),
+            mass,
+            np.cumsum(width) - width,
+            width,
+            group,
+            np.array([atom.log_prior for atom in atoms]),
+            np.cumsum(count) - count,
+            count,
+            needs,
+        )
 
 
 class Draws(NamedTuple):

@@ -17,7 +17,7 @@ from excite.logs.log import Trial
 from excite.logs.quantisation import channel_noise
 from excite.logs.sampling import missing_rows
 from excite.logs.signals.butterworth import lowpass, settling_samples
-from excite.logs.signals.clock import cubic_misfit
+from excite.logs.signals.resample import cubic_misfit
 
 # The clock beside what the log says of it, and beside how fast the robot can be.
 
@@ -76,9 +76,6 @@ def _scale_clock(case: Case, tick: float, rate_hz: float, *, from_zero: bool = F
 
     case.change_trials(scaled)
     case.change_header(rate_hz=rate_hz)
-
-
-# Rows that repeat the row before because a logger read one packet twice, told from joints that hardly move.
 
 
 def find_held_rows(case: Case) -> None:

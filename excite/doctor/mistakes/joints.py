@@ -158,9 +158,6 @@ def _angle_between(one: Array, other: Array) -> float:
     return float(np.arccos(np.clip(one @ other, -1.0, 1.0)))
 
 
-# Columns of one joint under the name of another.
-
-
 def find_torque_order(samples: TorqueSamples, reading: Reading) -> Iterable[Correction]:
     """Torques stand under another joint's name, positions do not."""
     order, joints = np.asarray(assign_rows(samples.across(reading))), samples.channels

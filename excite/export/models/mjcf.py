@@ -18,6 +18,7 @@ from excite.export.models.model_format import (
     ModelFormat,
     Rendered,
     Subject,
+    XmlText,
     move_attribute,
     relocate_path,
 )
@@ -35,11 +36,10 @@ from excite.export.models.verification import (
     mujoco_torques,
     random_states,
 )
-from excite.export.models.xml_text import XmlText
 from excite.formats.documents import MAX_XML_BYTES
 from excite.formats.file import read_bytes
 from excite.identification.inertia import parameters_of_pseudo_inertia, pseudo_inertia_matrices
-from excite.robot.mjcf.scan import scan_mjcf
+from excite.robot.mjcf.conversion import scan_mjcf
 from excite.robot.robot import Robot
 from excite.robot.urdf.writing import number_text
 from excite.simulation.mjcf import World, build_spec, mujoco_quaternion
@@ -52,7 +52,6 @@ _OWN_MOTORS = "the author's actuators were left as they are; set it there"
 FILTERED = "commands pass a filter of {late:.3g} s, which is how late the motors were found to follow"
 _FOLDERS = {"mesh": "meshdir", "hfield": "meshdir", "skin": "meshdir", "texture": "texturedir"}
 _DRIVES = {"viscous": "damping", "coulomb": "frictionloss", "armature": "armature"}
-_ORIENTATIONS = ("euler", "axisangle", "xyaxes", "zaxis")
 # How far apart frames of one body may lie in the file and in the robot from one posture to another [m, rad], and how
 # far, relatively, bodies' inertia may be from what was found and be left alone. MuJoCo writes six digits.
 _SAME = 1e-4
@@ -313,7 +312,7 @@ def _set_inertial(body: Element, parameters: Array, name: str) -> None:
             "quat": number_text(*mujoco_quaternion(inertia.rotation)),
             "diaginertia": number_text(*inertia.moments),
         }
-        for other in _ORIENTATIONS:
+        for other in ("euler", "axisangle", "xyaxes", "zaxis"):
             element.attrib.pop(other, None)
     element.attrib.update(values)
 

@@ -13,6 +13,7 @@ import pinocchio as pin
 from excite.arrays import Array
 from excite.atomic import write_text
 from excite.errors import InputError, RobotError
+from excite.finding import list_names
 from excite.formats.tables import csv_text
 from excite.identification.identified_parameters import IdentifiedParameters
 from excite.identification.inertia import (
@@ -73,9 +74,8 @@ class InconsistentModelError(InputError):
 
     def __init__(self, links: Sequence[str], *, can_be_forced: bool = True):
         self.links = tuple(links)
-        shown = ", ".join(self.links[:6]) + (f" and {len(self.links) - 6} more" if len(links) > 6 else "")
         super().__init__(
-            f"no rigid body has the identified parameters of {shown}",
+            f"no rigid body has the identified parameters of {list_names(self.links, 6)}",
             source="model",
             remedy="identify with a method that guarantees physical consistency (lmi, cls3)"
             + (", or force the writing" if can_be_forced else ""),

@@ -35,6 +35,7 @@ from excite.export.models.parameters import (
 from excite.export.models.subject import COLUMNS, Change, list_changes, subject_of
 from excite.export.models.verification import random_states
 from excite.export.registry import MODEL_FORMATS
+from excite.finding import list_names
 from excite.formats.arrays import NpzFormat
 from excite.formats.tables import csv_text
 from excite.identification.result import Identification
@@ -132,9 +133,8 @@ def prove_taken(model_format: ModelFormat, subject: Subject, rendered: Rendered)
         felt += int(known.sum())
     error = states.error(read.torques)
     if wrong or (model_format.exact(subject) and not error <= model_format.tolerance):
-        shown = ", ".join(wrong[:6]) + (f" and {len(wrong) - 6} more" if len(wrong) > 6 else "")
         what = (
-            f"{shown} {'are' if len(wrong) > 1 else 'is'} not what was found"
+            f"{list_names(wrong, 6)} {'are' if len(wrong) > 1 else 'is'} not what was found"
             if wrong
             else "the bodies stand elsewhere"
         )
@@ -273,9 +273,6 @@ def _describe_off(proof: Proof, model_format: ModelFormat) -> list[str]:
         f"its torques are {proof.torque_error:.1e} of the largest off those found: that is what the file has of its"
         " own, such as springs or bodies that were left alone"
     ]
-
-
-# One file with the identified parameters.
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,8 @@ import numpy as np
 import pinocchio as pin
 
 from excite.arrays import Array
-from excite.errors import InputError, RobotError
-from excite.export.models.model_format import ModelFormat, Rendered, Subject, move_attribute
+from excite.errors import InputError
+from excite.export.models.model_format import ModelFormat, Rendered, Subject, XmlText, move_attribute
 from excite.export.models.parameters import (
     Member,
     centred_body,
@@ -22,7 +22,6 @@ from excite.export.models.parameters import (
     split_segment,
 )
 from excite.export.models.verification import Reading, States, held_joints, read_urdf_text
-from excite.export.models.xml_text import XmlText
 from excite.formats.documents import MAX_XML_BYTES, parse_xml
 from excite.formats.file import read_bytes
 from excite.identification.inertia import parameters_of_pseudo_inertia, pseudo_inertia_matrices
@@ -67,10 +66,10 @@ class UrdfFormat(ModelFormat):
         changed, file = changed_segments(robot, found, force=subject.force), model_file(robot)
         # Without the bare link from which a free base floats.
         loaded = {str(link.get("name")): link for link in parse_urdf(file).findall("link")}
-        content = read_bytes(file, limit=MAX_XML_BYTES, error=RobotError)
+        content = read_bytes(file, limit=MAX_XML_BYTES)
         text = XmlText(content, file)
         links = {str(link.get("name")): link for link in text.root.findall("link")}
-        if declare_world(parse_xml(content, file, RobotError)):
+        if declare_world(parse_xml(content, file)):
             text.root.insert(0, Element("link", name=WORLD))
         members = _segment_members(robot, {name: loaded[name] for name in links if name in loaded}, file)
         notes = _complete_limits(text.root, robot)

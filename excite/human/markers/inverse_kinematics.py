@@ -13,12 +13,13 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from excite.arrays import Array, Flags, Indices
-from excite.human.segments import NAMES, PARENTS
-from excite.human.skeleton import (
+from excite.human.segments import (
     COLUMNS,
     DESCENDANTS,
     N_SEGMENTS,
     N_VELOCITY,
+    NAMES,
+    PARENTS,
     REVOLUTE_AXIS,
     Placement,
     Pose,
@@ -282,8 +283,6 @@ _HINGES = np.array(list(REVOLUTE_AXIS))
 _HINGE_AXES = np.array(list(REVOLUTE_AXIS.values()))
 _HINGE_COLUMNS = np.array([COLUMNS[k].start for k in REVOLUTE_AXIS])
 
-
-# Postures without a first guess.
 
 FEWEST_MARKERS = 3
 _SPHERICAL = tuple(k for k in range(1, N_SEGMENTS) if COLUMNS[k].stop - COLUMNS[k].start == 3)

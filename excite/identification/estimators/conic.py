@@ -65,10 +65,6 @@ from excite.rows.settings import number, word
 # Nearest points under linear constraints and cones: clarabel's answer, refined and judged without its word.
 
 _TOLERANCE = 1e-10
-_REFINEMENTS = 12
-# Keeps redundant constraints, whose multipliers are not unique, from making the refinement's matrix singular.
-_REGULAR = 1e-11
-_SHARES = (1.0, 0.3, 0.1, 0.03)
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,12 +156,12 @@ def refine_answer(problem: ConicProblem, answer: ConicAnswer) -> ConicAnswer:
     dual = _project_dual(problem, answer.multipliers)
     value, residual = residual_of(dual)
     error = float(np.linalg.norm(residual))
-    for _ in range(_REFINEMENTS):
+    for _ in range(12):
         if error < 1e-14 * max(1.0, float(np.linalg.norm(dual))):
             break
         factor = lu_factor(_projection_jacobian(problem, value, gram), overwrite_a=True, check_finite=False)
         change = lu_solve(factor, residual, check_finite=False)
-        for share in _SHARES:
+        for share in (1.0, 0.3, 0.1, 0.03):
             tried = dual - share * change
             value_there, residual_there = residual_of(tried)
             size = float(np.linalg.norm(residual_there))
@@ -212,7 +208,8 @@ def _projection_jacobian(problem: ConicProblem, vector: Array, gram: Array) -> A
             full[rows] += block @ gram[rows]
             full[rows, rows] -= block
             place += cones.size
-    full[np.diag_indices_from(full)] += _REGULAR
+    # Keeps redundant constraints, whose multipliers are not unique, from making the refinement's matrix singular.
+    full[np.diag_indices_from(full)] += 1e-11
     return full
 
 
@@ -242,8 +239,6 @@ def conic_distance(problem: ConicProblem, answer: ConicAnswer) -> float:
 
 
 # From an objective, constraints and a conic solver to an estimate that has been checked.
-
-_RAY = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -362,7 +357,7 @@ def _is_ray(problem: ConicProblem, answer: ConicAnswer) -> bool:
     if not np.isfinite(ray).all():
         return False
     value = float(ray @ offset)
-    return value < 0.0 and float(np.linalg.norm(matrix.T @ ray)) < _RAY * abs(value)
+    return value < 0.0 and float(np.linalg.norm(matrix.T @ ray)) < 1e-6 * abs(value)
 
 
 # The default: bodies that can exist, believed as far as the log supports the nominal model.

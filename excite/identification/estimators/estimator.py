@@ -19,8 +19,6 @@ from excite.identification.physical.retrieval import Certificate
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import Regression, condense_problem, iterate_weights
 
-# What every estimator takes and gives.
-
 SettingsT = TypeVar("SettingsT", bound=EstimatorSettings)
 
 

@@ -67,8 +67,6 @@ def masses_in_range(problem: IdentificationProblem, shares: Array) -> LinearCons
 
 # Left and right masses and moments of inertia differ by a share of each other (eq. 15, Jovic et al. 2016).
 
-_DIAGONAL = (4, 6, 9)
-
 
 def mirrored_pairs(
     problem: IdentificationProblem, share: float, free: Collection[int] = ()
@@ -88,7 +86,7 @@ def mirrored_pairs(
     labels: list[str] = []
     unit = np.eye(problem.n_params)
     for index, other, mirror in mirrored_segments(problem, free):
-        for place in (0, *_DIAGONAL):
+        for place in (0, 4, 6, 9):
             left, right = mirror[place] @ unit[10 * index : 10 * index + 10], unit[10 * other + place]
             for near, far in ((right, left), (left, right)):
                 rows += [near - (1.0 - share) * far, (1.0 + share) * far - near]

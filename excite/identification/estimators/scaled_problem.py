@@ -15,8 +15,6 @@ from excite.identification.inertia import pseudo_inertia_matrices
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import Regression, prior_std, square_factor
 
-# Parameters as deviations from nominal in units of their spreads, and rows of a fit in them.
-
 
 @dataclass(frozen=True, eq=False)
 class Scaled:

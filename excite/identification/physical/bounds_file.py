@@ -23,7 +23,6 @@ from excite.rows.drive_terms import DRIVE_TERMS
 
 SCHEMA = "excite.physical_bounds/1"
 _AXES = ("x", "y", "z")
-_POSITIVE = ("m", "Ixx", "Iyy", "Izz")
 
 
 def _check_pair(pair: Interval) -> Interval:
@@ -43,7 +42,9 @@ def _refuse_truth(value: object) -> object:
 
 # Of texts too: YAML 1.1 reads ``1e-4`` as one.
 _Number = Annotated[
-    float, BeforeValidator(_refuse_truth), Field(ge=-MAX_INERTIA, le=MAX_INERTIA, allow_inf_nan=False)
+    float,
+    BeforeValidator(_refuse_truth, json_schema_input_type=float | str),
+    Field(ge=-MAX_INERTIA, le=MAX_INERTIA, allow_inf_nan=False),
 ]
 _Pair = Annotated[tuple[_Number, _Number], AfterValidator(_check_pair)]
 _Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
@@ -54,13 +55,13 @@ class _Block(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-class _Entry(BaseModel):
+class BoundsEntry(BaseModel):
     """A pair among other things that are said of it."""
 
     bounds: _Pair
 
 
-class _Rules(_Block):
+class InertiaRules(_Block):
     """Rules between the moments of inertia of a link."""
 
     diagonal_ratio: _Positive | None = None
@@ -76,13 +77,13 @@ class BoundsDocument(_Block):
     schema_: Literal["excite.physical_bounds/1"] = Field(alias="schema")
     source: str | None = Field(default=None, description="where the numbers come from")
     total_mass: _Pair | None = Field(default=None, description="mass of all links together [kg]")
-    rules: _Rules | None = None
+    rules: InertiaRules | None = None
     links: dict[str, dict[_Name, _Pair]] | None = Field(
         default=None,
         description="by link: mass, centre of mass, inertias about it along the joint frame's axes",
     )
     drives: dict[str, _Pair] | None = Field(default=None, description="by TERM.JOINT")
-    parameters: dict[str, _Pair | _Entry] | None = Field(
+    parameters: dict[str, _Pair | BoundsEntry] | None = Field(
         default=None, description="the same in one level, by LINK.NAME"
     )
 
@@ -128,7 +129,7 @@ def load_bounds(path: str | Path, robot: Robot) -> KnownBounds:
         known = of_body or (term in DRIVE_TERMS and joint in robot.joint_names)
         allowed = f"write TERM.JOINT with {names} and one of the joints {joints}"
         refuse_unless(known, field, "is no parameter of the robot", allowed)
-        empty = of_body and kind in _POSITIVE and pair[1] <= 0.0
+        empty = of_body and kind in ("m", "Ixx", "Iyy", "Izz") and pair[1] <= 0.0
         what = f"has bounds {list(pair)} and nothing positive between"
         refuse_unless(not empty, field, what, "masses and moments of inertia are positive")
         target = parameters if of_body else drives
@@ -151,7 +152,7 @@ def _bound_entries(document: BoundsDocument) -> Iterator[tuple[str, str, Interva
         yield from ((f"links.{link}.{name}", f"{link}.{name}", pair) for name, pair in block.items())
     yield from ((f"drives.{name}", name, pair) for name, pair in (document.drives or {}).items())
     for name, entry in (document.parameters or {}).items():
-        yield name, name, entry.bounds if isinstance(entry, _Entry) else entry
+        yield name, name, entry.bounds if isinstance(entry, BoundsEntry) else entry
 
 
 # A file of bounds to start from: those that apply where nothing is stated, with what each line means.

@@ -188,9 +188,6 @@ class Candidate:
         return carried
 
 
-# A candidate that is not drawn yet.
-
-
 @dataclass(frozen=True, slots=True)
 class Proposal:
     """All that a candidate depends on, besides the robot: it can be drawn anywhere, any number of times.
@@ -207,8 +204,6 @@ class Proposal:
     targets: tuple[str, ...]
     name: str
 
-
-# Which joints belong to legs and which to the upper body.
 
 # Share of a support polygon's inradius that the centre of mass keeps from its edges while a foot is in the air: it has
 # to keep away from two edges at once, and a load on the trunk that the model does not know moves it.

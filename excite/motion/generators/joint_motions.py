@@ -27,7 +27,6 @@ from excite.robot.robot import Robot
 
 # Control points: of the many light joints of a standing robot, of an arm that takes a second from one to the next.
 _WAYPOINTS, _ARM_WAYPOINTS = (9, 14), (6, 10)
-_OTHERS = (0.15, 0.7)
 
 
 def posture_draws(robot: Robot, targets: tuple[str, ...], others: Array, first: int, stop: int) -> Draws:
@@ -91,7 +90,7 @@ class RandomJoint(_UpperBody):
         """A spline through random control points, from rest to rest."""
         rng = np.random.default_rng(seed)
         n = int(rng.integers(*(_WAYPOINTS if robot.feet else _ARM_WAYPOINTS)))
-        others = rng.uniform(*_OTHERS, size=robot.n_joints)
+        others = rng.uniform(0.15, 0.7, size=robot.n_joints)
         draws = self._postures(robot, posture_draws(robot, targets, others, 3, 3 + n), targets)
         posture = posture_curve(robot, draws, n + 6, rng)
         phases = all_feet(robot, posture.length)
@@ -186,10 +185,6 @@ class Reach(RandomJoint):
 
 # Finite Fourier series (Ni et al. 2024, section II.B, eq. 8 and 10).
 
-_HARMONICS = 5
-_PERIOD = (4.0, 8.0)
-_FOURIER_OTHERS = (0.3, 1.0)
-
 
 def start_conditions(omega: float, harmonics: int) -> tuple[Array, Array]:
     """Rows that start at the offset with zero velocity and acceleration: ``C_a a = 0``, ``C_b b = 0``.
@@ -238,12 +233,12 @@ class Fourier(_UpperBody):
         offset = rest.copy()
         if not robot.feet:
             offset = rest + rng.uniform() * (0.5 * (lower + upper) - rest)
-        omega = 2.0 * np.pi / rng.uniform(*_PERIOD)
-        c_a, c_b = start_conditions(omega, _HARMONICS)
+        omega = 2.0 * np.pi / rng.uniform(4.0, 8.0)
+        c_a, c_b = start_conditions(omega, 5)
         a = _nullspace_draw(rng, c_a, robot.n_joints)
         b = _nullspace_draw(rng, c_b, robot.n_joints)
         reach = np.maximum(np.minimum(offset - lower, upper - offset), 0.05 * (upper - lower))
-        share = rng.uniform(*_FOURIER_OTHERS, size=robot.n_joints)
+        share = rng.uniform(0.3, 1.0, size=robot.n_joints)
         share[np.isin(robot.joint_names, targets)] = 1.0
         share[~moving] = 0.0
         factor = share * amplitude_scale(a, b, omega, reach, 0.8 * robot.limits.velocity)

@@ -34,13 +34,9 @@ from excite.robot.robot import Foot, Robot
 _SWINGS, _QUICK_SWINGS, _BROAD = (5, 8), (16, 20), 0.05
 # How far the free leg's joints go from rest [rad], and the share of their range that they stay in.
 _REACH, _RANGE = 0.55, 0.4
-# In shares of the pelvis's height: lowest corner of the free sole, farthest way in and out, lift at the start.
-_CLEARANCE, _INWARDS, _OUTWARDS, _LIFT = 0.06, 0.02, 0.28, 0.11
 # The pelvis leans over the stance foot [rad], which spares the ankle, and goes down [share of its height, at least],
 # which spares the other knee.
 _LEAN, _DOWN = 0.24, 0.03
-# Random pelvis motion: height [share of its own], roll, pitch, yaw [rad].
-_PELVIS = (0.02, 0.04, 0.08, 0.20)
 # How far inside the stance sole's middle the centre of mass stays, in shares of the sole's half width, where the ankle
 # holds the robot there. The trunk leans outwards over the stance foot, so mass that the model does not know pulls
 # outwards, where nothing catches the robot; inwards it steps on its other foot. A third leaves a G1 upright with 15 %
@@ -108,15 +104,16 @@ def swinging_candidate(
         swing,
         _leaning_base(robot, ground, down),
         ground.height,
-        _CLEARANCE,
-        _LIFT,
-        _REACH,
-        _RANGE,
-        float(_STRETCH * np.linalg.norm(ground.sole - data.oMi[hip].translation)),
-        (-_INWARDS, _OUTWARDS, ground.outward),
+        clearance=0.06,
+        lift=0.11,
+        reach=_REACH,
+        range=_RANGE,
+        longest=float(_STRETCH * np.linalg.norm(ground.sole - data.oMi[hip].translation)),
+        aside=(-0.02, 0.28, ground.outward),
     )
     displacements = swing_displacements(robot, lift, n, rng, shares)
     share = 1.0 if shares is None else float(shares[list(leg_joints(robot, swing))].mean())
+    # Random pelvis motion: height [share of its own], roll, pitch, yaw [rad].
     return lifting_candidate(
         robot,
         Proposal(generator, seed, targets, name),
@@ -125,7 +122,7 @@ def swinging_candidate(
         rng,
         shift=ground.shift,
         held=np.array([-down, ground.outward * _LEAN, 0.0, 0.0]),
-        turns=np.array(_PELVIS) * [ground.height, 1.0, 1.0, 1.0],
+        turns=np.array((0.02, 0.04, 0.08, 0.20)) * [ground.height, 1.0, 1.0, 1.0],
         share=share,
     )
 
@@ -201,8 +198,6 @@ def _pelvis_drop(robot: Robot, swing: Foot, ground: _Ground) -> float:
 # Heights of the free sole before and after the swings, in shares of the lift: a robot that leans by a few
 # millimetres touches down early, and then the foot has to be slow already.
 _UP, _SETTLE = (0.06, 1.0), (1.0, 0.3, 0.1, 0.035)
-_ARMS = (0.03, 0.2)
-_DRAWS = 2000
 
 
 @dataclass(frozen=True, eq=False)
@@ -264,7 +259,7 @@ def swing_displacements(
     q, (inwards, outwards, sign) = lift.q.copy(), lift.aside
     space = np.array(robot.description.collision.cell or ([-np.inf] * 3, [np.inf] * 3))
     points: list[Array] = []
-    for _ in range(_DRAWS):
+    for _ in range(2000):
         if len(points) == n:
             break
         q[robot.n_base_q + leg] = rng.uniform(lower, upper)
@@ -311,7 +306,7 @@ def lifting_candidate(
     com, foot, pelvis = np.zeros((m, 2)), np.zeros((m, 6)), np.zeros((m, 4))
     com[3 : land + 3], foot[lift:land], pelvis[3 : land + 3] = shift, displacements, held
     pelvis[free] += rng.uniform(-1.0, 1.0, size=(free.stop - free.start, 4)) * turns * share
-    draws = posture_draws(robot, own.targets, rng.uniform(*_ARMS, size=robot.n_joints), 4, m - 4)
+    draws = posture_draws(robot, own.targets, rng.uniform(0.03, 0.2, size=robot.n_joints), 4, m - 4)
     every = tuple(each.name for each in robot.feet)
     carrying = tuple(name for name in every if name != swing.name)
     # The span that starts at parameter i is the first that control point i + 3 acts on.

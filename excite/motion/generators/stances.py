@@ -32,7 +32,6 @@ _DOWN, _UP, _TURN = (0.13, 0.25), (0.02, 0.08), ((0.20, 0.12, 0.35), (0.25, 0.2,
 # How far the centre of mass sways: in x and y, in shares of the leg's length; of a robot on more feet in shares of its
 # way to the edge of the support polygon, and of the trunk's height, which is what the legs reach.
 _SWAY, _SWAY_SHARE, _SWAY_REACH = (0.02, 0.08), 0.5, 0.2
-_ARMS = (0.1, 0.45)
 
 
 class _OnAllFeet(Generator):
@@ -70,7 +69,7 @@ class _OnAllFeet(Generator):
             # Down and up in turn, so that the knees work.
             pelvis[3:-3:2, 0] = rng.uniform(low[0], 0.6 * low[0], size=len(pelvis[3:-3:2]))
             com[3:-3] = height * rng.uniform(-1.0, 1.0, size=(n, 2)) * _SWAY
-        draws = posture_draws(robot, targets, rng.uniform(*_ARMS, size=robot.n_joints), 3, 3 + n)
+        draws = posture_draws(robot, targets, rng.uniform(0.1, 0.45, size=robot.n_joints), 3, 3 + n)
         posture = posture_curve(robot, draws, n + 6, rng)
         return Candidate(
             name,
@@ -105,15 +104,8 @@ class Sway(_OnAllFeet):
 
 # A robot on three feet or more lifts one of them and swings it over the others' support polygon.
 
-_SWINGS = (12, 20)
 # How far the free leg's joints go from rest [rad], and the share of their range that they stay in.
 _REACH, _RANGE = 0.9, 0.8
-# In shares of the trunk's height: lowest corner of the free foot, its lift before and after the swings.
-_CLEARANCE, _LIFT = 0.08, 0.12
-# Random motion of the trunk meanwhile: height [share of its own], roll, pitch, yaw [rad].
-_TRUNK = (0.04, 0.08, 0.08, 0.1)
-# Longest distance from hip to foot, in shares of the leg's length when it is straight.
-_STRETCH = 0.95
 
 
 class FootSwing(Generator):
@@ -147,12 +139,16 @@ class FootSwing(Generator):
         shift = support_centre(robot, _other_feet(robot, swing), centre) - centre
         height, q = pelvis_height(robot), robot.rest.copy()
         q[:3] += np.append(shift, 0.0)
-        n = int(rng.integers(*_SWINGS))
+        n = int(rng.integers(12, 20))
         hip = robot.model.getJointId(robot.joint_names[leg_joints(robot, swing)[0]])
         places = robot.model.jointPlacements
         offsets = [places[joint].translation for joint in robot.model.supports[swing.joint] if joint > hip]
         length = float(sum(np.linalg.norm(offset) for offset in (*offsets, swing.placement.translation)))
-        lift = Lift(swing, q, height, _CLEARANCE, _LIFT, _REACH, _RANGE, _STRETCH * length)
+        # The longest distance is a share of the leg's length when it is straight.
+        lift = Lift(
+            swing, q, height, clearance=0.08, lift=0.12, reach=_REACH, range=_RANGE, longest=0.95 * length
+        )
+        # Random motion of the trunk meanwhile: height [share of its own], roll, pitch, yaw [rad].
         return lifting_candidate(
             robot,
             Proposal(self.name, seed, targets, name),
@@ -161,7 +157,7 @@ class FootSwing(Generator):
             rng,
             shift=shift,
             held=np.zeros(4),
-            turns=np.array(_TRUNK) * [height, 1.0, 1.0, 1.0],
+            turns=np.array((0.04, 0.08, 0.08, 0.1)) * [height, 1.0, 1.0, 1.0],
         )
 
 

@@ -31,8 +31,6 @@ _STEPS = (1, 4)
 _PERIODS, _ENDS, _SWING_S = (1.0, 1.25), 2, 0.75
 # In shares of the pelvis's height: length and sideways part of what the robot is carried in a step.
 _LENGTH, _SIDEWAYS = (0.03, 0.11), 0.025
-# Turn with a step [rad].
-_TURN = 0.12
 # Between the soles' inner edges there is at least this [m]; they are at most this much farther apart [of that at rest].
 _GAP, _WIDER = 0.1, 0.2
 # What of the gap between them they may use up: a step sideways, a turn with a step, a swing's way aside and its yaw.
@@ -42,16 +40,11 @@ _LIFT, _ASIDE = (0.04, 0.1), (0.05, 0.01)
 # Largest lift by the legs' acceleration limit [rad/s²], pelvis's height and single support's duration squared.
 _LIFT_BY_ACCELERATION = 0.0075
 _SOLE_TURN, _OUTER_EDGE_UP = (0.05, 0.25, 0.25), 0.07
-# How much of the lift a tilted sole's corner may take away.
-_TILT_SHARE = 0.6
 # Pelvis: it goes down [share of its height], and from step to step it moves [share of its height], rolls, pitches and
 # yaws [rad].
 _DOWN, _PELVIS = 0.045, (0.012, 0.03, 0.07, 0.12)
 # Towards the foot that stands the pelvis leans by [rad], which spares ankles and servos.
 _LEAN = (0.1, 0.2)
-_ARMS = (0.05, 0.4)
-# About the duration of a span of the arms' spline [s].
-_SPAN_S = 0.6
 
 
 class Walking(Generator):
@@ -89,10 +82,11 @@ class Walking(Generator):
         com = np.array(pin.centerOfMass(robot.model, robot.model.createData(), robot.rest))
         pattern = plan_pattern(soles, steps, timing, com)
         duration = float(pattern.time[-1])
-        spans = max(6, round(duration / _SPAN_S))
+        # About the duration of a span of the arms' spline [s].
+        spans = max(6, round(duration / 0.6))
         # One unit of the path parameter is a span of the arms' spline.
         rate = spans / duration
-        draws = posture_draws(robot, targets, rng.uniform(*_ARMS, size=robot.n_joints), 3, spans)
+        draws = posture_draws(robot, targets, rng.uniform(0.05, 0.4, size=robot.n_joints), 3, spans)
         offset, velocity, acceleration = _com_offset(pattern, com[:2])
         gravity = float(np.linalg.norm(robot.model.gravity.linear))
         lift = _lift_range(robot, self.aims(robot), (timing.step - 1) * timing.interval)
@@ -128,7 +122,8 @@ def _step_displacements(rng: np.random.Generator, height: float, gap: float, len
     """
     k = int(rng.integers(*_STEPS))
     ahead = rng.uniform(*_LENGTH, size=k) * rng.choice([-1.0, 1.0]) * height
-    aside, turn = min(_SIDEWAYS * height, _USE[0] * gap), min(_TURN, 2.0 * _USE[1] * gap / length)
+    # Turn with a step [rad].
+    aside, turn = min(_SIDEWAYS * height, _USE[0] * gap), min(0.12, 2.0 * _USE[1] * gap / length)
     return np.column_stack([ahead, rng.uniform(-aside, aside, size=k), rng.uniform(-turn, turn, size=k)])
 
 
@@ -160,7 +155,8 @@ def _build_swing(
     # The free leg slants; a sole whose outer edge goes up spares its ankle.
     turn[0] += np.sign(sole.print.position[1]) * _OUTER_EDGE_UP
     lowered = 0.5 * (abs(turn[0]) * sole.width + abs(turn[1]) * sole.length)
-    turn[:2] *= min(1.0, _TILT_SHARE * up / lowered)
+    # How much of the lift a tilted sole's corner may take away.
+    turn[:2] *= min(1.0, 0.6 * up / lowered)
     turn[2] *= min(1.0, 2.0 * _USE[3] * gap / (_SOLE_TURN[2] * sole.length))
     aside = rng.uniform(-1.0, 1.0, size=2) * [_ASIDE[0], min(_ASIDE[1], _USE[2] * gap)]
     return Swing(float(times[0]), float(times[1]), up, turn, aside)
@@ -364,15 +360,6 @@ def _plane_rotation(angle: float) -> Array:
 
 # How slowly a robot rocks sideways on the springs that its servos are.
 
-# Gain of a servo that nobody stated, in weights of the robot times the height of its centre of mass per radian: as
-# stiff as those of the bundled robots.
-_STIFFNESS = 25.0
-# How far a sole sinks into the ground under the robot's weight [m], as hard rubber does: with this a narrow sole is a
-# softer spring than the leg above it.
-_SINK = 1e-4
-# An axis this near to the forward direction bends the leg sideways.
-_ROCKING_SIDEWAYS = 0.7
-
 
 def rocking_period(robot: Robot) -> float:
     """Period of the sideways oscillation on one leg [s].
@@ -387,16 +374,21 @@ def rocking_period(robot: Robot) -> float:
     weight = robot.mass * float(np.linalg.norm(model.gravity.linear))
     pin.ccrba(model, data, robot.rest, np.zeros(model.nv))
     inertia = float(data.Ig.inertia[0, 0]) + robot.mass * height**2
-    usual = np.full(robot.n_joints, _STIFFNESS * weight * height)
+    # Gain of a servo that nobody stated, in weights of the robot times the height of its centre of mass per radian: as
+    # stiff as those of the bundled robots.
+    usual = np.full(robot.n_joints, 25.0 * weight * height)
     gains = per_joint(robot.description.controller.kp, robot.joint_names, usual)
     pin.forwardKinematics(model, data, robot.rest)
     pin.computeJointJacobians(model, data, robot.rest)
     foot = robot.feet[0]
-    softness = float(_SINK / (weight * sole_half_width(foot) ** 2))
+    # How far a sole sinks into the ground under the robot's weight [m], as hard rubber does: with this a narrow sole is
+    # a softer spring than the leg above it.
+    softness = float(1e-4 / (weight * sole_half_width(foot) ** 2))
     for index in leg_joints(robot, foot):
         joint = model.getJointId(robot.joint_names[index])
         axis = pin.getJointJacobian(model, data, joint, pin.LOCAL_WORLD_ALIGNED)[3:, model.idx_vs[joint]]
-        if abs(axis[0]) > _ROCKING_SIDEWAYS:
+        # An axis this near to the forward direction bends the leg sideways.
+        if abs(axis[0]) > 0.7:
             softness += 1.0 / gains[index]
     stiffness = 1.0 / softness
     return float(2.0 * np.pi * np.sqrt(inertia / max(stiffness - weight * height, 0.5 * stiffness)))
@@ -406,13 +398,6 @@ def rocking_period(robot: Robot) -> float:
 
 # What placo's planner looks for in a robot; of its geometry it uses nothing.
 _FRAMES = ("left_foot", "right_foot", "left_hip_yaw", "head_base", "head_pitch", "camera")
-# Distance of the zero-moment point from the edges of the rectangle in a sole: share of its half width, at most [m].
-_MARGIN_SHARE, _MARGIN = 0.8, 0.03
-# Weight of its distance from where it should be, against the pattern's jerk.
-_WEIGHT = 10.0
-# Its distance inwards from a sole's middle: share of what the half width has beyond [m]. The less the body sways the
-# less it rocks, and inwards it steps on its other foot; a narrow sole has nothing to spare.
-_INWARDS, _NARROW = 0.55, 0.025
 
 
 @dataclass(frozen=True)
@@ -525,10 +510,14 @@ def _walk_parameters(soles: Sequence[Sole], timing: Timing, height: float) -> An
     parameters.foot_length = min(sole.length for sole in soles)
     parameters.foot_width = min(sole.width for sole in soles)
     narrow = 0.5 * min(parameters.foot_length, parameters.foot_width)
-    parameters.zmp_margin = min(_MARGIN_SHARE * narrow, _MARGIN)
-    parameters.zmp_reference_weight = _WEIGHT
+    # Distance of the zero-moment point from the edges of the rectangle in a sole: share of its half width, at most [m].
+    parameters.zmp_margin = min(0.8 * narrow, 0.03)
+    # Weight of its distance from where it should be, against the pattern's jerk.
+    parameters.zmp_reference_weight = 10.0
     parameters.foot_zmp_target_x = 0.0
-    parameters.foot_zmp_target_y = -_INWARDS * max(0.0, 0.5 * parameters.foot_width - _NARROW)
+    # Its distance inwards from a sole's middle: share of what the half width has beyond [m]. The less the body sways
+    # the less it rocks, and inwards it steps on its other foot; a narrow sole has nothing to spare.
+    parameters.foot_zmp_target_y = -0.55 * max(0.0, 0.5 * parameters.foot_width - 0.025)
     return parameters
 
 

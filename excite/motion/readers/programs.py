@@ -46,10 +46,10 @@ class OpenHrpReader(MotionReader):
         if len(files) != 1:
             raise MotionError(f"holds {len(files)} patterns .pos", source=path, remedy="name one of them")
         (file,) = files
-        check_file(file, limit=MAX_FILE_BYTES, error=MotionError)
+        check_file(file, limit=MAX_FILE_BYTES)
         said: Mapping[str, Any] = {}
         if (file.parent / STATEMENT).is_file():
-            said = read_json(file.parent / STATEMENT, error=MotionError)
+            said = read_json(file.parent / STATEMENT)
         rows = np.loadtxt(file, ndmin=2)
         names = named_joints(said, joints)
         if names and rows.shape[1] != 1 + len(names):
@@ -80,7 +80,7 @@ class KeyframesReader(MotionReader):
 
     def read(self, path: Path, joints: Sequence[str]) -> RawMotion:
         """See :class:`MotionReader`."""
-        root = read_xml(path, error=MotionError)
+        root = read_xml(path)
         said = parse_json(root.find("custom/text").get("data", ""))  # type: ignore[union-attr]
         keys = root.findall("keyframe/key")
         # Each attribute of every key, (n, width).
@@ -151,7 +151,7 @@ class UrScriptReader(MotionReader):
     def read(self, path: Path, joints: Sequence[str]) -> RawMotion:
         """See :class:`MotionReader`."""
         said = stated_in_comments(path)
-        found = _SERVO.findall(read_text(path, limit=MAX_FILE_BYTES, error=MotionError))
+        found = _SERVO.findall(read_text(path, limit=MAX_FILE_BYTES))
         q = np.array([[float(value) for value in row.split(",")] for row, _ in found])
         steps = np.array([float(step) for _, step in found])
         names = named_joints(said, joints)

@@ -51,10 +51,8 @@ class Ros2Reader(MotionReader):
         """See :class:`MotionReader`."""
         files = [file for file in path.iterdir() if file.suffix != ".json"] if path.is_dir() else [path]
         for file in files:
-            check_file(file, limit=MAX_FILE_BYTES, error=MotionError)
-        columns, metadata = in_child(
-            "excite.motion.readers.ros2:read_bag", path, source=path, error=MotionError, memory_gb=16.0
-        )
+            check_file(file, limit=MAX_FILE_BYTES)
+        columns, metadata = in_child("excite.motion.readers.ros2:read_bag", path, source=path, memory_gb=16.0)
         return RawMotion(columns, metadata, goal=True)
 
 
@@ -62,8 +60,8 @@ def read_bag(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, str]]:
     """Columns of a bag's trajectory and what the bag says of itself; raises MotionError."""
     columns: dict[str, NDArray[Any]] = {}
     with (
-        unreadable(path, MotionError, remedy="record it again"),
-        open_bag(path, MotionError, indexed=True) as bag,
+        unreadable(path, remedy="record it again"),
+        open_bag(path, indexed=True) as bag,
     ):
         kinds = (JOINT_TRAJECTORY, BASE_TRAJECTORY)
         for topic, kind, message, _ in bag.messages(lambda topic, kind: kind in kinds):
@@ -130,8 +128,6 @@ GOAL_FILE = "goal_{:03d}.yaml"
 """Names of several goals in a folder, by their number."""
 
 _MARK = re.compile(rb"^(trajectory:|joint_names:)", re.MULTILINE)
-# A minute of a humanoid of 30 joints at 200 Hz has 1.2 million numbers, 25 MB.
-_MOST_BYTES, _MOST_NODES = 128 * 1024 * 1024, 3_000_000
 
 
 class Ros2YamlReader(MotionReader):
@@ -153,7 +149,6 @@ class Ros2YamlReader(MotionReader):
             "excite.motion.readers.ros2:read_goals",
             path,
             source=path,
-            error=MotionError,
             seconds=120.0,
             memory_gb=16.0,
         )
@@ -206,9 +201,8 @@ class _Trajectory(BaseModel):
 
 def read_goal(path: Path) -> dict[str, NDArray[Any]]:
     """Columns of a goal or message; raises MotionError that names the point at fault."""
-    content = read_yaml(path, error=MotionError, limit=_MOST_BYTES, most_nodes=_MOST_NODES)
+    # A minute of a humanoid of 30 joints at 200 Hz has 1.2 million numbers, 25 MB.
+    content = read_yaml(path, limit=128 * 1024 * 1024, most_nodes=3_000_000)
     remedy = "give a joint trajectory; write numbers with a point before the exponent"
-    message = check_content(
-        _Trajectory, content.get("trajectory", content), path, remedy=remedy, error=MotionError
-    )
+    message = check_content(_Trajectory, content.get("trajectory", content), path, remedy=remedy)
     return _trajectory_columns("", JOINT_TRAJECTORY, message, path)

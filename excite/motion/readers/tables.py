@@ -69,7 +69,7 @@ class ColumnsReader(MotionReader):
 
     def read(self, path: Path, joints: Sequence[str]) -> RawMotion:
         """See :class:`MotionReader`."""
-        content = read_content(path, MotionError)
+        content = read_content(path)
         columns = content.of_joints(joints)
         if not columns:
             raise MotionError("holds no columns", source=path, remedy="give a motion")
@@ -130,7 +130,7 @@ class LeRobotReader(MotionReader):
 
     def read(self, path: Path, joints: Sequence[str]) -> RawMotion:
         """See :class:`MotionReader`."""
-        data = read_data_set(path, MotionError)
+        data = read_data_set(path)
         first, *others = data.episodes()
         if others:
             raise MotionError("holds several episodes", source=path, remedy="give a data set of one episode")
@@ -145,7 +145,7 @@ class LeRobotReader(MotionReader):
             if feature in arrays:
                 names = [f"{channel}.{name.removesuffix(ending)}" for name in data.names(feature)]
                 columns |= _matrix_columns(feature, arrays[feature], names, path)
-        said = read_json(path / STATEMENT, error=MotionError) if (path / STATEMENT).is_file() else {}
+        said = read_json(path / STATEMENT) if (path / STATEMENT).is_file() else {}
         return RawMotion(columns, of_robot(said))
 
 
@@ -178,8 +178,6 @@ def _matrix_columns(
 
 # Rows of numbers for controllers, whose columns a comment at the top names.
 
-_MARK = b'"columns": ['
-
 
 class RowsReader(MotionReader):
     """Numbers between spaces, a row a period; ``columns`` and ``rate_hz`` in a comment that is a JSON object."""
@@ -192,7 +190,7 @@ class RowsReader(MotionReader):
         if path.suffix != ".txt":
             return False
         start = first_bytes(path, BEGINNING)
-        return start.startswith(b"#") and _MARK in start
+        return start.startswith(b"#") and b'"columns": [' in start
 
     def read(self, path: Path, joints: Sequence[str]) -> RawMotion:
         """See :class:`MotionReader`."""

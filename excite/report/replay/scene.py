@@ -33,10 +33,6 @@ Triangles = Indices
 # cells leave 58 000, 0.37 MB on the page, on which a hand's fingers can still be told; 12 leave 0.14, 48 0.77 MB.
 CELLS = 24
 
-_SHORTEST_BONE = 0.005
-# Radius of a rod, as a share of the median length: looked at on a xArm 7 and a G1, of which all rods can be told.
-_THICK = 0.15
-
 
 class Body(NamedTuple):
     """A part of a robot that moves with a joint.
@@ -137,12 +133,14 @@ def _bone_bodies(robot: Robot) -> Iterator[Body]:
     for joint in range(1, model.njoints):
         ends = [model.jointPlacements[child].translation for child in model.children[joint]]
         ends = ends or [2.0 * model.inertias[joint].lever]
-        found += [(joint, np.array(end)) for end in ends if np.linalg.norm(end) > _SHORTEST_BONE]
+        found += [(joint, np.array(end)) for end in ends if np.linalg.norm(end) > 0.005]
     usual = float(np.median([np.linalg.norm(end) for _, end in found])) if found else 0.0
     for joint, end in found:
         length = float(np.linalg.norm(end))
         turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), end / length)
-        rod = solid_triangles("capsule", (_THICK * usual, length))
+        # Radius of a rod, as a share of the median length: looked at on a xArm 7 and a G1, of which all rods can be
+        # told.
+        rod = solid_triangles("capsule", (0.15 * usual, length))
         yield _place_body(robot.segments[joint - 1].link, joint, pin.SE3(turn.matrix(), 0.5 * end), *rod)
 
 
@@ -155,10 +153,6 @@ def shape_triangles(shape: Shape) -> tuple[Array, Triangles]:
     if shape.vertices is not None and shape.faces is not None:
         return shape.vertices, shape.faces
     return solid_triangles(shape.kind, shape.size)
-
-
-# Corners around a round solid, whose edge stays within 3 % of its radius, and rings from its equator to its pole.
-_AROUND, _RINGS = 14, 3
 
 
 def solid_triangles(kind: str, size: tuple[float, ...]) -> tuple[Array, Triangles]:
@@ -176,20 +170,16 @@ def solid_triangles(kind: str, size: tuple[float, ...]) -> tuple[Array, Triangle
         lift = np.zeros_like(spread)
     else:
         scale, half = (size[0],), 0.0 if kind == "sphere" else 0.5 * size[1]
-        rise = np.linspace(0.0, 0.5 * np.pi, 1 if kind == "cylinder" else _RINGS + 1)[:, None]
-        turn = np.linspace(0.0, 2.0 * np.pi, _AROUND, endpoint=False)
+        rise = np.linspace(0.0, 0.5 * np.pi, 1 if kind == "cylinder" else 4)[:, None]
+        # Corners around a round solid, whose edge stays within 3 % of its radius, and rings from its equator to its
+        # pole.
+        turn = np.linspace(0.0, 2.0 * np.pi, 14, endpoint=False)
         around = (np.cos(rise) * np.cos(turn), np.cos(rise) * np.sin(turn), np.sin(rise) + 0.0 * turn)
         upper = np.stack(around, axis=-1).reshape(-1, 3)
         spread = np.vstack([upper, upper * [1.0, 1.0, -1.0]])
         lift = np.outer(np.repeat([1.0, -1.0], len(upper)), [0.0, 0.0, 1.0])
     used, triangles = hull_faces(spread + (kind != "sphere") * lift)
     return (spread * scale + half * lift)[used], triangles
-
-
-# The robot that does not change in time.
-
-# Corners are numbered with 16 bits, the last of which stands for what is not known.
-_MOST_CORNERS = 65535
 
 
 def robot_scene(robot: Robot) -> dict[str, Any]:
@@ -202,10 +192,11 @@ def robot_scene(robot: Robot) -> dict[str, Any]:
         ``bodies``: see :class:`Body`. ``feet``: ``name``, ``joint``, and corners of the
         ``sole`` in its frame. ``ground``: its height [m], null where there is none.
     """
+    # Corners are numbered with 16 bits, the last of which stands for what is not known.
     bodies = [
         body._asdict() | {"corners": pack_table(body.corners), "triangles": packed_indices(body.triangles)}
         for body in visible_bodies(robot)
-        if 0 < len(body.triangles) and len(body.corners) < _MOST_CORNERS
+        if 0 < len(body.triangles) and len(body.corners) < 65535
     ]
     feet = [
         {"name": foot.name, "joint": foot.joint, "sole": [_round_values(corner) for corner in foot.sole]}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
 from html import escape
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -12,6 +12,7 @@ import numpy as np
 from excite.diagnosis.answer.answer import HELD, explain_named_share, explain_other_joint, explain_share
 from excite.diagnosis.answer.gap import NOT_REPEATED, describe_closed, of_positions
 from excite.display import span
+from excite.finding import list_names
 from excite.report.conclusions import VERDICTS
 from excite.report.folder import Document, Findings
 from excite.report.html import (
@@ -28,8 +29,7 @@ from excite.report.html import (
     percent_cell,
     percent_text,
 )
-from excite.report.plots.bars import Bars, draw_bars
-from excite.report.plots.curves import Line, Panel, channel_label, show_panels
+from excite.report.plots.curves import Bars, Line, Panel, channel_label, draw_bars, show_panels
 from excite.report.theme import IDENTIFIED, INK, NOMINAL, to_svg
 
 if TYPE_CHECKING:
@@ -356,9 +356,6 @@ def _explain_disagreement(found: Document) -> str:
     )
 
 
-# The map of the gap: which channels, and what each one's follows.
-
-
 def show_where(findings: Findings) -> Shown:
     """A row a channel, a column for each thing that its gap may follow; the fuller the colour, the more it does."""
     found = findings.diagnosis
@@ -550,8 +547,6 @@ _MEANS = {
     "limits": "limits what can be told",
     "note": "to know",
 }
-# Named places and trials.
-_NAMED = 4
 
 
 def show_log_findings(findings: Findings) -> Shown:
@@ -581,10 +576,5 @@ def show_log_findings(findings: Findings) -> Shown:
 
 
 def _finding_place(item: Document) -> str:
-    trials = f"in {_list_places(item['trials'])}" if item["trials"] else ""
-    return "; ".join(filter(None, (_list_places(item["places"]), trials)))
-
-
-def _list_places(names: Sequence[str]) -> str:
-    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
-    return ", ".join(names[:_NAMED]) + more
+    trials = f"in {list_names(item['trials'], 4)}" if item["trials"] else ""
+    return "; ".join(filter(None, (list_names(item["places"], 4), trials)))

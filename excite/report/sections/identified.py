@@ -25,11 +25,12 @@ from excite.report.html import (
     inline_figure,
     named_rows,
 )
-from excite.report.plots.bars import Bars, draw_bars
 from excite.report.plots.curves import (
     MOST_PANELS,
+    Bars,
     channel_label,
     channel_panels,
+    draw_bars,
     show_panels,
 )
 from excite.report.theme import IDENTIFIED, INK, NOMINAL, draw_figure, to_svg

@@ -32,7 +32,7 @@ from excite.report.html import (
     live_replay,
     percent_cell,
 )
-from excite.report.plots.bars import Bars, draw_bars
+from excite.report.plots.curves import Bars, draw_bars
 from excite.report.plots.postures import choose_motions, draw_snapshots
 from excite.report.replay.scene import frame_times, robot_scene, trial_track
 from excite.report.replay.tracks import motion_tracks, pack_table

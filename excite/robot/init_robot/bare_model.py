@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 import numpy as np
 from pydantic import ValidationError
 
-from excite.errors import RobotError
+from excite.errors import RobotError, raised_as
 from excite.formats.documents import read_xml, read_yaml
 from excite.robot.description import RobotDescription
 from excite.robot.init_robot.first_guesses import (
@@ -197,6 +197,7 @@ class BareModel:
         return {name: one.value for name, one in self.held.items()}
 
 
+@raised_as(RobotError)
 def bare_model(path: Path, said: Said, weak: Mapping[str, float]) -> BareModel:
     """Read a URDF without a description.
 
@@ -208,7 +209,7 @@ def bare_model(path: Path, said: Said, weak: Mapping[str, float]) -> BareModel:
     Raises:
         RobotError: the URDF is missing or absurd in a way that no description can mend, or nothing in it moves.
     """
-    root = read_xml(path, error=RobotError, max_depth=MAX_NESTING)
+    root = read_xml(path, max_depth=MAX_NESTING)
     ranges = stated_ranges(root, path)
     prepare_urdf(root, path)
     joints = check_tree(root, path)

@@ -16,7 +16,7 @@ import yaml
 
 from excite.arrays import Array
 from excite.atomic import all_or_nothing, write_text
-from excite.errors import InputError, RobotError
+from excite.errors import InputError, RobotError, in_one_line, raised_as
 from excite.formats.child import in_child
 from excite.formats.documents import read_xml
 from excite.formats.file import first_bytes
@@ -123,13 +123,14 @@ def write_scaffold(
     return ScaffoldFiles(target, urdf, _read_assumed(text), made.notes)
 
 
+@raised_as(RobotError)
 def _make_urdf(file: Path, source: Source) -> ConvertedModel:
     """The URDF that is made of a MuJoCo model, an SDF or xacro file, or of a URDF that leaves masses out."""
     found = convert_model(file)
     if found is not None:
         return found
     plain, text = not is_xacro(file) and not source.package_path, None
-    root = read_xml(file, error=RobotError, max_depth=MAX_NESTING) if plain else None
+    root = read_xml(file, max_depth=MAX_NESTING) if plain else None
     if root is None or (root.tag == "robot" and not states_mass(root)):
         text = expand_xacro(file, source.arguments, source.package_path)
         root = ElementTree.fromstring(text)
@@ -158,8 +159,8 @@ def convert_model(file: Path) -> ConvertedModel | None:
     if is_mjcf(file):
         return convert_mjcf(file)
     try:
-        root = read_xml(file, error=RobotError, max_depth=MAX_NESTING)
-    except RobotError:
+        root = read_xml(file, max_depth=MAX_NESTING)
+    except InputError:
         # Whoever reads it next says why.
         return None
     return ConvertedModel(urdf=convert_sdf(root, file)) if root.tag == "sdf" else None
@@ -212,6 +213,7 @@ def is_xacro(path: Path) -> bool:
     return path.suffix == ".xacro" or _NAMESPACE.encode() in first_bytes(path, 4096)
 
 
+@raised_as(RobotError)
 def expand_xacro(path: Path, arguments: Mapping[str, str], package_path: tuple[Path, ...] = ()) -> str:
     """URDF text of a URDF or xacro file, its mesh paths absolute where the files are found.
 
@@ -223,7 +225,7 @@ def expand_xacro(path: Path, arguments: Mapping[str, str], package_path: tuple[P
     Raises:
         RobotError: the file is missing, or xacro cannot expand it, or not within half a minute, or to no link.
     """
-    root = _without_xacro(path) if is_xacro(path) else read_xml(path, error=RobotError)
+    root = _without_xacro(path) if is_xacro(path) else read_xml(path)
     try:
         root = _expanded_root(path, arguments, package_path) if is_xacro(path) else root
     except RobotError:
@@ -248,7 +250,6 @@ def _expanded_root(
         dict(arguments),
         package_path,
         source=path,
-        error=RobotError,
         seconds=_SECONDS,
         memory_gb=4.0,
         endless=(
@@ -277,7 +278,7 @@ def _without_xacro(path: Path) -> ElementTree.Element | None:
 
     It does where nothing moves without them, or a value is to be evaluated.
     """
-    root = read_xml(path, error=RobotError)
+    root = read_xml(path)
     if path.suffix == ".xacro":
         return None
     for element in list(root.iter()):
@@ -320,7 +321,7 @@ def _expand_xacro(path: Path, arguments: Mapping[str, str], package_path: tuple[
         cause = _wrapped_error(error)
         if cause is not None:
             raise cause from error
-        said = " ".join(str(error).split())[:200] or type(error).__name__
+        said = in_one_line(error)[:200]
         if isinstance(error, RecursionError) or "recursion depth" in str(error):
             said = "it includes a file, or calls a macro, without end"
         unknown = _UNKNOWN_ARGUMENT.search(said)

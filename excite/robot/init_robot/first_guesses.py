@@ -23,9 +23,6 @@ from excite.robot.urdf.inertia import GEOMETRY
 from excite.robot.urdf.numbers import read_number, read_origin
 from excite.robot.urdf.tree import MOVING, LinkTree, link_at
 
-# What can be guessed about a robot from its URDF alone, for a person to confirm.
-
-_SIDES = (("left", "right"), ("Left", "Right"), ("LEFT", "RIGHT"))
 _LETTERS = re.compile(r"(?<![A-Za-z])([lL])(?![a-z])|(?<=[a-z0-9])(L)(?![a-z])")
 
 
@@ -108,7 +105,11 @@ def guess_pairs(robot: Robot) -> tuple[tuple[str, str], ...]:
 
 def mirror_names(link: str) -> list[str]:
     """Names that the right-hand twin of a left-hand link may have."""
-    names = [link.replace(left, right) for left, right in _SIDES if left in link]
+    names = [
+        link.replace(left, right)
+        for left, right in (("left", "right"), ("Left", "Right"), ("LEFT", "RIGHT"))
+        if left in link
+    ]
     for match in _LETTERS.finditer(link):
         letter = {"l": "r", "L": "R"}[match.group()]
         names.append(link[: match.start()] + letter + link[match.end() :])
@@ -136,7 +137,6 @@ _FINGER = re.compile(r"finger|thumb|gripper|knuckle|jaw|pinky", re.IGNORECASE)
 # A joint of the arm though the link that it turns is called a gripper's: the last one of a ViperX.
 _LIMB = re.compile(r"wrist|forearm|elbow|shoulder", re.IGNORECASE)
 
-UNDRIVEN = "no motor drives it"
 MASSLESS = "nothing with mass moves with it"
 TOO_WEAK = (
     "the torque limit that the model states cannot hold what it carries: state the drive's, if it gives more"
@@ -186,7 +186,7 @@ def held_joints(
         reasons = {
             MASSLESS: masses[name] <= 0.0 and name not in tied,
             "its limits leave it no range: correct them if it moves": guess.blocked is not None,
-            UNDRIVEN: driven and guess.effortless and name not in driven | tied,
+            "no motor drives it": driven and guess.effortless and name not in driven | tied,
             "a slide without limits": slides and guess.position is None and name not in closing,
             "what its wheels or legs do: it has no drive": name in rolling,
             "a wheel": _WHEEL.search(called),

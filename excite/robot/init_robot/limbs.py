@@ -19,8 +19,6 @@ from excite.robot.robot import Robot
 from excite.robot.shapes.collision import collision_shapes, lowest_points, whole_centre
 from excite.robot.shapes.shape import Shape, bottom_points, place_points
 
-# Which limbs of a bare model are legs, and where their feet touch the ground.
-
 _LEG = re.compile(r"leg|foot|feet|ankle|toe|knee|hip|calf|thigh|shank|shin|sole|kfe|hfe", re.IGNORECASE)
 _ARM = re.compile(r"arm|hand|wrist|elbow|shoulder|finger|gripper|claw", re.IGNORECASE)
 # A ball of 30 mm radius has a patch of 27 mm within that of its lowest point; the narrowest sole known has 40 mm.

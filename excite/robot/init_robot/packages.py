@@ -8,7 +8,7 @@ from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 
-from excite.errors import RobotError
+from excite.errors import InputError, RobotError, raised_as
 from excite.formats.documents import read_xml, read_yaml
 from excite.robot.catalogue import find_robot, is_package
 from excite.robot.init_robot.source import Source
@@ -61,8 +61,8 @@ def _package_name(folder: Path) -> str | None:
     """The name in a folder's ``package.xml``; None where there is none that can be read."""
     try:
         file = folder / _MANIFEST
-        named = read_xml(file, error=RobotError).findtext("name") if file.is_file() else None
-    except RobotError:
+        named = read_xml(file).findtext("name") if file.is_file() else None
+    except InputError:
         return None
     return named.strip() if named else None
 
@@ -82,7 +82,6 @@ def _find_packages(folder: Path, deep: int) -> Iterator[Path]:
 # What a package says of a robot: MoveIt's names the description's package, its pairs that may touch and its limits.
 
 _ASSISTANT = ".setup_assistant"
-_MODELS = ("*.urdf", "*.urdf.xacro", "*.xacro")
 
 
 def find_model(name_or_path: str | Path, source: Source) -> tuple[Path, Source]:
@@ -120,7 +119,7 @@ def model_of_package(folder: Path, source: Source) -> tuple[Path, Source]:
     stated = _stated_model(folder, source)
     if stated is not None:
         return stated, source
-    for pattern in _MODELS:
+    for pattern in ("*.urdf", "*.urdf.xacro", "*.xacro"):
         found = sorted({file for place in inside for file in place.glob(pattern)})
         if len(found) == 1:
             return found[0], source
@@ -139,7 +138,7 @@ def _stated_model(folder: Path, source: Source) -> Path | None:
     """The model that MoveIt's Setup Assistant was given; None where it noted none."""
     if not (folder / _ASSISTANT).is_file():
         return None
-    noted = read_yaml(folder / _ASSISTANT, error=RobotError).get("moveit_setup_assistant_config")
+    noted = read_yaml(folder / _ASSISTANT).get("moveit_setup_assistant_config")
     lower = {str(key).lower(): value for key, value in noted.items()} if isinstance(noted, Mapping) else {}
     urdf = lower.get("urdf")
     package, file = (
@@ -162,13 +161,14 @@ def _stated_model(folder: Path, source: Source) -> Path | None:
 # Pairs of links that an SRDF file lets touch.
 
 
+@raised_as(RobotError)
 def read_srdf(path: Path) -> tuple[tuple[str, str], ...]:
     """Pairs that ``disable_collisions`` names.
 
     Raises:
         RobotError: the file is missing, is no SRDF, or a pair names one link only.
     """
-    root = read_xml(path, error=RobotError)
+    root = read_xml(path)
     if root.tag != "robot" or root.find("link") is not None:
         raise robot_error(path, root.tag, "is no SRDF", "give the .srdf of a MoveIt configuration")
     pairs = []

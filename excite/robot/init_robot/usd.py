@@ -16,7 +16,7 @@ import numpy as np
 import pinocchio as pin
 
 from excite.arrays import Array
-from excite.errors import InputError, RobotError
+from excite.errors import InputError, RobotError, raised_as
 from excite.formats.file import check_file
 from excite.robot.catalogue import MODEL_SUFFIXES
 from excite.robot.refusal import robot_error
@@ -47,6 +47,7 @@ class _Joint:
     sign: float
 
 
+@raised_as(RobotError)
 def convert_usd(path: Path) -> ConvertedModel:
     """The URDF of the robot in a USD file; materials, lights and scenes are left out.
 
@@ -65,7 +66,7 @@ def convert_usd(path: Path) -> ConvertedModel:
             "needs usd-core to be read", source=path, remedy="pip install 'excite[usd]', or give a URDF"
         ) from error
     try:
-        stage = Usd.Stage.Open(str(check_file(path, error=RobotError)))
+        stage = Usd.Stage.Open(str(check_file(path)))
     except Tf.ErrorException as error:
         # The library's own sentence, without the place in its source.
         said = str(error).rpartition(" : ")[2].strip("' \n").splitlines()[0][:160]

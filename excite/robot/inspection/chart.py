@@ -9,7 +9,7 @@ from xml.etree.ElementTree import Element
 
 from excite.atomic import write_text
 from excite.display import count
-from excite.errors import RobotError
+from excite.errors import RobotError, raised_as
 from excite.finding import Examination, Finding, list_names, merge_findings, worst_first
 from excite.formats.documents import read_xml
 from excite.robot.description import FREE_BASES, RobotDescription, read_description
@@ -30,7 +30,6 @@ from excite.temporary_folder import TemporaryFolder
 
 # What follows from another fault of the same link is not said beside it.
 _TELLS = {"inertia_scale": ("density", "placeholder")}
-_OF_INERTIA = {"triangle", "not_positive", "inertial"}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -110,7 +109,7 @@ def _inertials_alone(path: Path, folder: Path, error: RobotError) -> RobotChart:
     if not is_mjcf(path):
         raise error
     urdf = Element("robot", name=path.stem)
-    for number, body in enumerate(read_xml(path, error=RobotError, max_depth=MAX_NESTING).iter("body")):
+    for number, body in enumerate(read_xml(path, max_depth=MAX_NESTING).iter("body")):
         stated = body.find("inertial")
         if stated is None:
             continue
@@ -130,6 +129,7 @@ def _inertials_alone(path: Path, folder: Path, error: RobotError) -> RobotChart:
     return RobotChart(path.stem, worst_first(merge_findings((*found, _refusal_finding(error)))))
 
 
+@raised_as(RobotError)
 def _examine_urdf(
     name: str,
     urdf: Path,
@@ -139,7 +139,7 @@ def _examine_urdf(
     thorough: bool = True,
 ) -> RobotChart:
     """Judge a URDF; faults of the links in ``acknowledged`` are accepted, for the reasons there."""
-    root = read_xml(urdf, error=RobotError, max_depth=MAX_NESTING)
+    root = read_xml(urdf, max_depth=MAX_NESTING)
     if root.tag != "robot":
         prepare_urdf(root, urdf)
     drop_points(root)
@@ -152,7 +152,11 @@ def _examine_urdf(
     for one in found:
         if any((kind, place) in told for kind in _TELLS.get(one.kind, ()) for place in one.places):
             continue
-        if acknowledged and one.kind in _OF_INERTIA and set(one.places) <= set(acknowledged):
+        if (
+            acknowledged
+            and one.kind in {"triangle", "not_positive", "inertial"}
+            and set(one.places) <= set(acknowledged)
+        ):
             reason = f"accepted in robot.yaml: {acknowledged[one.places[0]]}"
             one = replace(one, severity="note", remedy=reason)
         kept.append(one)

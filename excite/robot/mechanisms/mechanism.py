@@ -351,9 +351,6 @@ class ConstantRatios:
         return np.asarray(np.abs(q @ self.sums.T - self.offset).max(axis=1))
 
 
-# Building a mechanism, closed, from the names of its passive joints.
-
-
 def build_mechanism(
     model: pin.Model,
     closures: Sequence[Closure],

@@ -9,6 +9,7 @@ from xml.etree import ElementTree
 import mujoco
 import numpy as np
 
+from excite.errors import in_one_line
 from excite.finding import first_names
 from excite.robot.mjcf.trees import (
     Closures,
@@ -27,9 +28,6 @@ from excite.robot.mjcf.urdf import BALL, HINGE, UrdfWriter
 from excite.robot.refusal import robot_error
 from excite.robot.urdf.converted import ConvertedModel
 
-# Key frames in which a robot rests.
-_RESTING = ("home", "stand", "standing", "init", "rest")
-
 
 def compile_mjcf(path: Path) -> ConvertedModel:
     """As :func:`~excite.robot.mjcf.conversion.convert_mjcf`, in this process, without looking through the file."""
@@ -41,8 +39,9 @@ def compile_mjcf(path: Path) -> ConvertedModel:
         _strip_missing_meshes(spec, path, notes)
         model = spec.compile()
     except (ValueError, OSError, RuntimeError) as error:
-        line = " ".join(str(error).split())
-        raise robot_error(path, None, f"MuJoCo cannot compile it ({line})", "mend it there") from error
+        raise robot_error(
+            path, None, f"MuJoCo cannot compile it ({in_one_line(error)})", "mend it there"
+        ) from error
     writer = UrdfWriter(model)
     balls = idle_joints(model, {BALL})
     if balls:
@@ -145,7 +144,7 @@ def _strip_missing_meshes(spec: mujoco.MjSpec, path: Path, notes: list[str]) -> 
     for mesh in missing.values():
         spec.delete(mesh)
     if missing:
-        names = ", ".join(sorted(missing)[:4]) + (", …" if len(missing) > 4 else "")
+        names = first_names(sorted(missing), 4)
         notes.append(f"{len(missing)} mesh files are not there and left out ({names})")
 
 
@@ -172,7 +171,10 @@ def _refuse_unsupported(model: mujoco.MjModel, idle: set[int], path: Path) -> No
 def _rest_keyframe(model: mujoco.MjModel, writer: UrdfWriter) -> dict[str, float] | None:
     """Joint values, from their references, of the keyframe named like a rest; None without such a one."""
     names = [model.key(number).name.lower() for number in range(model.nkey)]
-    found = next((names.index(name) for name in _RESTING if name in names), None)
+    # Key frames in which a robot rests.
+    found = next(
+        (names.index(name) for name in ("home", "stand", "standing", "init", "rest") if name in names), None
+    )
     if found is None:
         return None
     off = model.key_qpos[found] - model.qpos0

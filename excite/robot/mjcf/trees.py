@@ -30,7 +30,6 @@ _CONNECT, _WELD, _JOINT, _TENDON = (
         mujoco.mjtEq.mjEQ_TENDON,
     )
 )
-_SOURCE = "the MuJoCo model's equality"
 
 
 def robot_root(model: mujoco.MjModel, path: Path) -> tuple[int, tuple[int, ...]]:
@@ -304,7 +303,7 @@ def write_ties(model: mujoco.MjModel, closures: Closures, writer: UrdfWriter) ->
         first, second = int(model.eq_obj1id[number]), int(model.eq_obj2id[number])
         name = model.equality(number).name or f"equality_{number}"
         passive = [writer.joint_name(joint) for joint in sorted(closures.passive.get(number, ()))]
-        told = {"passive": passive, "source": _SOURCE}
+        told = {"passive": passive, "source": "the MuJoCo model's equality"}
         if kind in kinds:
             ends = [_end_block(writer, *end) for end in _loop_ends(model, number)]
             found.loops.append({"name": name, "kind": kinds[kind], "ends": ends, **told})

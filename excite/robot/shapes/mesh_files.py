@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.errors import RobotError
+from excite.errors import RobotError, in_one_line, raised_as
 from excite.formats.child import in_child
 from excite.formats.file import MAX_TEXT_BYTES, check_file, read_bytes
 from excite.robot.refusal import robot_error
@@ -70,22 +70,21 @@ def load_points(paths: tuple[Path, ...]) -> list[Array]:
         try:
             loaded.append(np.array(coal.MeshLoader().load(str(path), np.ones(3)).vertices()).reshape(-1, 3))
         except (RuntimeError, ValueError) as error:
-            reason = " ".join(str(error).split())
-            what = f"mesh cannot be read ({reason[:160]})"
+            what = f"mesh cannot be read ({in_one_line(error)[:160]})"
             raise robot_error(path, None, what, "check the mesh's format") from error
     return loaded
 
 
+@raised_as(RobotError)
 def _load_meshes(paths: list[Path], *, alone: bool) -> list[Array]:
     """By a process of its own; one of them again, ``alone``, is given less time."""
     for path in paths:
-        check_file(path, limit=MAX_TEXT_BYTES, error=RobotError)
+        check_file(path, limit=MAX_TEXT_BYTES)
     megabytes = sum(path.stat().st_size for path in paths) / 1e6
     points: list[Array] = in_child(
         "excite.robot.shapes.mesh_files:load_points",
         tuple(paths),
         source=paths[0],
-        error=RobotError,
         seconds=(12.0 if alone else BATCH_SECONDS) + SECONDS_A_MEGABYTE * megabytes,
         memory_gb=8.0,
     )
@@ -103,8 +102,9 @@ def _check_points(points: Array, path: Path) -> Array:
     return points
 
 
+@raised_as(RobotError)
 def _stl_points(path: Path) -> Array:
-    content = read_bytes(path, limit=MAX_TEXT_BYTES, error=RobotError)
+    content = read_bytes(path, limit=MAX_TEXT_BYTES)
     n_triangles = int.from_bytes(content[80:84], "little") if len(content) >= 84 else -1
     if len(content) == 84 + 50 * n_triangles:
         triangles = np.frombuffer(content, _BINARY_STL, n_triangles, offset=84)
@@ -127,8 +127,9 @@ def _text_points(content: bytes, path: Path) -> Array:
     try:
         return np.array(rows, dtype=np.float64).reshape(-1, 3)
     except ValueError as error:
-        reason = " ".join(str(error).split())
-        raise robot_error(path, None, f"mesh is no STL file ({reason[:100]})", _DAMAGED) from error
+        raise robot_error(
+            path, None, f"mesh is no STL file ({in_one_line(error)[:100]})", _DAMAGED
+        ) from error
 
 
 def binary_stl(triangles: NDArray[np.floating]) -> bytes:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement
 
-from excite.errors import RobotError
+from excite.errors import RobotError, raised_as
 from excite.finding import first_names
 from excite.formats.documents import check_content, read_yaml
 from excite.results import Assumed
@@ -30,7 +30,6 @@ _BOUNDS = {
     **{"soft_lower_limit": "lower", "soft_upper_limit": "upper", "max_deceleration": "acceleration"},
     **{f"max_{quantity}": quantity for quantity in LARGEST},
 }
-_OTHER_KEYS = ("has_", "k_", "angle_wraparound")
 
 
 Limits = dict[str, dict[str, Any]]
@@ -212,6 +211,7 @@ class LimitsFile:
     others: tuple[str, ...]
 
 
+@raised_as(RobotError)
 def read_limits_file(file: Path, names: Sequence[str], *, given: bool = True) -> LimitsFile:
     """Limits of a robot's joints: ``joint_limits`` as MoveIt has them, ``by_position`` as a ``robot.yaml`` has.
 
@@ -228,7 +228,7 @@ def read_limits_file(file: Path, names: Sequence[str], *, given: bool = True) ->
             joint that the robot does not have; nothing is of the robot's, or a key of its joints is no limit's.
     """
     remedy = f"give MoveIt's {_FILE}"
-    content = read_yaml(file, error=RobotError, degrees=True, remedy=remedy)
+    content = read_yaml(file, degrees=True, remedy=remedy)
     joints = _find_block(content, {} if "by_position" in content else None)
     if not isinstance(joints, dict):
         raise robot_error(file, None, "has no mapping joint_limits", remedy)
@@ -243,7 +243,7 @@ def read_limits_file(file: Path, names: Sequence[str], *, given: bool = True) ->
     known = {short: name for name in names for short in (name, name.removesuffix("_joint"))}
     for block in blocks:
         said = {"source": file.name, **block}
-        table = check_content(PositionTable, said, file, remedy=remedy, error=RobotError)
+        table = check_content(PositionTable, said, file, remedy=remedy)
         lost = {table.joint, table.over or table.joint} - set(known)
         if lost:
             raise robot_error(
@@ -261,7 +261,7 @@ def read_limits_file(file: Path, names: Sequence[str], *, given: bool = True) ->
         f"{name}.{key}"
         for name, block in stated.items()
         for key in (block if isinstance(block, dict) else ())
-        if key not in _BOUNDS and not str(key).startswith(_OTHER_KEYS)
+        if key not in _BOUNDS and not str(key).startswith(("has_", "k_", "angle_wraparound"))
     ]
     if given and strange:
         raise robot_error(

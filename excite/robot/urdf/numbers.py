@@ -35,7 +35,6 @@ _LARGEST: dict[str, tuple[float, str]] = {
     "length": (MAX_LENGTH, "write metres"),
     **dict.fromkeys(MOMENTS, (MAX_INERTIA, "write kg·m²")),
 }
-_STAND_IN = (MAX_STAND_IN, "check its unit and exponent")
 
 # Narrower than float(): no "nan", "inf", "1_000" or decimal commas.
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
@@ -73,7 +72,7 @@ def read_numbers(
     if not text.isascii() or len(parts) != count or not all(_NUMBER.fullmatch(part) for part in parts):
         raise robot_error(source, place, said, f"give {wanted}, with a decimal point")
     values = tuple(float(part) for part in parts)
-    most, cause = _LARGEST.get(attribute, _STAND_IN)
+    most, cause = _LARGEST.get(attribute, (MAX_STAND_IN, "check its unit and exponent"))
     if not all(map(math.isfinite, values)):
         raise robot_error(source, place, f"{said}, too large for a number", f"give {wanted}")
     if max(map(abs, values)) > most:

@@ -16,7 +16,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pinocchio as pin
 
-from excite.errors import RobotError
+from excite.errors import RobotError, raised_as
 from excite.formats.documents import read_xml
 from excite.robot.joint_values import check_range
 from excite.robot.refusal import robot_error, unknown_name
@@ -80,6 +80,7 @@ class CheckedUrdf:
         return ElementTree.tostring(self.root, encoding="unicode")
 
 
+@raised_as(RobotError)
 def read_urdf(path: Path, stated: Stated | None = None) -> CheckedUrdf:
     """Read a URDF, check it, and rewrite it so that every reader understands it alike.
 
@@ -96,7 +97,7 @@ def read_urdf(path: Path, stated: Stated | None = None) -> CheckedUrdf:
         RobotError: the file is missing or something in it is absurd; names element and remedy.
     """
     stated = stated or Stated()
-    root = read_xml(path, error=RobotError, max_depth=MAX_NESTING)
+    root = read_xml(path, max_depth=MAX_NESTING)
     tightened = prepare_urdf(root, path)
     joints = check_tree(root, path)
     _lock_joints(joints, stated, path)
@@ -107,13 +108,14 @@ def read_urdf(path: Path, stated: Stated | None = None) -> CheckedUrdf:
     return CheckedUrdf(root, tightened)
 
 
+@raised_as(RobotError)
 def parse_urdf(path: Path) -> ElementTree.Element:
     """The ``robot`` element of a URDF file as :func:`prepare_urdf` leaves it.
 
     Raises:
         RobotError: the file is missing, is no XML, hides entities, is another format, or has a limit that is no number.
     """
-    root = read_xml(path, error=RobotError, max_depth=MAX_NESTING)
+    root = read_xml(path, max_depth=MAX_NESTING)
     prepare_urdf(root, path)
     return root
 

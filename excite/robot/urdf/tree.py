@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from excite.finding import first_names
 from excite.formats.documents import all_alike
 from excite.robot.joint_values import check_range
 from excite.robot.quantities import MAX_ANGLE, MAX_STAND_IN, MAX_TRAVEL_STAND_IN
@@ -223,8 +224,7 @@ def _check_roots(links: list[str], tree: LinkTree, path: Path) -> None:
         way = [link, *(tree.ends[joint][0] for joint in tree.above(link))]
         if way[-1] in tree.carriers:
             loop = way[way.index(way[-1]) : -1]
-            names = ", ".join(loop[:5]) + (", …" if len(loop) > 5 else "")
-            what = f"is its own ancestor (closed loop of {names})"
+            what = f"is its own ancestor (closed loop of {first_names(loop, 5)})"
             remedy = "cut the loop; closed loops are not modelled"
             raise robot_error(path, f"link {way[-1]!r}", what, remedy)
         depths[link] = len(way) - 1
