@@ -11,7 +11,7 @@ from scipy.special import ndtri, stdtrit
 
 from excite.arrays import Array
 from excite.diagnosis.answer.answer import Verdict
-from excite.diagnosis.answer.gap import Budget, Named
+from excite.diagnosis.answer.gap import Budget, ChannelBudget, EffectShare, Named
 from excite.diagnosis.attribution import (
     Attribution,
     Hypothesis,
@@ -87,13 +87,21 @@ class BudgetVerdict:
         sizes = [item.values[p.name] for p in term.effect.linear if not p.beside and p.name in item.values]
         known = any(std is not None and abs(size) * THRESHOLDS.trifle > std for size, std in sizes)
         least = 0.0 if known else THRESHOLDS.trifle
-        channels = list(self.budget.channels.values())
+        own = None if term.own is None else list(self.budget.channels.values())[term.own]
         return any(
-            s.interval90[0] > 0.0 and s.share >= max([least, *(u.share for u in channel.unnamed)])
-            for channel in (channels if term.own is None else [channels[term.own]])
-            for s in channel.effects
-            if (s.effect, s.location) == (item.effect, item.location)
+            share.interval90[0] > 0.0 and share.share >= max([least, *(u.share for u in channel.unnamed)])
+            for channel, share in self._shares_of(item)
+            if own is None or channel is own
         )
+
+    def _shares_of(self, item: Named) -> list[tuple[ChannelBudget, EffectShare]]:
+        """Channels whose gap an effect takes a share of, each with that share."""
+        return [
+            (channel, share)
+            for channel in self.budget.channels.values()
+            for share in channel.effects
+            if (share.effect, share.location) == (item.effect, item.location)
+        ]
 
     def _keep_explaining(self, chosen: Sequence[Named]) -> tuple[list[Named], list[Scored]]:
         """Those that have a size and leave less of what judges, each and all together, put into the equations.
@@ -201,13 +209,14 @@ class BudgetVerdict:
         Blocks are few: 1.645 deviations are to hold what Student's quantile does. What no effect explains of a joint is
         no noise, and is partly alike with any torque: the size is off by as much, wherever it stands clearest.
         """
-        shares = [
-            (share.share, 1.0 - sum(other.share for other in channel.effects))
-            for channel in self.budget.channels.values()
-            for share in channel.effects
-            if (share.effect, share.location) == (item.effect, item.location)
-        ]
-        open_ = min((np.sqrt(max(rest, 0.0) / own) for own, rest in shares if own > 0.0), default=1.0)
+        open_ = min(
+            (
+                np.sqrt(max(1.0 - sum(other.share for other in channel.effects), 0.0) / share.share)
+                for channel, share in self._shares_of(item)
+                if share.share > 0.0
+            ),
+            default=1.0,
+        )
         student = float(stdtrit(max(blocks - 1, 1), _HIGH) / ndtri(_HIGH))
         return np.hypot(student * spread, _ALIKE * open_ * np.abs(beta))
 

@@ -38,8 +38,6 @@ _SIGNIFICANT = 8.0
 # Shares that any effect may take away of the noise's power, by noise in the regressors' kinematics, and of what the
 # best fit leaves above it, where its form is wrong.
 _TAKEN_OF_NOISE, _TAKEN_OF_REST = 0.1, 0.3
-# Deviation of the size of a contribution whose shape was fitted.
-_FITTED_SIZE = 0.02
 _TURNS, _SWEEPS, _BURNT = 6, 60, 20
 # Hypotheses that are refined: the first few, the best of each form and other places of the first one.
 _FIRST_LOOK, _NEIGHBOURS = 6, 14
@@ -279,7 +277,7 @@ class Search:
         changes = effect_columns(self.problem, state, effect, location, theta)
         scales = effect.parameter_scales(self.problem.nominal, location)
         mean, free = np.concatenate([[1.0], -theta / scales]), np.full(len(theta) + 1, np.inf)
-        precision = np.concatenate([[_FITTED_SIZE**-2], np.ones(len(theta))])
+        precision = np.concatenate([[sampler.FITTED_SIZE**-2], np.ones(len(theta))])
         columns = np.column_stack([rows - there, changes])
         return Atom(placed, theta, scales, columns, sampler.AtomPrior(mean, precision, -free, free))
 

@@ -154,7 +154,7 @@ class _Search:
             if (
                 best is None
                 or _forms_of(model.terms) == _forms_of(best.terms)
-                or _predicts_better(model, best)
+                or predictive_nats(model, best) > 0.0
             ):
                 best = model
                 ends.append((replace(self), found, keys))
@@ -393,11 +393,6 @@ def build_gap_model(
     return GapModel(model, nats, rivals, len(groups), selected.full, now, _rank_single_terms(selected))
 
 
-def _predicts_better(model: Model, other: Model) -> bool:
-    """Whether a model says more of blocks left out than another."""
-    return predictive_nats(model, other, np.zeros_like(model.predicted)) > 0.0
-
-
 def _forms_of(terms: Sequence[Term]) -> set[tuple[Key, type[Effect], tuple[int, ...]]]:
     """Names, places and forms of terms."""
     return {(term.key, type(term.effect), tuple(term.kept)) for term in terms}
@@ -462,7 +457,7 @@ def _find_delay(
             if term is None or not term.is_possible(now.context, np.ones(1)):
                 continue
             both = fit_model(Design(rows, (*terms, term)), range(len(terms) + 1))
-            odds = predictive_nats(both, without, np.zeros_like(both.predicted)) - price
+            odds = predictive_nats(both, without) - price
             if odds > most:
                 best, most = term, odds
     return None if best is None else (best, most)
@@ -495,6 +490,8 @@ def choose_bodies(terms: Sequence[Term], full: Baseline, rows: Rows) -> list[Ter
     """
     kept = [term for term in terms if not term.effect.is_body]
     outside = [term for term in terms if term.effect.is_body]
+    if not outside:
+        return kept
     model = fit_model(Design(rows, tuple(kept)), range(len(kept)))
     while outside:
         entered: tuple[float, Term, Term, Model] | None = None
@@ -503,7 +500,7 @@ def choose_bodies(terms: Sequence[Term], full: Baseline, rows: Rows) -> list[Ter
             if body is None:
                 continue
             larger = fit_model(Design(rows, (*kept, body)), range(len(kept) + 1))
-            nats = predictive_nats(larger, model, np.zeros_like(model.predicted))
+            nats = predictive_nats(larger, model)
             if nats > (entered[0] if entered else 0.0):
                 entered = nats, term, body, larger
         if entered is None:

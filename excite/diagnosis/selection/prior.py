@@ -13,13 +13,12 @@ from excite.arrays import Array
 from excite.diagnosis.budget.fit.design import Rows
 from excite.diagnosis.budget.fit.terms import Term
 from excite.diagnosis.equations.own_columns import COULOMB
-from excite.diagnosis.selection.sampler import AtomPrior, Indices, Problem
+from excite.diagnosis.selection.sampler import FITTED_SIZE, AtomPrior, Indices, Problem
 
 # Terms that a model begins with are as likely there as not; what has no name is rare.
 _STARTED, _NAMELESS = 0.5, 0.03
-# Deviation of a size that is one, as a gear's with its stiffness: while its shape lies on a grid, and once that is
-# searched.
-_GRID_SIZE, _FITTED_SIZE = 0.08, 0.02
+# Deviation of a size that is one, as a gear's with its stiffness, while its shape lies on a grid.
+_GRID_SIZE = 0.08
 # Factor by which it may differ from one: a soft gear of size 0.4 took the place of another's play.
 _AT_MOST = 2.0
 # Deviation of the logarithm of a shape about its best value.
@@ -136,7 +135,7 @@ def atom_of(term: Term, slab: Slab, changes: Sequence[Mapping[int, Array]] = ())
         return _body_atom(term, slab)
     columns, n, turned = dict(term.columns), term.n_free, None
     if term.known:
-        deviation = _FITTED_SIZE if changes else _GRID_SIZE
+        deviation = FITTED_SIZE if changes else _GRID_SIZE
         mean, precision = np.ones(1), np.full(1, deviation**-2.0)
         low, high = mean / _AT_MOST, mean * _AT_MOST
     else:

@@ -37,6 +37,10 @@ _NEVER = 1e4
 _BY_CHANCE = 3.0
 
 
+# Deviation of the size of a contribution whose shape was fitted: one, but for what its shape is off.
+FITTED_SIZE = 0.02
+
+
 class AtomPrior(NamedTuple):
     """Prior of an atom: normal sizes of its columns within bounds, and its odds.
 

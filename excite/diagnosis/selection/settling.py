@@ -274,16 +274,16 @@ class _Check:
         return np.array([power[:, block == b].sum(axis=1) for b in range(int(block.max()) + 1)])
 
 
-def predictive_nats(model: Model, without: Model, noise: Array) -> float:
+def predictive_nats(model: Model, without: Model, noise: Array | None = None) -> float:
     """By how many nats a model predicts blocks better than one without a term, what noise makes of it taken off.
 
     Args:
         without: the same without the term.
-        noise: ``(n_blocks, n_joints)`` by how much less of drawn noise the model leaves.
+        noise: ``(n_blocks, n_joints)`` by how much less of drawn noise the model leaves; None where none is taken off.
     """
-    quieter = _subtract_noise(without, model, _noise_bound(noise))
+    other = without if noise is None else _subtract_noise(without, model, _noise_bound(noise))
     effective = model.effective_share * model.design.fitted.count.sum()
-    ratio = quieter.predicted.sum(axis=0) / model.predicted.sum(axis=0)
+    ratio = other.predicted.sum(axis=0) / model.predicted.sum(axis=0)
     return float(0.5 * (effective * np.log(ratio)).sum())
 
 
