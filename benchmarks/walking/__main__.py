@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +18,10 @@ from benchmarks.walking.servos import Case, Fallen, walk
 
 SECONDS, TRIES = 13.0, 20
 # By robot: its gait, and who draws what is wrong with it.
-ROBOTS = {"go2": (trot.Trot, trot.draw_case), "g1_no_ft": (steps.Steps, steps.draw_case)}
+ROBOTS: dict[str, tuple[type[trot.Trot | steps.Steps], Callable[[int, np.random.Generator], Case]]] = {
+    "go2": (trot.Trot, trot.draw_case),
+    "g1_no_ft": (steps.Steps, steps.draw_case),
+}
 
 
 @dataclass(frozen=True)

@@ -59,7 +59,7 @@ class Steps:
     So has a policy learned to.
     """
 
-    feet = ("left_ankle_roll_link", "right_ankle_roll_link")
+    feet: tuple[str, ...] = ("left_ankle_roll_link", "right_ankle_roll_link")
     friction, lowest = 0.7, 0.5
 
     def __init__(self, robot: Robot, seconds: float, rng: np.random.Generator):
@@ -89,7 +89,7 @@ class Steps:
         """Positions of a tick; ankles push the trunk back to where it should be upright."""
         planned = Rotation.from_quat(self._posture[tick, 3:7])
         tilt = (planned.inv() * Rotation.from_matrix(turned)).as_rotvec()
-        asked = self._posture[tick, 7:] + self._ahead[tick]
+        asked: Array = self._posture[tick, 7:] + self._ahead[tick]
         asked[self._ankles] += 0.5 * tilt[[0, 1, 0, 1]]
         return asked
 
