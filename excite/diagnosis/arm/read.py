@@ -67,16 +67,11 @@ class BudgetVerdict:
         whole = is_gap_explained(self.budget, sure)
         # What is clear at its own place is there, whatever hides the rest of the machine or explains it.
         sure = [item for item in sure if self._has_share_at_place(item) and (whole or is_probable(item))]
-        # First what surely takes most: of a gap that hardly stands above the noise, shares say little.
+        # First what surely takes most: of a gap that hardly stands above the noise, shares say little. Of what is no
+        # more than likely nobody knows the name, but for the first, whose rivals are told.
         sure.sort(key=lambda item: -item.surely)
-        while sure:
-            first, *others = sure
-            # Of what is no more than likely nobody knows the name, but for the first, whose rivals are told.
-            kept, accepted = self._keep_explaining([first, *(item for item in others if is_probable(item))])
-            if first in kept:
-                return self._judge_named_effects(kept, accepted, whole=whole)
-            sure = others
-        return self._judge_unnamed_gap()
+        kept, accepted = self._keep_explaining([*sure[:1], *(item for item in sure[1:] if is_probable(item))])
+        return self._judge_named_effects(kept, accepted, whole=whole) if kept else self._judge_unnamed_gap()
 
     def _has_share_at_place(self, item: Named) -> bool:
         """Whether an effect surely takes some of the gap of its own joint, and no less there than what has no name.
@@ -106,25 +101,30 @@ class BudgetVerdict:
     def _keep_explaining(self, chosen: Sequence[Named]) -> tuple[list[Named], list[Scored]]:
         """Those that have a size and leave less of what judges, each and all together, put into the equations.
 
-        What has not goes one at a time, the weakest first: beside it others may have none.
+        What has not goes one at a time, the weakest first: beside it others may have none. What only stands for
+        something else is denied its name and stays beside the others, which without it would take up what it holds.
         """
-        kept = list(chosen)
+        kept, nameless = list(chosen), list[Named]()
         while kept:
-            model = self._fit_together(kept)
-            gone = self._term_to_drop(model)
-            if gone is None:
-                accepted = self._add_effects(kept, model)
-                # A search that ended where its name stands for something else has found that.
-                made = [scored.hypothesis for scored in accepted]
-                other = [k for k, h in enumerate(made) if not (h.is_physical and h.is_within_scope)]
-                if not other:
-                    return kept, accepted
-                gone = min(other, key=model.taken_by)
-            del kept[gone]
+            model = self._fit_together([*kept, *nameless])
+            gone = self._term_to_drop(model, len(kept))
+            if gone is not None:
+                if gone < len(kept):
+                    del kept[gone]
+                else:
+                    del nameless[gone - len(kept)]
+                continue
+            accepted = self._add_effects(kept, model)
+            # A search that ended where its name stands for something else has found that.
+            made = [scored.hypothesis for scored in accepted]
+            other = [k for k, h in enumerate(made) if not (h.is_physical and h.is_within_scope)]
+            if not other:
+                return kept, accepted
+            nameless.append(kept.pop(min(other, key=model.taken_by)))
         return [], []
 
-    def _term_to_drop(self, model: Model) -> int | None:
-        """Index of the term that is dropped next; None where all stay."""
+    def _term_to_drop(self, model: Model, named: int) -> int | None:
+        """Index of the term that is dropped next; None where all stay. The first ``named`` of them need a size."""
         terms, left = model.terms, power_of(model).mean
         without = [_log_power_without(model, [k], left) for k in model.chosen]
         if _log_power_without(model, model.chosen, left).sum() <= 0.0:
@@ -134,7 +134,7 @@ class BudgetVerdict:
             k
             for k, term in enumerate(terms)
             if not term.is_possible(term.context, model.term_parameters(k))
-            or not self._has_size(model, k)
+            or (k < named and not self._has_size(model, k))
             or (without[k].sum() if term.own is None else without[k][term.own]) <= 0.0
         ]
         return min(gone, key=model.taken_by, default=None)

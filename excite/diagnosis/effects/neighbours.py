@@ -58,7 +58,7 @@ class CoupledDrive(Effect):
     linear: ClassVar[tuple[Parameter, ...]] = (
         Parameter("coulomb", "N·m", 0.0),
         Parameter("viscous", "N·m·s/rad"),
-        Parameter("inertia", "kg·m²"),
+        Parameter("inertia", "kg·m²", 0.0),
     )
     searched: ClassVar[tuple[Parameter, ...]] = (Parameter("ratio", "1", -3.0, 3.0),)
     confusable_with = ("torque_crosstalk", "coulomb_friction", "viscous_friction")
@@ -83,7 +83,7 @@ class CoupledDrive(Effect):
         # Small next to the dry friction, the others may come out below zero: friction as a whole brakes.
         speed, _ = self._motor_motion(context, location, theta)
         brakes = float(beta[0] * np.abs(speed).mean() + beta[1] * (speed**2).mean()) > 0.0
-        return brakes and super().is_admissible(context, location, theta, beta)
+        return brakes and self.in_bounds(beta, np.array([0.0, 0.0, np.inf]))
 
     def _motor_motion(self, context: Context, location: str, theta: Theta) -> tuple[Array, Array]:
         """Speed and acceleration of the motor, in turns of its joint, each ``(n_samples,)``."""

@@ -52,7 +52,7 @@ from excite.progress import step
 # By turn: factor of the noise's variance, and white part of its spectrum.
 _TURNS = ((16.0, 10.0), (4.0, 3.0), (1.0, 1.0))
 # Sweeps of a turn, those that do not count, and how many times more the last one has.
-_SWEEPS, _BURNT, _LONGER = 60, 30, 4
+_SWEEPS, _BURNT, _LONGER = 150, 30, 2
 # How often an ascent begins again without what its sizes deny, and what that loses.
 _BANS, _BANNED = 6, 1e4
 # Power left of a joint, in units of its noise, from which forms are tried there that no grid tells; and of how many.

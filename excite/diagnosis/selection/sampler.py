@@ -10,8 +10,12 @@ A the Gram matrix, h the right side, P the prior's precisions. Sizes have bounds
 of its own size inside them, and one that would drive a size of the model out of its bounds does not enter.
 
 Both moves are exact Gibbs steps (George, McCulloch 1993): a group is drawn from {none, its atoms} given all others;
-and a slot is drawn from all atoms of all groups that are not in the model, which exchanges one name for another at
-once. What the second draws from is the list of rivals.
+and a slot of the model, drawn by chance, takes one of all atoms of all groups that are not in it, which exchanges one
+name for another at once. What the second draws from is the list of rivals.
+
+What a model leaves of every column is kept beside its Cholesky factor, which Givens' rotations order anew with the
+group that is to leave as the last (Golub, Van Loan 2013, §6.5.4): what an atom would gain beside all other groups is
+then a matter of its own columns and of the last rows.
 """
 
 from __future__ import annotations
@@ -31,6 +35,8 @@ Indices = NDArray[np.int64]
 
 # Most columns of a model, and of an atom.
 _MOST, _WIDEST = 400, 24
+# Sweeps after which a model is built anew: what rounding adds to its inverse goes.
+_UNTIL_RENEWED = 10
 # What an atom that breaks a bound loses: it never enters.
 _NEVER = 1e4
 # Standard deviations by which a size may leave its bounds by chance.
@@ -150,94 +156,216 @@ class Draws(NamedTuple):
     best: Indices
 
 
-class _Workspace(NamedTuple):
-    """Working arrays."""
+class _Model(NamedTuple):
+    """A model S of n columns in the order of their elimination, and what is left of all N columns beside it.
 
-    factor: Array
-    z: Array
-    sizes: Array
-    cross: Array
-    small: Array
+    Attributes:
+        state: ``(n_groups,)`` atom of each group, −1 for none.
+        place: ``(n_groups,)`` first row of a group of the model.
+        n_columns: ``(1,)`` n.
+        columns: ``(n,)`` which they are, row by row.
+        factor: ``(n, n)`` L, Λ = L Lᵀ.
+        crossed: ``(n, N)`` Z = L⁻¹ A_S:.
+        solved: ``(n,)`` z = L⁻¹ h.
+        blocks: ``(N, width)`` row by row, each atom's own block of A + P − Zᵀ Z.
+        left: ``(N,)`` h − Zᵀ z.
+        score: ``(1,)`` log posterior up to a constant.
+        density: ``(n_atoms,)`` log prior odds of an atom with the prior density of sizes at zero.
+        sizes: ``(n,)`` of the columns, those of a group that is to leave left out.
+        matrix: ``(width, width)`` of an atom that is asked; ``small`` its Cholesky factor.
+        small: ``(width, width)``.
+        x: ``(width,)`` its sizes; ``change`` what they change in the model's, ``(n,)``.
+        change: ``(n,)``.
+        entering: ``(n_atoms,)`` atoms that may enter.
+    """
+
+    state: Indices
+    place: Indices
+    n_columns: Indices
     columns: Indices
+    factor: Array
+    crossed: Array
+    solved: Array
+    blocks: Array
+    left: Array
+    score: Array
+    density: Array
+    sizes: Array
+    matrix: Array
+    small: Array
+    x: Array
+    change: Array
+    entering: Indices
 
 
 @LazyKernel
-def _solve_model(problem: Any, state: Any, without: Any, room: Any) -> Any:  # noqa: C901
-    """Cholesky factor of Λ of a model without a group, z = L⁻¹h and the sizes; returns the number of columns."""
-    n = 0
-    for g in range(len(state)):
-        if g != without and state[g] >= 0:
-            for a in range(problem.width[state[g]]):
-                room.columns[n] = problem.first[state[g]] + a
-                n += 1
-    for i in range(n):
-        c = room.columns[i]
-        for k in range(i + 1):
-            s = problem.gram[c, room.columns[k]]
-            if i == k:
-                s += problem.precision[c]
-            for m in range(k):
-                s -= room.factor[i, m] * room.factor[k, m]
-            if i == k:
-                room.factor[i, i] = math.sqrt(max(s, 1e-12))
-            else:
-                room.factor[i, k] = s / room.factor[k, k]
-        s = problem.right[c]
-        for m in range(i):
-            s -= room.factor[i, m] * room.z[m]
-        room.z[i] = s / room.factor[i, i]
-    for i in range(n - 1, -1, -1):
-        s = room.z[i]
-        for m in range(i + 1, n):
-            s -= room.factor[m, i] * room.sizes[m]
-        room.sizes[i] = s / room.factor[i, i]
-    return n
-
-
-@LazyKernel
-def _atom_gain(problem: Any, atom: Any, n: Any, room: Any) -> Any:  # noqa: C901, PLR0912
-    """Log marginal likelihood ratio of an atom beside a solved model of n columns, its prior odds in it."""
-    first, width = problem.first[atom], problem.width[atom]
-    v, c = room.cross, room.small
+def _factor_block(matrix: Any, width: Any, factor: Any) -> Any:
+    """Cholesky factor of a small matrix; returns the log of the determinant."""
+    out = 0.0
     for a in range(width):
-        for i in range(n):
-            s = problem.gram[room.columns[i], first + a]
-            for m in range(i):
-                s -= room.factor[i, m] * v[m, a]
-            v[i, a] = s / room.factor[i, i]
-    out = problem.log_prior[atom]
-    r, x = np.empty(width), np.empty(width)
-    for a in range(width):
-        s = problem.right[first + a]
-        for i in range(n):
-            s -= v[i, a] * room.z[i]
-        r[a] = s
-        out += 0.5 * math.log(problem.precision[first + a]) + problem.constant[first + a]
         for k in range(a + 1):
-            s = problem.gram[first + a, first + k]
-            if a == k:
-                s += problem.precision[first + a]
-            for i in range(n):
-                s -= v[i, a] * v[i, k]
+            s = matrix[a, k]
             for m in range(k):
-                s -= c[a, m] * c[k, m]
+                s -= factor[a, m] * factor[k, m]
             if a == k:
-                c[a, a] = math.sqrt(max(s, 1e-12))
-                out -= math.log(c[a, a])
+                factor[a, a] = math.sqrt(max(s, 1e-12))
+                out += 2.0 * math.log(factor[a, a])
             else:
-                c[a, k] = s / c[k, k]
-        s = r[a]
+                factor[a, k] = s / factor[k, k]
+    return out
+
+
+@LazyKernel
+def _change_left(problem: Any, model: Any, begin: Any, end: Any, sign: Any) -> Any:
+    """What is left beside the model changes by ± what some of its rows take."""
+    for atom in range(len(problem.first)):
+        first, width = problem.first[atom], problem.width[atom]
+        for i in range(begin, end):
+            for a in range(width):
+                s = sign * model.crossed[i, first + a]
+                model.left[first + a] += s * model.solved[i]
+                for b in range(width):
+                    model.blocks[first + a, b] += s * model.crossed[i, first + b]
+
+
+@LazyKernel
+def _enter(problem: Any, model: Any, atom: Any) -> Any:
+    """An atom enters, its columns the last."""
+    first, width, n = problem.first[atom], problem.width[atom], model.n_columns[0]
+    log_determinant = _factor_block(model.blocks[first : first + width], width, model.small)
+    model.score[0] += model.density[atom] - 0.5 * log_determinant
+    for k in range(width):
+        row = n + k
+        model.columns[row] = first + k
+        model.factor[row, :n] = model.crossed[:n, first + k]
+        model.factor[row, n : row + 1] = model.small[k, : k + 1]
+        model.crossed[row] = problem.gram[first + k]
+        model.solved[row] = problem.right[first + k]
+        for i in range(row):
+            s = model.factor[row, i]
+            model.solved[row] -= s * model.solved[i]
+            for c in range(len(model.left)):
+                model.crossed[row, c] -= s * model.crossed[i, c]
+        model.crossed[row] /= model.small[k, k]
+        model.solved[row] /= model.small[k, k]
+        model.score[0] += 0.5 * model.solved[row] ** 2
+    _change_left(problem, model, n, n + width, -1.0)
+    model.state[problem.group[atom]], model.place[problem.group[atom]] = atom, n
+    model.n_columns[0] = n + width
+
+
+@LazyKernel
+def _move_last(problem: Any, model: Any, group: Any) -> Any:
+    """Order the rows of the model anew with a group the last, by Givens' rotations."""
+    begin, width, n = model.place[group], problem.width[model.state[group]], model.n_columns[0]
+    if begin + width == n:
+        return
+    row = np.empty(n)
+    for _ in range(width):
+        row[:], column = model.factor[begin, :n], model.columns[begin]
+        for i in range(begin, n - 1):
+            model.factor[i, :n] = model.factor[i + 1, :n]
+            model.columns[i] = model.columns[i + 1]
+        model.factor[n - 1, :n], model.columns[n - 1] = row, column
+        for i in range(begin, n - 1):
+            length = math.hypot(model.factor[i, i], model.factor[i, i + 1])
+            cosine, sine = model.factor[i, i] / length, model.factor[i, i + 1] / length
+            for k in range(i, n):
+                one, other = model.factor[k, i], model.factor[k, i + 1]
+                model.factor[k, i] = cosine * one + sine * other
+                model.factor[k, i + 1] = cosine * other - sine * one
+            model.factor[i, i + 1] = 0.0
+            for c in range(len(model.left)):
+                one, other = model.crossed[i, c], model.crossed[i + 1, c]
+                model.crossed[i, c] = cosine * one + sine * other
+                model.crossed[i + 1, c] = cosine * other - sine * one
+            one, other = model.solved[i], model.solved[i + 1]
+            model.solved[i] = cosine * one + sine * other
+            model.solved[i + 1] = cosine * other - sine * one
+    for g in range(len(model.state)):
+        if model.state[g] >= 0 and model.place[g] > begin:
+            model.place[g] -= width
+    model.place[group] = n - width
+
+
+@LazyKernel
+def _leave(problem: Any, model: Any, group: Any) -> Any:
+    """A group leaves."""
+    _move_last(problem, model, group)
+    begin, n = model.place[group], model.n_columns[0]
+    _change_left(problem, model, begin, n, 1.0)
+    model.score[0] -= model.density[model.state[group]]
+    for i in range(begin, n):
+        model.score[0] += math.log(abs(model.factor[i, i])) - 0.5 * model.solved[i] ** 2
+    model.state[group] = -1
+    model.n_columns[0] = begin
+
+
+@LazyKernel
+def _free(problem: Any, model: Any, leaving: Any) -> Any:
+    """Sizes of the model without a group that is to leave, which is the last from then on; −1 for none."""
+    end = model.n_columns[0]
+    if leaving >= 0:
+        _move_last(problem, model, leaving)
+        end = model.place[leaving]
+    model.sizes[:end] = model.solved[:end]
+    _solve_back(model.factor, end, model.sizes)
+
+
+@LazyKernel
+def _solve_back(factor: Any, n: Any, x: Any) -> Any:
+    """Solve Lᵀ x = r in place."""
+    for i in range(n - 1, -1, -1):
+        x[i] /= factor[i, i]
+        for m in range(i):
+            x[m] -= factor[i, m] * x[i]
+
+
+@LazyKernel
+def _set_state(problem: Any, model: Any, state: Any) -> Any:
+    """Build the model of a state from nothing."""
+    model.state[:] = -1
+    model.n_columns[0] = 0
+    model.score[0] = 0.0
+    model.left[:] = problem.right
+    for atom in range(len(problem.first)):
+        first, width = problem.first[atom], problem.width[atom]
+        model.density[atom] = problem.log_prior[atom]
+        for a in range(width):
+            model.density[atom] += 0.5 * math.log(problem.precision[first + a]) + problem.constant[first + a]
+            for b in range(width):
+                model.blocks[first + a, b] = problem.gram[first + a, first + b]
+            model.blocks[first + a, a] += problem.precision[first + a]
+    for g in range(len(state)):
+        if state[g] >= 0:
+            _enter(problem, model, state[g])
+
+
+@LazyKernel
+def _atom_gain(problem: Any, model: Any, atom: Any, leaving: Any) -> Any:
+    """Log marginal likelihood ratio of an atom beside the model without a group that is free, its prior odds in it."""
+    first, width, x = problem.first[atom], problem.width[atom], model.x
+    n = model.n_columns[0]
+    if n + width > _MOST:
+        return -_NEVER
+    begin = model.place[leaving] if leaving >= 0 else n
+    for a in range(width):
+        x[a] = model.left[first + a]
+        for b in range(a + 1):
+            model.matrix[a, b] = model.blocks[first + a, b]
+        for i in range(begin, n):
+            x[a] += model.crossed[i, first + a] * model.solved[i]
+            for b in range(a + 1):
+                model.matrix[a, b] += model.crossed[i, first + a] * model.crossed[i, first + b]
+    out = model.density[atom] - 0.5 * _factor_block(model.matrix, width, model.small)
+    for a in range(width):
         for m in range(a):
-            s -= c[a, m] * r[m]
-        r[a] = s / c[a, a]
-        out += 0.5 * r[a] * r[a]
-    for a in range(width - 1, -1, -1):
-        s = r[a]
-        for m in range(a + 1, width):
-            s -= c[m, a] * x[m]
-        x[a] = s / c[a, a]
-    out += _log_mass_in_bounds(problem, first, width, x, c)
-    if out > -6.0 and _drives_out(problem, width, n, x, room):
+            x[a] -= model.small[a, m] * x[m]
+        x[a] /= model.small[a, a]
+        out += 0.5 * x[a] * x[a]
+    _solve_back(model.small, width, x)
+    out += _log_mass_in_bounds(problem, first, width, x, model.small)
+    if out > -6.0 and _drives_out(problem, model, first, width, begin):
         out -= _NEVER
     return out
 
@@ -268,23 +396,21 @@ def _log_mass_in_bounds(problem: Any, first: Any, width: Any, x: Any, c: Any) ->
 
 
 @LazyKernel
-def _drives_out(problem: Any, width: Any, n: Any, x: Any, room: Any) -> Any:
-    """Whether an atom of sizes x would drive a size of the model out of its bounds."""
-    v, u = room.cross, np.empty(n)
-    for i in range(n - 1, -1, -1):
-        s = 0.0
+def _drives_out(problem: Any, model: Any, first: Any, width: Any, n: Any) -> Any:
+    """Whether an atom of sizes x would drive a size of the model's first n rows out of its bounds."""
+    for i in range(n):
+        model.change[i] = 0.0
         for a in range(width):
-            s += v[i, a] * x[a]
-        for m in range(i + 1, n):
-            s -= room.factor[m, i] * u[m]
-        u[i] = s / room.factor[i, i]
-        c = room.columns[i]
+            model.change[i] += model.crossed[i, first + a] * model.x[a]
+    _solve_back(model.factor, n, model.change)
+    for i in range(n):
+        c = model.columns[i]
         low, high = problem.low[c], problem.high[c]
         if low > -1e29 or high < 1e29:
             chance = _BY_CHANCE / math.sqrt(problem.gram[c, c] + problem.precision[c])
-            now = room.sizes[i]
+            now = model.sizes[i]
             inside = low - chance <= now <= high + chance
-            if inside and not (low - chance <= now - u[i] <= high + chance):
+            if inside and not (low - chance <= now - model.change[i] <= high + chance):
                 return True
     return False
 
@@ -308,56 +434,72 @@ def _may_enter(problem: Any, state: Any, group: Any, leaving: Any) -> Any:
 
 
 @LazyKernel
-def _ascend_to_mode(problem: Any, state: Any, room: Any) -> Any:  # noqa: C901, PLR0912
+def _list_entering(problem: Any, model: Any, leaving: Any) -> Any:
+    """Number of atoms that may enter while a group leaves, its own among them; which, in ``entering``."""
+    n = 0
+    stuck = leaving >= 0 and _is_needed(problem, model.state, leaving)
+    for g in range(len(model.state)):
+        if g == leaving or (not stuck and _may_enter(problem, model.state, g, leaving)):
+            for a in range(problem.begin[g], problem.begin[g] + problem.n_atoms[g]):
+                model.entering[n] = a
+                n += 1
+    return n
+
+
+@LazyKernel
+def _exchange(problem: Any, model: Any, group: Any, atom: Any) -> Any:
+    """A group leaves where it is in the model, and an atom enters unless it is −1."""
+    if model.state[group] >= 0:
+        _leave(problem, model, group)
+    if atom >= 0:
+        _enter(problem, model, atom)
+
+
+@LazyKernel
+def _ascend_to_mode(problem: Any, model: Any) -> Any:  # noqa: C901
     """Ascent to a mode: what gains most enters, then each slot takes what fits it best, until nothing changes."""
-    n_groups = len(state)
+    state = model.state
     for _ in range(120):
-        n = _solve_model(problem, state, -1, room)
-        if n > _MOST - 3 * _WIDEST:
+        if model.n_columns[0] > _MOST - 3 * _WIDEST:
             break
         best, pick = 1e-6, -1
-        for g in range(n_groups):
-            if _may_enter(problem, state, g, -1):
-                for a in range(problem.begin[g], problem.begin[g] + problem.n_atoms[g]):
-                    w = _atom_gain(problem, a, n, room)
-                    if w > best:
-                        best, pick = w, a
+        _free(problem, model, -1)
+        for i in range(_list_entering(problem, model, -1)):
+            w = _atom_gain(problem, model, model.entering[i], -1)
+            if w > best:
+                best, pick = w, model.entering[i]
         if pick >= 0:
-            state[problem.group[pick]] = pick
+            _enter(problem, model, pick)
         changed = pick >= 0
-        for g in range(n_groups):
+        for g in range(len(state)):
             if state[g] < 0:
                 continue
-            stuck = _is_needed(problem, state, g)
-            n = _solve_model(problem, state, g, room)
+            _free(problem, model, g)
             own = state[g]
-            best, new = -1e300 if stuck else 0.0, -1
-            w = _atom_gain(problem, own, n, room)
+            best, new = -1e300 if _is_needed(problem, state, g) else 0.0, -1
+            w = _atom_gain(problem, model, own, g)
             if w > best:
                 best, new = w, own
-            for k in range(n_groups):
-                if k != g and (stuck or not _may_enter(problem, state, k, g)):
-                    continue
-                for a in range(problem.begin[k], problem.begin[k] + problem.n_atoms[k]):
-                    w = _atom_gain(problem, a, n, room)
-                    if w > best + 0.05:
-                        best, new = w, a
+            for i in range(_list_entering(problem, model, g)):
+                w = _atom_gain(problem, model, model.entering[i], g)
+                if w > best + 0.05:
+                    best, new = w, model.entering[i]
             if new != own:
-                state[g] = -1
                 changed = True
-                if new >= 0:
-                    state[problem.group[new]] = new
+                _exchange(problem, model, g, new)
         if not changed:
             break
 
 
 @LazyKernel
-def _draw_group(problem: Any, state: Any, g: Any, n: Any, draw: Any, weight: Any, room: Any) -> Any:
-    """Log weights of a group's atoms beside a solved model; returns the drawn one, the top and the total."""
+def _draw_group(problem: Any, model: Any, g: Any, draw: Any, weight: Any) -> Any:
+    """Log weights of a group's atoms beside the others; returns the drawn one, the top and the total."""
     begin, end = problem.begin[g], problem.begin[g] + problem.n_atoms[g]
+    leaving = g if model.state[g] >= 0 else -1
+    _free(problem, model, leaving)
     top = 0.0
     for a in range(begin, end):
-        weight[a] = _atom_gain(problem, a, n, room)
+        weight[a] = _atom_gain(problem, model, a, leaving)
         top = max(top, weight[a])
     total = math.exp(-top)
     for a in range(begin, end):
@@ -374,58 +516,32 @@ def _draw_group(problem: Any, state: Any, g: Any, n: Any, draw: Any, weight: Any
 
 
 @LazyKernel
-def _draw_slot(  # noqa: C901
-    problem: Any, state: Any, g: Any, draw: Any, weight: Any, rivals: Any, counts: Any, room: Any
-) -> Any:  # noqa: C901, RUF100
+def _draw_slot(problem: Any, model: Any, g: Any, draw: Any, weight: Any, rivals: Any, counts: Any) -> Any:
     """A group of the model leaves, and one atom of any group enters."""
-    n_groups = len(state)
-    n = _solve_model(problem, state, g, room)
-    top = -1e300
-    for k in range(n_groups):
-        if k == g or _may_enter(problem, state, k, g):
-            for a in range(problem.begin[k], problem.begin[k] + problem.n_atoms[k]):
-                weight[a] = _atom_gain(problem, a, n, room)
-                top = max(top, weight[a])
-    total = 0.0
-    for k in range(n_groups):
-        if k == g or _may_enter(problem, state, k, g):
-            for a in range(problem.begin[k], problem.begin[k] + problem.n_atoms[k]):
-                total += math.exp(weight[a] - top)
-    left, pick = draw * total, -1
-    for k in range(n_groups):
-        if k == g or _may_enter(problem, state, k, g):
-            for a in range(problem.begin[k], problem.begin[k] + problem.n_atoms[k]):
-                p = math.exp(weight[a] - top)
-                if counts:
-                    rivals[g, k] += p / total
-                left -= p
-                if pick < 0 and left <= 0.0:
-                    pick = a
-    if pick >= 0:
-        state[g] = -1
-        state[problem.group[pick]] = pick
-
-
-@LazyKernel
-def _log_posterior(problem: Any, state: Any, room: Any) -> Any:
-    """Log posterior of a model up to a constant."""
-    n = _solve_model(problem, state, -1, room)
-    out = 0.0
-    for g in range(len(state)):
-        if state[g] >= 0:
-            out += problem.log_prior[state[g]]
+    _free(problem, model, g)
+    n, top = _list_entering(problem, model, g), -1e300
     for i in range(n):
-        c = room.columns[i]
-        out += 0.5 * math.log(problem.precision[c]) + problem.constant[c]
-        out += 0.5 * room.z[i] * room.z[i] - math.log(room.factor[i, i])
-    return out
+        weight[i] = _atom_gain(problem, model, model.entering[i], g)
+        top = max(top, weight[i])
+    total = 0.0
+    for i in range(n):
+        weight[i] = math.exp(weight[i] - top)
+        total += weight[i]
+    left, pick = draw * total, -1
+    for i in range(n):
+        if counts:
+            rivals[g, problem.group[model.entering[i]]] += weight[i] / total
+        left -= weight[i]
+        if pick < 0 and left <= 0.0:
+            pick = model.entering[i]
+    if pick >= 0 and pick != model.state[g]:
+        _exchange(problem, model, g, pick)
 
 
 @LazyKernel
-def _run_sweeps(  # noqa: C901, PLR0912
-    problem: Any, state: Any, orders: Any, draws: Any, burnt: Any, room: Any
-) -> Any:  # noqa: C901, PLR0912, RUF100
+def _run_sweeps(problem: Any, model: Any, orders: Any, draws: Any, burnt: Any) -> Any:  # noqa: C901, PLR0912
     """Gibbs sweeps; the first ``burnt`` of them are not counted."""
+    state = model.state
     n_groups, n_sweeps = len(state), len(orders)
     inclusion, by_atom = np.zeros(n_groups), np.zeros(len(problem.first))
     rivals, asked = np.zeros((n_groups, n_groups)), np.zeros(n_groups)
@@ -433,36 +549,32 @@ def _run_sweeps(  # noqa: C901, PLR0912
     states = np.full((n_sweeps - burnt, n_groups), -1, np.int64)
     best, highest = state.copy(), -1e300
     for t in range(n_sweeps):
-        n, fresh = 0, False
+        if t % _UNTIL_RENEWED == 0:
+            _set_state(problem, model, state.copy())
         for i in range(n_groups):
             g = orders[t, i]
-            inside = state[g] >= 0
-            if not inside and not _may_enter(problem, state, g, -1):
+            if state[g] < 0 and not _may_enter(problem, state, g, -1):
                 continue
-            if inside or not fresh:
-                n = _solve_model(problem, state, g, room)
-            new, top, total = _draw_group(problem, state, g, n, draws[t, 0, i], weight, room)
+            new, top, total = _draw_group(problem, model, g, draws[t, 0, i], weight)
             if t >= burnt:
                 inclusion[g] += 1.0 - math.exp(-top) / total
                 for a in range(problem.begin[g], problem.begin[g] + problem.n_atoms[g]):
                     by_atom[a] += math.exp(weight[a] - top) / total
-            if new < 0 and inside and _is_needed(problem, state, g):
-                fresh = False
-            else:
-                # The factor at hand is that of the others.
-                fresh = new < 0
-                state[g] = new
-        for i in range(n_groups):
-            g = orders[t, i]
-            if state[g] >= 0 and not _is_needed(problem, state, g):
+            if new != state[g] and not (new < 0 and _is_needed(problem, state, g)):
+                _exchange(problem, model, g, new)
+        # A slot is asked by chance: asked in turn they would not keep the posterior, as what left cannot return.
+        for i in range((state >= 0).sum()):
+            inside = np.flatnonzero(state >= 0)
+            place = draws[t, 1, i] * len(inside)
+            g = inside[int(place)]
+            if not _is_needed(problem, state, g):
                 if t >= burnt:
                     asked[g] += 1.0
-                _draw_slot(problem, state, g, draws[t, 1, i], weight, rivals, t >= burnt, room)
+                _draw_slot(problem, model, g, place - int(place), weight, rivals, t >= burnt)
         if t >= burnt:
             states[t - burnt] = state
-        now = _log_posterior(problem, state, room)
-        if now > highest:
-            highest = now
+        if model.score[0] > highest:
+            highest = model.score[0]
             best[:] = state
     counted = max(n_sweeps - burnt, 1)
     for g in range(n_groups):
@@ -472,25 +584,25 @@ def _run_sweeps(  # noqa: C901, PLR0912
 
 
 @LazyKernel
-def _atom_gains(problem: Any, state: Any, room: Any) -> Any:
+def _atom_gains(problem: Any, model: Any) -> Any:
     """What each atom would gain beside a model, ``(n_atoms,)``."""
-    n = _solve_model(problem, state, -1, room)
     out = np.empty(len(problem.first))
+    _free(problem, model, -1)
     for a in range(len(out)):
-        out[a] = _atom_gain(problem, a, n, room)
+        out[a] = _atom_gain(problem, model, a, -1)
     return out
 
 
 def gains_beside(problem: Problem, state: Indices) -> Array:
     """Log marginal likelihood ratio of each atom beside a model, its prior odds in it, ``(n_atoms,)``."""
-    return np.asarray(_atom_gains(problem, state, _make_room()))
+    return np.asarray(_atom_gains(problem, _build_model(problem, state)))
 
 
 def find_mode(problem: Problem, state: Indices) -> Indices:
     """The mode that an ascent from a model reaches, ``(n_groups,)``."""
-    state = state.copy()
-    _ascend_to_mode(problem, state, _make_room())
-    return state
+    model = _build_model(problem, state)
+    _ascend_to_mode(problem, model)
+    return model.state
 
 
 def draw_models(problem: Problem, state: Indices, sweeps: int, burnt: int, rng: np.random.Generator) -> Draws:
@@ -504,15 +616,31 @@ def draw_models(problem: Problem, state: Indices, sweeps: int, burnt: int, rng: 
     """
     n = len(problem.begin)
     orders = np.array([rng.permutation(n) for _ in range(sweeps)], dtype=np.int64).reshape(sweeps, n)
-    return Draws(*_run_sweeps(problem, state.copy(), orders, rng.random((sweeps, 2, n)), burnt, _make_room()))
-
-
-def _make_room() -> _Workspace:
-    return _Workspace(
-        np.zeros((_MOST, _MOST)),
-        np.zeros(_MOST),
-        np.zeros(_MOST),
-        np.zeros((_MOST, _WIDEST)),
-        np.zeros((_WIDEST, _WIDEST)),
-        np.zeros(_MOST, np.int64),
+    return Draws(
+        *_run_sweeps(problem, _build_model(problem, state), orders, rng.random((sweeps, 2, n)), burnt)
     )
+
+
+def _build_model(problem: Problem, state: Indices) -> _Model:
+    n_groups, n = len(problem.begin), len(problem.right)
+    model = _Model(
+        state=np.full(n_groups, -1, np.int64),
+        place=np.zeros(n_groups, np.int64),
+        n_columns=np.zeros(1, np.int64),
+        columns=np.zeros(_MOST, np.int64),
+        factor=np.zeros((_MOST, _MOST)),
+        crossed=np.zeros((_MOST, n)),
+        solved=np.zeros(_MOST),
+        blocks=np.zeros((n, _WIDEST)),
+        left=np.zeros(n),
+        score=np.zeros(1),
+        density=np.zeros(len(problem.first)),
+        sizes=np.zeros(_MOST),
+        matrix=np.zeros((_WIDEST, _WIDEST)),
+        small=np.zeros((_WIDEST, _WIDEST)),
+        x=np.zeros(_WIDEST),
+        change=np.zeros(_MOST),
+        entering=np.zeros(len(problem.first), np.int64),
+    )
+    _set_state(problem, model, state)
+    return model
