@@ -11,10 +11,10 @@ class Thresholds:
 
     Attributes:
         price: nats by which an effect has to predict better, beside its parameters and the number of candidates, where
-            sizes are said that a record would show. In a prototype twice of it changed no name on EMPS, UR10e and TIAGo,
-            half of it none on EMPS; not varied here.
-        alike: share of the nats of what is there within which another is a rival, where an experiment is to part them. On
-            EMPS a spring leads the offset that is there by 9.8 nats to 9.0.
+            sizes are said that a record would show. In a prototype twice of it changed no name on EMPS, UR10e and
+            TIAGo, half of it none on EMPS; not varied here.
+        alike: share of the nats of what is there within which another is a rival, where an experiment is to part them.
+            On EMPS a spring leads the offset that is there by 9.8 nats to 9.0.
         rival: the same in nats where that is more; odds of 20 to 1 lie within it.
         load: share of a joint's torque below which its load is too small for a gain, or friction that grows with it: on
             a wrist that hardly carries anything, friction explains itself as a gain of 0.83.

@@ -237,17 +237,17 @@ def _enter(problem: Any, model: Any, atom: Any) -> Any:
     for k in range(width):
         row = n + k
         model.columns[row] = first + k
-        model.factor[row, :n] = model.crossed[:n, first + k]
-        model.factor[row, n : row + 1] = model.small[k, : k + 1]
-        model.crossed[row] = problem.gram[first + k]
-        model.solved[row] = problem.right[first + k]
+        scale = 1.0 / model.small[k, k]
+        model.factor[row, row] = model.small[k, k]
+        model.solved[row] = scale * problem.right[first + k]
+        for c in range(len(model.left)):
+            model.crossed[row, c] = scale * problem.gram[first + k, c]
         for i in range(row):
-            s = model.factor[row, i]
+            model.factor[row, i] = model.crossed[i, first + k] if i < n else model.small[k, i - n]
+            s = scale * model.factor[row, i]
             model.solved[row] -= s * model.solved[i]
             for c in range(len(model.left)):
                 model.crossed[row, c] -= s * model.crossed[i, c]
-        model.crossed[row] /= model.small[k, k]
-        model.solved[row] /= model.small[k, k]
         model.score[0] += 0.5 * model.solved[row] ** 2
     _change_left(problem, model, n, n + width, -1.0)
     model.state[problem.group[atom]], model.place[problem.group[atom]] = atom, n
@@ -260,14 +260,11 @@ def _move_last(problem: Any, model: Any, group: Any) -> Any:
     begin, width, n = model.place[group], problem.width[model.state[group]], model.n_columns[0]
     if begin + width == n:
         return
-    row = np.empty(n)
     for _ in range(width):
-        row[:], column = model.factor[begin, :n], model.columns[begin]
         for i in range(begin, n - 1):
-            model.factor[i, :n] = model.factor[i + 1, :n]
-            model.columns[i] = model.columns[i + 1]
-        model.factor[n - 1, :n], model.columns[n - 1] = row, column
-        for i in range(begin, n - 1):
+            model.columns[i], model.columns[i + 1] = model.columns[i + 1], model.columns[i]
+            for k in range(i + 2):
+                model.factor[i, k], model.factor[i + 1, k] = model.factor[i + 1, k], model.factor[i, k]
             length = math.hypot(model.factor[i, i], model.factor[i, i + 1])
             cosine, sine = model.factor[i, i] / length, model.factor[i, i + 1] / length
             for k in range(i, n):
@@ -324,10 +321,12 @@ def _solve_back(factor: Any, n: Any, x: Any) -> Any:
 @LazyKernel
 def _set_state(problem: Any, model: Any, state: Any) -> Any:
     """Build the model of a state from nothing."""
-    model.state[:] = -1
     model.n_columns[0] = 0
     model.score[0] = 0.0
-    model.left[:] = problem.right
+    for g in range(len(state)):
+        model.state[g] = -1
+    for c in range(len(model.left)):
+        model.left[c] = problem.right[c]
     for atom in range(len(problem.first)):
         first, width = problem.first[atom], problem.width[atom]
         model.density[atom] = problem.log_prior[atom]
@@ -563,19 +562,26 @@ def _run_sweeps(problem: Any, model: Any, orders: Any, draws: Any, burnt: Any) -
             if new != state[g] and not (new < 0 and _is_needed(problem, state, g)):
                 _exchange(problem, model, g, new)
         # A slot is asked by chance: asked in turn they would not keep the posterior, as what left cannot return.
-        for i in range((state >= 0).sum()):
-            inside = np.flatnonzero(state >= 0)
-            place = draws[t, 1, i] * len(inside)
-            g = inside[int(place)]
+        n_inside = 0
+        for g in range(n_groups):
+            n_inside += state[g] >= 0
+        for i in range(n_inside):
+            place = draws[t, 1, i] * n_inside
+            left, g = int(place), -1
+            while left >= 0:
+                g += 1
+                left -= state[g] >= 0
             if not _is_needed(problem, state, g):
                 if t >= burnt:
                     asked[g] += 1.0
                 _draw_slot(problem, model, g, place - int(place), weight, rivals, t >= burnt)
-        if t >= burnt:
-            states[t - burnt] = state
-        if model.score[0] > highest:
-            highest = model.score[0]
-            best[:] = state
+        higher = model.score[0] > highest
+        highest = max(highest, model.score[0])
+        for g in range(n_groups):
+            if t >= burnt:
+                states[t - burnt, g] = state[g]
+            if higher:
+                best[g] = state[g]
     counted = max(n_sweeps - burnt, 1)
     for g in range(n_groups):
         for k in range(n_groups):
