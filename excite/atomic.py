@@ -69,6 +69,11 @@ def completed_files() -> tuple[Path, ...]:
     return tuple(_WRITTEN.complete)
 
 
+def is_written(path: Path) -> bool:
+    """Whether a file or folder is there, or will be once what is written with it is complete."""
+    return path.exists() or any(item.path == path for item in _WRITTEN.waiting or ())
+
+
 def discard_unfinished() -> None:
     """Remove what is being written, for a process that is about to end without unwinding."""
     for folder in tuple(_WRITTEN.hidden):

@@ -43,6 +43,12 @@ class InputError(ExciteError):
         super().__init__(f"{text}; {remedy}" if remedy else text)
 
 
+class PlugInError(InputError):
+    """What a member from outside the package raised or returned; ``trace`` is the traceback of its error, if any."""
+
+    trace = ""
+
+
 @contextmanager
 def raised_as(kind: type[InputError]) -> Iterator[None]:
     """Errors about files within the block, which readers raise as InputError, as those of a kind; a decorator too."""

@@ -47,19 +47,20 @@ def test_verbs_named_in_the_readme_exist():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("block", PYTHON, ids=range(len(PYTHON)))
-def test_python_blocks_run_and_print_what_is_shown(block, tmp_path):
-    run = subprocess.run([sys.executable, "-c", block], cwd=tmp_path, capture_output=True, text=True)
-    assert run.returncode == 0, run.stderr
+def test_python_blocks_run_and_print_what_is_shown(block, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    exec(compile(block, "README.md", "exec"), {"__name__": "__main__"})
+    said = capsys.readouterr().out
     assert (tmp_path / "plan" / "report.html").is_file()
     shown = _between("result").strip("`\n").removeprefix("text\n").strip()
     # The same words; numbers to what another processor's rounding may change of a choice among motions.
     number = r"\d+(?:\.\d+)?"
-    assert re.sub(number, "#", run.stdout.strip()) == re.sub(number, "#", shown)
-    found, wanted = (np.array(re.findall(number, text), dtype=float) for text in (run.stdout, shown))
+    assert re.sub(number, "#", said.strip()) == re.sub(number, "#", shown)
+    found, wanted = (np.array(re.findall(number, text), dtype=float) for text in (said, shown))
     np.testing.assert_allclose(found, wanted, rtol=0.1)
 
 
-def test_the_robot_of_ones_own_is_there_when_its_lines_are_typed(tmp_path):
+def test_the_robot_of_ones_own_is_there_when_its_lines_are_typed(tmp_path, excite_here):
     """The URDF is fetched by the line that says so, and described by the next that needs a moment only."""
     block = README.split("## Your own robot")[1].split("```")[1]
     fetch = next(line for line in block.splitlines() if line.startswith("cp "))
@@ -67,10 +68,7 @@ def test_the_robot_of_ones_own_is_there_when_its_lines_are_typed(tmp_path):
         ["bash", "-c", fetch.replace("python -c", f"{sys.executable} -c")], cwd=tmp_path, check=True
     )
     describe = next(line for line in block.splitlines() if line.startswith("excite init-robot "))
-    arguments = shlex.split(describe, comments=True)[1:]
-    run = subprocess.run(
-        [sys.executable, "-m", "excite", *arguments], cwd=tmp_path, capture_output=True, text=True
-    )
+    run = excite_here(*shlex.split(describe, comments=True)[1:], cwd=tmp_path)
     assert run.returncode == 0, run.stderr
     assert excite.load_robot(tmp_path / "solo12" / "robot.yaml").description.base == "floating"
 

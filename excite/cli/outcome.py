@@ -28,7 +28,6 @@ from excite.atomic import completed_files, discard_unfinished
 from excite.errors import ExciteError, InputError, NothingSafeError
 from excite.finding import Finding
 from excite.folders import unwritable_error
-from excite.registry import find_failed_member
 from excite.results import to_json
 from excite.temporary_folder import in_temporary_folder
 
@@ -205,7 +204,9 @@ class Failure:
 
 
 def of_error(error: ExciteError) -> Failure:
-    """A failure that excite foresaw."""
+    """A failure that excite foresaw; that of a plug-in has its details in a file."""
+    trace = str(getattr(error, "trace", ""))
+    where = f"; {_where(_write_details(trace, sys.argv[1:]))}" if trace else ""
     refusals: Any = error.best if isinstance(error, NothingSafeError) else None
     what = one_line(getattr(error, "what", None) or str(error))
     source, field, remedy = (getattr(error, name, None) for name in ("source", "field", "remedy"))
@@ -214,8 +215,8 @@ def of_error(error: ExciteError) -> Failure:
         message=what,
         file=None if source is None else one_line(str(source)),
         field=None if field is None else one_line(str(field)),
-        remedy=None if remedy is None else one_line(str(remedy)),
-        line=one_line(str(error)),
+        remedy=None if remedy is None else one_line(f"{remedy}{where}"),
+        line=one_line(f"{error}{where}"),
         findings=getattr(error, "findings", ()),
         best={} if refusals is None else {"refused": refusals.to_json()["refused"]},
         table="" if refusals is None else refusals.table(),
@@ -245,7 +246,7 @@ def of_usage(error: Any) -> Failure:
 def of_unforeseen(error: BaseException, arguments: Sequence[str]) -> Failure:
     """An error of our own: the details go to a file, the line says where.
 
-    Not our own is one of what an installed package adds, or of loading a package of a version not asked for.
+    Not our own is one of loading a package of a version not asked for.
     """
     name = one_line(f"{type(error).__name__}: {error}")[:200]
     unmet = unmet_requirements()
@@ -253,13 +254,8 @@ def of_unforeseen(error: BaseException, arguments: Sequence[str]) -> Failure:
         what = f"versions do not go together: {', '.join(one.text for one in unmet)} ({name})"
         remedy = "pip install " + " ".join(shlex.quote(one.asked) for one in unmet)
         return of_error(InputError(what, source="installed packages", remedy=remedy))
-    details = _write_details(error, arguments)
-    where = f"details in {details}" if details else "its details could not be written"
-    member = find_failed_member("".join(traceback.format_exception(error)))
-    if member is not None:
-        remedy = f"mend or uninstall the package that adds it; {where}"
-        return of_error(InputError(f"fails ({name})", source=member, remedy=remedy))
-    done = left_behind()
+    details = _write_details("".join(traceback.format_exception(error)), arguments)
+    where, done = _where(details), left_behind()
     return Failure(
         code=EXIT_UNFORESEEN,
         message=name,
@@ -276,7 +272,11 @@ def one_line(text: str) -> str:
     return text if len(text) <= 1000 else text[:997] + "…"
 
 
-def _write_details(error: BaseException, arguments: Sequence[str]) -> Path | None:
+def _where(details: Path | None) -> str:
+    return f"details in {details}" if details else "its details could not be written"
+
+
+def _write_details(trace: str, arguments: Sequence[str]) -> Path | None:
     lines = [
         f"excite {excite.__version__}, Python {platform.python_version()}, {platform.platform()}",
         "arguments: " + " ".join(map(repr, arguments)),
@@ -285,7 +285,7 @@ def _write_details(error: BaseException, arguments: Sequence[str]) -> Path | Non
         "complete by then:",
         *(f"  {path}" for path in kept_files()),
         "",
-        "".join(traceback.format_exception(error)),
+        trace,
     ]
     stamp = time.strftime("%Y%m%d_%H%M%S")
     for folder in (tempfile.gettempdir(), "."):

@@ -15,7 +15,7 @@ from excite.conversion.explicit_mapping import Map, read_map
 from excite.conversion.guess import guess_columns
 from excite.conversion.guesses import Guesses, UnclearError, message
 from excite.conversion.recording import Machine, Recording, at_joints, load_machine, stated_rate
-from excite.conversion.recordings import joined_by_joint, read_recordings
+from excite.conversion.recordings import read_recordings
 from excite.conversion.repairs import WHOLE_TURNS, whole_rows, within_ranges
 from excite.conversion.result import Conversion, log_header, map_text
 from excite.conversion.shapes import in_runs
@@ -88,7 +88,7 @@ def _convert_recordings(
     """
     check_replaceable(out)
     machine = load_machine(robot)
-    recordings = joined_by_joint(read_recordings(sources), stated.joints or machine.joints)
+    recordings = read_recordings(sources)
     if recordings[0].said.get("linkages") == "joints":
         machine = at_joints(machine)
     found = guess_columns(recordings[0], machine, stated, because)

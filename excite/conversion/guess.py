@@ -17,7 +17,6 @@ from excite.conversion.columns.clock import (
     clock_pace,
     goes_evenly,
     rate_by_velocities,
-    row_seconds,
 )
 from excite.conversion.columns.families import (
     FOLLOWED,
@@ -33,7 +32,6 @@ from excite.conversion.columns.families import (
     is_followed,
     is_quaternion,
     quaternion_order,
-    tell_by_derivatives,
     without_base_columns,
 )
 from excite.conversion.columns.joints import BY_NAME, Doubt, Placed
@@ -72,8 +70,6 @@ class Guessing:
         known: channels that are settled.
         groups: families of the columns that are left.
         chosen: the family of each channel.
-        silent: columns whose names say nothing.
-        nameless: channels that derivatives told.
         unplaced: columns of torques of which it is not known whose they are.
     """
 
@@ -88,8 +84,6 @@ class Guessing:
     known: set[str] = field(default_factory=set)
     groups: list[Family] = field(default_factory=list)
     chosen: dict[str, Family] = field(default_factory=dict)
-    silent: list[str] = field(default_factory=list)
-    nameless: list[str] = field(default_factory=list)
     unplaced: list[str] = field(default_factory=list)
 
     @cached_property
@@ -128,8 +122,6 @@ def guess_columns(recording: Recording, machine: Machine, mapping: Map, because:
     """Understand a recording's columns: the rules of :data:`RULES`, one after the other.
 
     Args:
-        recording: what was read.
-        machine: the robot.
         mapping: what a person said; an empty one if nothing.
         because: what says the units of positions in it, where that is no person.
 
@@ -392,43 +384,22 @@ def _leave_base(state: Guessing) -> None:
     state.groups = [without_base_columns(family, joints) for family in state.groups]
 
 
-def _tell_by_physics(state: Guessing) -> None:
-    """Positions among columns whose names say nothing: those that follow commands, or whose derivatives are there."""
+def _find_followers(state: Guessing) -> None:
+    """Positions among columns whose names say nothing: as many as joints, which follow their commands."""
     named = {column for family in state.chosen.values() for column in family.columns}
     # Second clocks and counters of rows are smoother than any joint.
-    state.silent = [
+    silent = [
         name
         for name, said in state.left.items()
         if name in state.live - named and not said.commanded and said.quantity not in ("volt", "time", "skip")
         if not goes_evenly(state.values[name])
     ]
-    told: dict[str, Family] = {}
-    command = state.chosen.get("q_cmd")
-    if command and len(state.silent) == len(state.joints) and (state.clocks or state.found.rate_hz):
-        pairs = dict(zip(state.joints, state.silent, strict=True))
+    if len(silent) == len(state.joints) and (state.clocks or state.found.rate_hz):
+        pairs = dict(zip(state.joints, silent, strict=True))
         placed = Placed(pairs, "the columns' order (they follow commands)")
         followed = Family("q", "q", placed, (*pairs.values(),))
-        told = {"q": followed} if is_followed(command, followed, state.values) else {}
-    else:
-        told = _told_by_derivatives(state, set(state.silent))
-        state.nameless = [target for target in told if target not in state.chosen]
-    state.chosen = told | state.chosen
-    state.silent = [] if told else state.silent
-
-
-def _told_by_derivatives(state: Guessing, silent: set[str]) -> dict[str, Family]:
-    """Channels of the stream with most columns whose names say nothing; empty where values do not tell them."""
-    stream = max(state.recording.streams, key=lambda s: sum(c.name in silent for c in s.columns))
-    unknown = {
-        c.name: c.values for c in stream.columns if c.name in silent and np.isfinite(c.values).mean() > 0.5
-    }
-    whole = np.isfinite(np.array([*unknown.values()])).all(axis=0)
-    if len(unknown) < len(state.joints) or whole.sum() < 20:
-        return {}
-    times = state.found.times(stream)
-    dt = None if times is None else row_seconds(times[np.isfinite(times)])
-    # Where no rate is known, columns are told apart at a usual one.
-    return tell_by_derivatives({c: v[whole] for c, v in unknown.items()}, dt or 0.01, state.joints)
+        if is_followed(state.chosen["q_cmd"], followed, state.values):
+            state.chosen["q"] = followed
 
 
 def _settle_torques(state: Guessing) -> None:
@@ -451,7 +422,9 @@ def _settle_torques(state: Guessing) -> None:
         found.ask("nothing measured", q=q.first, tau=tau.first, positions=positions, loads=torques)
     if "q_cmd" in chosen and "q" not in {*chosen, *found.channels}:
         q = chosen["q"] = replace(chosen.pop("q_cmd"), target="q")
-        if {"tau", "i"} & set(chosen) or len(state.silent) >= len(joints):
+        # Columns whose names say nothing may be what was measured.
+        rest = [column for column, said in state.left.items() if not said.quantity and column in state.live]
+        if {"tau", "i"} & set(chosen) or len(rest) >= len(joints):
             found.ask("no measured positions", q=q.first, line=q.line(joints))
         else:
             # A motion that was planned and has no measured twin.
@@ -504,7 +477,7 @@ def _note_choice(state: Guessing) -> None:
                 "surplus", columns=family.first, count=len(family.columns), joints=len(joints), pairs=pairs
             )
         text = ", ".join(f"{column} = {joint}" for joint, column in family.placed.columns.items())
-        if text and text not in said and not family.stated and target not in state.nameless:
+        if text and text not in said and not family.stated:
             said.add(text)
             found.note("joints by names", channel=target, pairs=text, because=family.placed.because)
     _ask_for_joints(state)
@@ -553,8 +526,7 @@ def _add_channels(state: Guessing) -> None:
         if columns and target not in ("q", "tau", "i") and set(columns) != joints:
             found.note("not of every joint", channel=target, column=family.columns[0])
             continue
-        said = "its values" if target in state.nameless else "its name"
-        said = "the format says so" if family.stated else said
+        said = "the format says so" if family.stated else "its name"
         because = f"{said}; joint by {family.placed.because}"
         found.mapped += [
             Mapped(f"{target}.{joint}", column, 1.0, because)
@@ -613,13 +585,6 @@ def _ask_for_torques(state: Guessing) -> None:
             joint=may_be[0],
             column=state.unplaced[0],
         )
-    left = [c for c, v in state.values.items() if c not in state.used and np.nanstd(v) > 0.0]
-    left = [column for column in left if not state.mapping.ignores(column)]
-    if left and {"q", "v"} <= set(state.nameless):
-        families = [state.chosen[target] for target in state.nameless if target in state.chosen]
-        told = ", ".join(f"{f.columns[0]} … {f.columns[-1]} as {f.target}" for f in families)
-        joint, names = next(iter(state.chosen["q"].placed.columns)), first_names(left, _MOST_NAMED)
-        found.ask("nameless torques", told=told, names=names, joint=joint, column=left[0])
 
 
 def _ask_for_base(state: Guessing) -> None:
@@ -693,10 +658,10 @@ RULES = (
         lambda s: s.chosen.update(choose_families(s.groups, s.found, s.recording, s.joints)),
     ),
     Rule(
-        "physics",
-        "positions, velocities and torques among columns whose names say nothing",
-        _tell_by_physics,
-        lambda s: "q" not in s.known | set(s.chosen),
+        "followers",
+        "positions without names that follow commands",
+        _find_followers,
+        lambda s: "q_cmd" in s.chosen and "q" not in s.known | set(s.chosen),
     ),
     Rule("torques", "which torques were measured, and of which joints", _settle_torques),
     Rule("commands", "commands that state no quantity: positions or torques", _settle_commands),

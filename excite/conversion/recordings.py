@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -10,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from excite.conversion.columns.clock import clock_column, clock_tick
-from excite.conversion.columns.words import Clue, name_tokens, read_clue
+from excite.conversion.columns.words import Clue, read_clue
 from excite.conversion.recording import NAMELESS, Recording, Stream, merged_names
 from excite.conversion.repairs import restore_signs, with_drives_on
 from excite.conversion.shapes import reshape_recording
@@ -38,7 +37,7 @@ def read_recordings(sources: Sequence[str | Path]) -> list[Recording]:
             wrong.append(error)
     if wrong:
         raise wrong[0] if len(wrong) == 1 else _all_of(wrong)
-    whole = [*_join(found), *apart]
+    whole = [*_join_parts(found), *apart]
     return [with_drives_on(restore_signs(merged_names(recording))) for recording in whole]
 
 
@@ -93,7 +92,7 @@ def _read_folders(source: Path) -> list[Recording]:
     """Recordings that have a folder each below one that holds none, called after it; parts in a folder are one."""
     found: list[Recording] = []
     for folder, name in nested_folders(source, _DEPTH):
-        ours = _join(_read_files(folder, source_files(folder)))
+        ours = _join_parts(_read_files(folder, source_files(folder)))
         found += [replace(one, name=name if len(ours) == 1 else f"{name}_{one.name}") for one in ours]
     if not found:
         raise LogError("holds no recordings", source=source, remedy="name the files")
@@ -111,53 +110,14 @@ def nested_folders(source: Path, depth: int) -> list[tuple[Path, str]]:
     return found
 
 
-def _join(recordings: Sequence[Recording]) -> list[Recording]:
-    """Recordings, reshaped, with those that are parts of one joined: all of them, or those of one trial.
-
-    ``trial0_positions``, ``trial0_torques``, ``trial1_positions``, ``trial1_torques`` are ``trial0`` and ``trial1``.
-    """
-    parts = [part for recording in recordings for part in reshape_recording(recording)]
-    whole = _join_parts(parts)
-    trials = _trials(parts) if len(whole) == len(parts) else {}
-    joined = {name: _join_parts(of) for name, of in trials.items()}
-    if joined and all(len(one) == 1 for one in joined.values()):
-        return [replace(one, name=name) for name, (one,) in joined.items()]
-    return whole
-
-
-def _trials(recordings: Sequence[Recording]) -> dict[str, list[Recording]]:
-    """Parts by the names of their trials; empty where no word of the names says what a file is of."""
-    names = [name_tokens(recording.name) for recording in recordings]
-    ways = []
-    for at in range(len(names[0])) if len({len(words) for words in names}) == 1 else ():
-        trials: dict[str, dict[str, Recording]] = {}
-        columns: dict[str, set[frozenset[str]]] = {}
-        for words, recording in zip(names, recordings, strict=True):
-            # Columns are called after what their file is of, which is the same in all trials.
-            streams = tuple(replace(stream, name=words[at]) for stream in recording.streams)
-            part = replace(recording, name=words[at], streams=streams)
-            trials.setdefault("_".join([*words[:at], *words[at + 1 :]]), {})[words[at]] = part
-            columns.setdefault(words[at], set()).add(_columns(recording))
-        complete = len(trials) * len(columns) == len(recordings) == sum(map(len, trials.values()))
-        # All positions have the columns of positions; a trial's number would have those of one trial.
-        alike = all(len(of) == 1 for of in columns.values())
-        apart = len(set().union(*columns.values())) == len(columns)
-        if min(len(columns), len(trials)) > 1 and complete and alike and apart:
-            ways.append({name: list(parts.values()) for name, parts in trials.items()})
-    return ways[0] if len(ways) == 1 else {}
-
-
-def _columns(recording: Recording) -> frozenset[str]:
-    return frozenset(column.name for column in recording.columns)
-
-
-def _join_parts(recordings: Sequence[Recording]) -> list[Recording]:
-    """Recordings as they are or, where each file holds other columns of as many rows, or over one time, all as one.
+def _join_parts(read: Sequence[Recording]) -> list[Recording]:
+    """Recordings, reshaped, or where each file holds other columns of as many rows, or over one time, all as one.
 
     Columns without names are called after their files then: ``torques[0]`` and so on.
     """
+    recordings = [part for recording in read for part in reshape_recording(recording)]
     if len(recordings) < 2 or any(len(recording.streams) != 1 for recording in recordings):
-        return list(recordings)
+        return recordings
     streams = [_called_after_file(recording) for recording in recordings]
     columns = [frozenset(column.name for column in stream.columns) for stream in streams]
     rows = [stream.n_rows for stream in streams]
@@ -165,7 +125,7 @@ def _join_parts(recordings: Sequence[Recording]) -> list[Recording]:
     # What all have in common may be a clock, and nothing else.
     apart = len(set(columns)) == len(columns) and len(frozenset.intersection(*columns)) <= 1
     if not apart or not (in_step or _are_of_one_time(recordings, streams)):
-        return list(recordings)
+        return recordings
     timed = [stream for stream in streams if stream.time is not None or clock_column(stream, _clues(stream))]
     if in_step and len(timed) <= 1 and sum(map(len, columns)) == len(frozenset.union(*columns)):
         # A few rows that some have more, as differences are one less, are cut off at the end.
@@ -218,19 +178,3 @@ def _are_of_one_time(recordings: Sequence[Recording], streams: Sequence[Stream])
             remedy="write both with one clock, or add the difference to the times of one",
         )
     return True
-
-
-def joined_by_joint(recordings: Sequence[Recording], joints: Sequence[str]) -> list[Recording]:
-    """Recordings as they are or, where each file is called after a joint and holds what one joint did, all as one."""
-    named = [read_clue(recording.name, joints).exact for recording in recordings]
-    alone = len(recordings) < 2 or any(len(recording.streams) != 1 for recording in recordings)
-    if alone or not all(named) or len(set(named)) < len(named):
-        return list(recordings)
-    inside = [read_clue(word, joints) for word in itertools.chain(*map(_columns, recordings))]
-    # A trial of the whole machine may be called after the joint that it is aimed at.
-    if any(said.exact or said.number is not None for said in inside):
-        return list(recordings)
-    pairs = zip(recordings, named, strict=True)
-    streams = tuple(replace(recording.streams[0], name=joint) for recording, joint in pairs)
-    notes = (*recordings[0].notes, "each file is taken for what one joint did: " + ", ".join(named))
-    return [merged_names(replace(recordings[0], streams=streams, notes=notes))]

@@ -111,7 +111,6 @@ def log_header(
     Args:
         cuts: the trials, columns by channel in SI units.
         found: what was guessed; what is settled here is added to its facts.
-        machine: the robot.
         stated: the map, whose ``log`` entries hold.
         recordings: what the trials are cut from.
 

@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array, is_whole
-from excite.conversion.columns.clock import FEWEST_ROWS, Table, find_restarts, goes_evenly, is_clock
+from excite.conversion.columns.clock import FEWEST_ROWS, Table, find_restarts, is_clock
 from excite.conversion.columns.words import read_clue
 from excite.conversion.recording import Column, Recording, Stream, nothing_there
 from excite.conversion.sources.unitree import name_motors_of_tables
+from excite.finding import first_names
 
 # More names than a humanoid with hands has joints are no names of joints; texts of a row each are more.
 _MOST = 100
@@ -63,54 +64,6 @@ def reshape_recording(recording: Recording) -> list[Recording]:
     return _by_episode(
         replace(recording, streams=tuple(streams), said=whole, notes=tuple(dict.fromkeys(notes)))
     )
-
-
-def by_clock(stream: Stream) -> tuple[list[Stream], str]:
-    """A stream for each clock of a table in which clocks stand before their signals, as TwinCAT's Scope exports them.
-
-    Read as one table the torques of a slower task went by twice as fast. Clocks are one where, in the units of one,
-    what they differ by hardly changes.
-    """
-    stem = lambda column: re.sub(r"~\d+$", "", column.name)  # noqa: E731
-    groups: list[tuple[Column, list[Column]]] = []
-    for column in stream.columns if stream.time is None else ():
-        named = stem(column) == stem(stream.columns[0]) or read_clue(column.name, ()).quantity == "time"
-        if named and goes_evenly(column.values):
-            groups.append((column, []))
-        elif groups:
-            groups[-1][1].append(column)
-        else:
-            return [stream], ""
-    parts: list[tuple[Column, list[Column]]] = []
-    for clock, signals in groups:
-        if not signals:
-            return [stream], ""
-        same = next((part for part in parts if _are_one_clock(part[0].values, clock.values)), None)
-        if same is None:
-            parts.append((clock, signals))
-        else:
-            same[1].extend(signals)
-    if len(parts) < 2:
-        return [stream], ""
-    # Not called by the file: ``a_1`` would say what its columns are.
-    made = [
-        replace(stream, name=f"part_{k + 1}", columns=(clock, *signals), words={}).rows(
-            np.isfinite(clock.values)
-        )
-        for k, (clock, signals) in enumerate(parts)
-    ]
-    other = parts[1][0].name
-    return made, f"{stream.name} has {len(parts)} clocks, each before its signals: {other} is another one"
-
-
-def _are_one_clock(a: Array, b: Array) -> bool:
-    """Whether two clocks are one, though perhaps in other units (thousands) and from another zero."""
-    known = np.isfinite(a) & np.isfinite(b)
-    if not np.array_equal(np.isfinite(a), np.isfinite(b)) or known.sum() < 2:
-        return False
-    steps = np.median(np.diff(a[known])), np.median(np.diff(b[known]))
-    unit = 1e3 ** round(float(np.log(steps[1] / steps[0]) / np.log(1e3))) if min(steps) > 0.0 else np.nan
-    return float(np.ptp(b[known] / unit - a[known])) < 0.05 * float(steps[0])
 
 
 def _unpack_cells(stream: Stream) -> tuple[list[Stream], str]:
@@ -223,12 +176,22 @@ def _whole_stamps(seconds: Array, parts: Array) -> Array | None:
     return whole if is_clock(whole) else None
 
 
+def _leave_out_empty(stream: Stream) -> tuple[list[Stream], str]:
+    """Without columns in which no row has a number."""
+    kept = [np.isfinite(column.values).any() for column in stream.columns]
+    if all(kept):
+        return [stream], ""
+    empty = [column.name for column, some in zip(stream.columns, kept, strict=True) if not some]
+    columns = tuple(column for column, some in zip(stream.columns, kept, strict=True) if some)
+    return [replace(stream, columns=columns)], f"no row has a number in {first_names(empty, 3)}: left out"
+
+
 SHAPES = (
-    Shape("clocks", "clocks that stand before their signals: a stream each", by_clock),
     Shape("cells", "arrays in cells: a column each", _unpack_cells),
     Shape("long", "a row a joint and sample: a column a joint", _widen),
     Shape("names", "names of joints beside their numbers: labels", _apply_labels),
     Shape("stamps", "seconds and parts of seconds: one clock", _join_stamps),
+    Shape("empty", "columns without any number: left out", _leave_out_empty),
 )
 
 
@@ -325,28 +288,6 @@ def stream_of_arrays(name: str, arrays: Mapping[str, Any]) -> list[Stream]:
     ]
 
 
-def split_batches(arrays: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """Arrays of each trial, where arrays of three axes hold trials, samples and joints; empty where there are none."""
-    shapes = {
-        np.shape(values)[:2]
-        for values in arrays.values()
-        if np.ndim(values) == 3 and np.asarray(values).dtype.kind == "f" and 1 not in np.shape(values)
-    }
-    if len(shapes) != 1:
-        return {}
-    ((count, rows),) = shapes
-    # Images have their rows and columns behind the samples, of which there are more than of trials.
-    if count > rows or any(len(values) == rows for values in arrays.values() if np.ndim(values) == 2):
-        return {}
-    return {
-        f"trial_{k}": {
-            key: np.asarray(values)[k] if np.shape(values)[:2] == (count, rows) else values
-            for key, values in arrays.items()
-        }
-        for k in range(count)
-    }
-
-
 def longest_streams(streams: Iterable[Stream]) -> tuple[Stream, ...]:
     """Streams that may be signals: not those with a hundredth of the longest one's rows, which are constants."""
     kept = list(streams)
@@ -358,7 +299,6 @@ def with_labels(stream: Stream, names: Mapping[str, Sequence[str]]) -> Stream:
     """The stream with the names of a list on the columns ``NAME[0] … NAME[k-1]`` of each array as long as the list.
 
     Args:
-        stream: any.
         names: lists of names, by what the recording calls them.
     """
     lists = {key: list(words) for key, words in names.items() if 1 < len(set(words)) == len(words) <= _MOST}

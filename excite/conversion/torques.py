@@ -84,11 +84,8 @@ def ask_for_scale(
     longest motion that is for identification are looked at.
 
     Args:
-        cuts: the trials.
         header: header of the log that is to be written.
-        machine: the robot.
         found: how the columns were understood.
-        stated: the map.
         recording: the first of the recordings.
     """
     torques = found.of("tau")
@@ -149,7 +146,6 @@ def torque_gains(robot: Robot, log: Log) -> dict[str, Gain]:
     A voltage makes the torque ``kt/R V − kt²/R ω``: the second part looks like viscous friction, kt/R is the scale.
 
     Args:
-        robot: the nominal model.
         log: the log; of currents without constants, each ampere is taken for a newton metre.
     """
     if log.header.torque == "current" and not log.header.torque_constants:
@@ -180,10 +176,6 @@ def propose_constants(robot: Robot, log: Log) -> list[str]:
     """Torque per ampere of each joint whose current the nominal model explains, in a sentence; none of other logs.
 
     Nothing of it is applied, as the nominal model may be what is wrong.
-
-    Args:
-        robot: the nominal model.
-        log: the log.
     """
     placed = log.header.base in ("fixed", "held")
     if log.header.torque != "current" or log.header.torque_constants or not placed:

@@ -119,13 +119,13 @@ def shares_left(sums: Array) -> Array:
     """
     sets = np.array(list(product((True, False), repeat=3)))
     rest, found = remove_drives(sums, sets.reshape(8, *(1,) * (sums.ndim - 2), 3))
-    power = np.maximum(sums[..., 4, 4], 1e-300)
+    changes = sums[..., 4, 4] > 0.0
     model, both, torque = rest[..., 0, 0], rest[..., 0, 1], rest[..., 1, 1]
     gain = both / np.maximum(model, 1e-300)
     gain = np.clip(gain, THRESHOLD.least_model_gain, THRESHOLD.most_model_gain)
     holds = (found[..., 1] - gain[..., None] * found[..., 0] >= 0.0).all(axis=-1)
     left = np.where(holds, torque - 2.0 * gain * both + gain**2 * model, np.inf).min(axis=0)
-    return np.asarray(np.where(sums[..., 4, 4] > 0.0, np.maximum(left, 0.0) / power, 1.0))
+    return np.asarray(np.where(changes, np.maximum(left, 0.0) / np.where(changes, sums[..., 4, 4], 1.0), 1.0))
 
 
 class PartsFit(NamedTuple):

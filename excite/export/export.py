@@ -144,13 +144,17 @@ def with_approach(robot: Robot, motion: Motion) -> Motion:
     and the check refuses the whole. Ends that another motion of a chain goes on from stay as they are.
 
     Args:
-        robot: its robot.
         motion: the motion; one that is broken, or of other joints, comes back as it is.
 
     Raises:
         InputError: it starts or ends elsewhere than at rest, and the robot stands on feet or its base moves too.
     """
-    if not _is_whole(robot, motion):
+    shapes = motion.q.shape == (motion.n_samples, robot.model.nq) and motion.n_samples > 2
+    if not (
+        shapes
+        and motion.joint_names == robot.joint_names
+        and bool(np.isfinite(motion.q).all() and (np.diff(motion.time) > 0.0).all())
+    ):
         return motion
     start = None if motion.metadata.previous else _approach_way(robot, motion, 0)
     end = None if motion.metadata.following else _approach_way(robot, motion, -1)
@@ -165,16 +169,6 @@ def with_approach(robot: Robot, motion: Motion) -> Motion:
     if end is not None:
         parts.append(motion_rows(replace(end, time=whole.time[-1] + end.time), slice(1, None)))
     return join_motions(motion, parts)
-
-
-def _is_whole(robot: Robot, motion: Motion) -> bool:
-    """Whether there is anything to lead to and from: what is broken, the check says."""
-    shapes = motion.q.shape == (motion.n_samples, robot.model.nq) and motion.n_samples > 2
-    return (
-        shapes
-        and motion.joint_names == robot.joint_names
-        and bool(np.isfinite(motion.q).all() and (np.diff(motion.time) > 0.0).all())
-    )
 
 
 def _approach_way(robot: Robot, motion: Motion, row: int) -> Motion | None:
@@ -235,8 +229,6 @@ def on_grid(motion: Motion, robot: Robot, rate_hz: float) -> Motion:
     last posture; when it ends moving, the grid stops at the last whole period.
 
     Args:
-        motion: the motion.
-        robot: its robot.
         rate_hz: samples per second.
 
     Returns:

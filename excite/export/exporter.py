@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
+from excite.atomic import is_written
 from excite.errors import InputError
 from excite.formats.number import check_number, shorten_value
 from excite.motion.motion import Motion
@@ -53,7 +54,15 @@ class Setting:
     def read(self, value: object, source: str) -> float | str:
         """The value, a number or its text; raises InputError that names the setting."""
         if isinstance(self.default, str):
-            return self._read_word(value, source)
+            text = str(value).strip()
+            if self.choices and text not in self.choices:
+                remedy = f"choose one of {', '.join(self.choices)}"
+                raise InputError(f"is {shorten_value(text)}", source=source, field=self.name, remedy=remedy)
+            if not text.isprintable():
+                raise InputError(
+                    f"is {shorten_value(text)}", source=source, field=self.name, remedy="write it in one line"
+                )
+            return text
         number = value
         if isinstance(value, str):
             try:
@@ -62,17 +71,6 @@ class Setting:
                 number = value[:40]
         return check_number(number, self.name, self.low, self.high, self.unit, source=source)
 
-    def _read_word(self, value: object, source: str) -> str:
-        text = str(value).strip()
-        if self.choices and text not in self.choices:
-            remedy = f"choose one of {', '.join(self.choices)}"
-            raise InputError(f"is {shorten_value(text)}", source=source, field=self.name, remedy=remedy)
-        if not text.isprintable():
-            raise InputError(
-                f"is {shorten_value(text)}", source=source, field=self.name, remedy="write it in one line"
-            )
-        return text
-
 
 def settle_settings(
     declared: Iterable[Setting], given: Mapping[str, object], source: str
@@ -80,7 +78,6 @@ def settle_settings(
     """Values of all declared settings; raises InputError for one that is not declared or not allowed.
 
     Args:
-        declared: of the format.
         given: by name, numbers or texts.
         source: name of the format, for errors.
     """
@@ -172,7 +169,6 @@ class Exporter(ABC):
         """For each of some joints its place among those that a setting names, between commas.
 
         Args:
-            names: of the joints.
             field: name of the setting.
             blank: what stands for a place that no joint has; None where all have to have one.
 
@@ -205,6 +201,13 @@ class Exporter(ABC):
             motion: the motion, already on the grid that the controller wants.
             path: the file or folder to write; an older one is replaced.
         """
+
+    def mistake_in(self, method: str, result: object, *given: Any) -> str:
+        """What is wrong with what a derived class's method returns; empty for nothing."""
+        left = [
+            path for path in given if isinstance(path, Path) and method == "write" and not is_written(path)
+        ]
+        return f"leaves no file {left[0]}" if left else ""
 
 
 # What a ROS 2 joint trajectory controller takes for one goal.

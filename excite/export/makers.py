@@ -144,9 +144,7 @@ def franka_violations(limits: FrankaLimits, q: Array, joints: tuple[str, ...]) -
     to a robot that stands still.
 
     Args:
-        limits: of the model.
         q: ``(n, 7)`` positions, one a millisecond [rad].
-        joints: their names.
     """
     # Three milliseconds of standing still before the first and after the last sample: jerk is of third order.
     still = np.pad(q, ((3, 3), (0, 0)), mode="edge")

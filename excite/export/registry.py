@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from excite.registry import Registry, installed
+from excite.registry import Registry
 
 if TYPE_CHECKING:
     from excite.export.exporter import Exporter
@@ -12,8 +12,7 @@ if TYPE_CHECKING:
 
 EXPORTERS: Registry[Exporter] = Registry(
     "format",
-    installed("exporters")
-    | {
+    {
         "csv": "excite.export.plain_tables:CsvExporter",
         "npz": "excite.export.plain_tables:NpzExporter",
         "ros2": "excite.export.ros2:Ros2Exporter",
@@ -26,6 +25,7 @@ EXPORTERS: Registry[Exporter] = Registry(
         "unitree": "excite.export.makers:UnitreeExporter",
         "openhrp": "excite.export.makers:OpenHrpExporter",
     },
+    axis="exporters",
 )
 
 MODEL_FORMATS: Registry[ModelFormat] = Registry(

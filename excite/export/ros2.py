@@ -61,7 +61,6 @@ def write_bag(motion: Motion, folder: Path, command: str = "") -> None:
     """Write a motion as a bag folder that is not yet there.
 
     Args:
-        motion: the motion.
         folder: of the bag; the MCAP file in it has its name.
         command: topic of a ``sensor_msgs/msg/JointState`` for every sample at its time; none where empty.
     """
@@ -72,14 +71,47 @@ def write_bag(motion: Motion, folder: Path, command: str = "") -> None:
     joints = motion.joint_positions(), goal_velocities(motion), motion.joint_accelerations()
     messages = [(TOPIC, JOINT_TRAJECTORY, [_trajectory_arrays(store, motion, motion.joint_names, *joints)])]
     if motion.floating:
-        messages.append(("/excite/base", BASE_TRAJECTORY, [_base_trajectory(store, motion)]))
+        # Pose in the world; twist and acceleration in the base frame, as everywhere in a motion.
+        vector, quaternion, pose, twist = (
+            store.types[f"geometry_msgs/msg/{name}"]
+            for name in ("Vector3", "Quaternion", "Transform", "Twist")
+        )
+        point = store.types["trajectory_msgs/msg/MultiDOFJointTrajectoryPoint"]
+        rows = zip(motion.q[:, :7].tolist(), motion.v[:, :6].tolist(), motion.a[:, :6].tolist(), strict=True)
+        points = [
+            point(
+                [pose(vector(*q[:3]), quaternion(*q[3:]))],
+                *([twist(vector(*rates[:3]), vector(*rates[3:]))] for rates in (v, a)),
+                time,
+            )
+            for (q, v, a), time in zip(rows, _message_times(store, motion), strict=True)
+        ]
+        messages.append(
+            (
+                "/excite/base",
+                BASE_TRAJECTORY,
+                [store.types[BASE_TRAJECTORY](_message_header(store, "world"), ["base"], points)],
+            )
+        )
     if motion.contacts:
         flags = np.column_stack(list(motion.contacts.values())).astype(float)
         messages.append(
             (CONTACTS, JOINT_TRAJECTORY, [_trajectory_arrays(store, motion, list(motion.contacts), flags)])
         )
     if command:
-        messages.append((command, JOINT_STATE, _joint_states(store, motion)))
+        state, names = store.types[JOINT_STATE], list(motion.joint_names)
+        stamps = _message_times(store, motion, "builtin_interfaces/msg/Time")
+        values = map(np.ascontiguousarray, (motion.joint_positions(), motion.joint_velocities()))
+        messages.append(
+            (
+                command,
+                JOINT_STATE,
+                [
+                    state(_message_header(store, stamp=stamp), names, q, v, np.empty(0))
+                    for stamp, q, v in zip(stamps, *values, strict=True)
+                ],
+            )
+        )
     bag = Writer(folder, version=_BAG_VERSION, storage_plugin=StoragePlugin.MCAP)
     bag.set_custom_data(ROBOT, motion.robot)
     bag.set_custom_data(ROBOT_HASH, motion.metadata.robot_hash)
@@ -114,34 +146,6 @@ def _trajectory_arrays(store: Any, motion: Motion, names: Sequence[str], *values
     missing = [nothing] * (4 - len(values))
     points = [point(*row, *missing, time) for *row, time in rows]
     return store.types[JOINT_TRAJECTORY](_message_header(store), list(names), points)
-
-
-def _joint_states(store: Any, motion: Motion) -> list[Any]:
-    state, names = store.types[JOINT_STATE], list(motion.joint_names)
-    stamps = _message_times(store, motion, "builtin_interfaces/msg/Time")
-    values = map(np.ascontiguousarray, (motion.joint_positions(), motion.joint_velocities()))
-    return [
-        state(_message_header(store, stamp=stamp), names, q, v, np.empty(0))
-        for stamp, q, v in zip(stamps, *values, strict=True)
-    ]
-
-
-def _base_trajectory(store: Any, motion: Motion) -> Any:
-    """Pose in the world; twist and acceleration in the base frame, as everywhere in a motion."""
-    vector, quaternion, pose, twist = (
-        store.types[f"geometry_msgs/msg/{name}"] for name in ("Vector3", "Quaternion", "Transform", "Twist")
-    )
-    point = store.types["trajectory_msgs/msg/MultiDOFJointTrajectoryPoint"]
-    rows = zip(motion.q[:, :7].tolist(), motion.v[:, :6].tolist(), motion.a[:, :6].tolist(), strict=True)
-    points = [
-        point(
-            [pose(vector(*q[:3]), quaternion(*q[3:]))],
-            *([twist(vector(*rates[:3]), vector(*rates[3:]))] for rates in (v, a)),
-            time,
-        )
-        for (q, v, a), time in zip(rows, _message_times(store, motion), strict=True)
-    ]
-    return store.types[BASE_TRAJECTORY](_message_header(store, "world"), ["base"], points)
 
 
 # A single MCAP file with the motion as a joint trajectory, and as a stream of joint states.

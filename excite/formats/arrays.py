@@ -71,7 +71,6 @@ def read_npz(
     """Arrays of an npz archive by name, numbers, flags and short texts, each checked before its values are read.
 
     Args:
-        path: of the archive.
         known: names of arrays that may be in it; None for any.
         limit: most bytes of the file, and of all its arrays together.
         longest_text: most characters of a text.

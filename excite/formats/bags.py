@@ -10,7 +10,11 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache, partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from excite.data_tables import read_rows
 from excite.errors import InputError
@@ -18,16 +22,22 @@ from excite.formats.file import first_bytes, is_damage
 
 # Of a topic and the type of its messages, whether they are wanted.
 Choice = Callable[[str, str], bool]
+# Messages that are read together: their bytes are kept until then.
+_LONGEST_RUN = 512
 _MCAP = b"\x89MCAP0\r\n"
 
 
 class Message(NamedTuple):
-    """A message: its topic, its type (empty for JSON), its fields as attributes or entries, when it was written [s]."""
+    """A message: its topic, its type (empty for JSON), its fields as attributes or entries, when it was written [s].
+
+    Of ``n`` messages that differ in their numbers alone each number is an array ``(n,)``, and each list of k numbers
+    ``(k, n)``; so are the times ``(n,)``.
+    """
 
     topic: str
     kind: str
     content: Any
-    logged_s: float
+    logged_s: float | NDArray[np.float64]
 
 
 class Bag(ABC):
@@ -43,8 +53,16 @@ class Bag(ABC):
         self.custom: dict[str, str] = {}
 
     @abstractmethod
-    def messages(self, wanted: Choice, most_bytes: int = sys.maxsize) -> Iterator[Message]:
-        """Messages that are wanted and not larger, of definitions that are known; raises what its library raises."""
+    def messages(
+        self,
+        wanted: Choice,
+        most_bytes: int = sys.maxsize,
+        together: Callable[[str], bool] = lambda kind: False,
+    ) -> Iterator[Message]:
+        """Messages that are wanted and not larger, of definitions that are known; raises what its library raises.
+
+        Those of types that may come ``together`` are gathered, each topic's in its order.
+        """
 
 
 def is_mcap(path: Path) -> bool:
@@ -86,20 +104,119 @@ class _RosBag(Bag):
         self.topics = {c.topic: c.msgtype for c in bag.connections}
         self.custom = dict(getattr(getattr(bag.readers[0], "metadata", None), "custom", None) or {})
 
-    def messages(self, wanted: Choice, most_bytes: int = sys.maxsize) -> Iterator[Message]:
+    def messages(
+        self,
+        wanted: Choice,
+        most_bytes: int = sys.maxsize,
+        together: Callable[[str], bool] = lambda kind: False,
+    ) -> Iterator[Message]:
         """See :class:`Bag`."""
-        bag, unknown = self._bag, set()
+        bag, unknown, failure = self._bag, set(), None
+        waiting: dict[str, tuple[str, list[tuple[bytes, float]]]] = {}
         connections = [c for c in bag.connections if wanted(c.topic, c.msgtype)]
-        for connection, logged, raw in bag.messages(connections=connections) if connections else ():
-            kind = connection.msgtype
-            if kind in unknown or len(raw) > most_bytes:
-                continue
-            if kind not in bag.typestore.fielddefs and not (
-                kind == _STATE and _register_state(bag.typestore, raw)
-            ):
-                unknown.add(kind)
-                continue
-            yield Message(connection.topic, kind, bag.deserialize(raw, kind), 1e-9 * logged)
+        try:
+            for connection, logged, raw in bag.messages(connections=connections) if connections else ():
+                kind = connection.msgtype
+                if kind in unknown or len(raw) > most_bytes:
+                    continue
+                if kind not in bag.typestore.fielddefs and not (
+                    kind == _STATE and _register_state(bag.typestore, raw)
+                ):
+                    unknown.add(kind)
+                    continue
+                if not together(kind):
+                    yield Message(connection.topic, kind, bag.deserialize(raw, kind), 1e-9 * logged)
+                    continue
+                _, run = waiting.setdefault(connection.topic, (kind, []))
+                if run and (len(run) == _LONGEST_RUN or len(raw) != len(run[0][0])):
+                    yield from self._decode_run(connection.topic, kind, run)
+                    run.clear()
+                run.append((raw, 1e-9 * logged))
+        except Exception as error:  # noqa: BLE001  (of a damaged end: what came before it is read)
+            failure = error
+        for topic, (kind, run) in waiting.items():
+            yield from self._decode_run(topic, kind, run)
+        if failure is not None:
+            raise failure
+
+    def _decode_run(self, topic: str, kind: str, run: list[tuple[bytes, float]]) -> Iterator[Message]:
+        """Messages of one length, as many together as differ in their numbers alone."""
+        rows = np.frombuffer(b"".join(raw for raw, _ in run), dtype=np.uint8).reshape(len(run), -1)
+        logged, k = np.array([time for _, time in run]), 0
+        while k < len(run):
+            try:
+                fixed = _AlikeMessages(self._bag, rows[k:]).read(kind)[1]
+                n = int(np.argmin(np.append((rows[k:, fixed] == rows[k, fixed]).all(axis=1), False)))
+                yield Message(
+                    topic, kind, _AlikeMessages(self._bag, rows[k : k + n]).read(kind)[0], logged[k : k + n]
+                )
+            except (KeyError, IndexError, ValueError):
+                n = 1
+                yield Message(topic, kind, self._bag.deserialize(run[k][0], kind), logged[k])
+            k += n
+
+
+class _AlikeMessages:
+    """Reads messages by the structure of the first: texts and lengths of lists, where numbers begin.
+
+    Args:
+        bag: that knows the definitions; ROS 2 aligns numbers to their size, from the fifth byte on.
+        rows: ``(n, n_bytes)``.
+    """
+
+    def __init__(self, bag: Any, rows: NDArray[np.uint8]) -> None:
+        self._types, self._aligned, self._rows = bag.typestore.fielddefs, bool(bag.is2), rows
+        self._first, self._at = rows[0].tobytes(), 4 if bag.is2 else 0
+        self._fixed = np.ones(rows.shape[1], dtype=np.bool_)
+        if self._aligned and self._first[1] != 1:
+            raise ValueError("its numbers begin with their highest byte")
+
+    def read(self, kind: str) -> tuple[Any, NDArray[np.bool_]]:
+        """Their fields, and which bytes are no numbers; raises KeyError, IndexError or ValueError of other types."""
+        found = self._read_fields(kind)
+        if not self._at <= len(self._first) < self._at + 8:
+            raise ValueError("its definition is another one")
+        self._fixed[self._at :] = False
+        return found, self._fixed
+
+    def _read_fields(self, kind: str) -> SimpleNamespace:
+        return SimpleNamespace(**{name: self._read_field(*told) for name, told in self._types[kind][1]})
+
+    def _read_field(self, node: Any, told: Any) -> Any:
+        if node.name == "BASE":
+            return self._read_text() if told[0] == "string" else self._read_numbers(told[0], 1)[0]
+        if node.name == "NAME":
+            return self._read_fields(told)
+        inner, many = told if node.name == "ARRAY" else (told[0], self._read_count())
+        if inner[0].name == "BASE" and inner[1][0] != "string":
+            return self._read_numbers(inner[1][0], many)
+        if many > len(self._first):
+            raise ValueError("holds more entries than bytes")
+        return [self._read_field(*inner) for _ in range(many)]
+
+    def _read_numbers(self, word: str, many: int) -> NDArray[np.float64]:
+        kind = np.dtype(
+            {"bool": "u1", "byte": "u1", "char": "u1", "octet": "u1"}.get(word, word)
+        ).newbyteorder("<")
+        cut = self._take(kind.itemsize, many)
+        self._fixed[cut] = False
+        return np.ascontiguousarray(self._rows[:, cut]).view(kind).T.astype(np.float64)
+
+    def _read_text(self) -> str:
+        text: bytes = self._first[self._take(1, self._read_count())]
+        return text.rstrip(b"\0").decode()
+
+    def _read_count(self) -> int:
+        return int.from_bytes(self._first[self._take(4, 1)], "little")
+
+    def _take(self, size: int, many: int) -> slice:
+        """The next bytes; what fills up before them may be anything."""
+        start = self._at + (-(self._at - 4) % size if self._aligned and many else 0)
+        self._fixed[self._at : start] = False
+        self._at = start + size * many
+        if self._at > len(self._first):
+            raise ValueError("ends within its fields")
+        return slice(start, self._at)
 
 
 class _Mcap(Bag):
@@ -116,7 +233,12 @@ class _Mcap(Bag):
         self._path, self._reader = path, NonSeekingReader
         self._decoders: dict[int, Callable[[bytes], Any] | None] = {}
 
-    def messages(self, wanted: Choice, most_bytes: int = sys.maxsize) -> Iterator[Message]:
+    def messages(
+        self,
+        wanted: Choice,
+        most_bytes: int = sys.maxsize,
+        together: Callable[[str], bool] = lambda kind: False,
+    ) -> Iterator[Message]:
         """See :class:`Bag`."""
         with self._path.open("rb") as stream:
             reader = self._reader(stream, validate_crcs=False)

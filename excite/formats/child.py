@@ -97,7 +97,6 @@ def in_child(
 
     Args:
         function: ``package.module:name`` of a function; its arguments and its result have to be picklable.
-        args: its arguments.
         source: file that it reads, for errors.
         seconds: how long it may take [s].
         memory_gb: how much memory it may ask for [GB].
@@ -146,11 +145,7 @@ def _run_task(file: IO[bytes], seconds: float, start: tuple[Any, ...], kept: boo
 
 
 def answer_tasks(descriptor: int) -> None:
-    """Run in the child: read a task from each file that comes over a socket, add what came of it, and say so.
-
-    Args:
-        descriptor: of the socket.
-    """
+    """Run in the child: read a task from each file that comes over a socket, add what came of it, and say so."""
     die_with_parent()
     # A crash shall leave no core file beside people's data.
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from copy import copy
 from pathlib import Path
 from typing import Any, TypeVar
-from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, ParseError, TreeBuilder, canonicalize, tostring
 from xml.parsers.expat import errors as expat_errors
 
 import yaml
@@ -55,7 +55,6 @@ def read_json(
     """The object that a JSON file holds.
 
     Args:
-        path: of the file.
         schema: what its field ``schema`` has to be; None where it has none.
         remedy: what to do where the file is wrong.
 
@@ -156,14 +155,14 @@ class _OutOfBounds(Exception):
         super().__init__(what)
 
 
-class _BoundedBuilder(ElementTree.TreeBuilder):
+class _BoundedBuilder(TreeBuilder):
     """Builds elements as long as there are not too many, too deep, or with too many attributes."""
 
     def __init__(self, max_depth: int) -> None:
         super().__init__()
         self._max_depth, self._depth, self._count = max_depth, 0, 0
 
-    def start(self, tag: Any, attrs: dict[Any, Any], /) -> ElementTree.Element:
+    def start(self, tag: Any, attrs: dict[Any, Any], /) -> Element:
         self._depth += 1
         self._count += 1
         if self._depth > self._max_depth:
@@ -174,16 +173,15 @@ class _BoundedBuilder(ElementTree.TreeBuilder):
             raise _OutOfBounds(f"has {len(attrs)} attributes", tag)
         return super().start(tag, attrs)
 
-    def end(self, tag: str, /) -> ElementTree.Element:
+    def end(self, tag: str, /) -> Element:
         self._depth -= 1
         return super().end(tag)
 
 
-def read_xml(path: str | Path, *, max_depth: int = XML_DOCUMENT_MAX_DEPTH) -> ElementTree.Element:
+def read_xml(path: str | Path, *, max_depth: int = XML_DOCUMENT_MAX_DEPTH) -> Element:
     """The outermost element of an XML file.
 
     Args:
-        path: of the file.
         max_depth: how deep elements may be nested.
 
     Raises:
@@ -194,14 +192,14 @@ def read_xml(path: str | Path, *, max_depth: int = XML_DOCUMENT_MAX_DEPTH) -> El
     return parse_xml(read_bytes(path, limit=MAX_XML_BYTES), path, max_depth)
 
 
-def parse_xml(content: bytes, path: Path, max_depth: int = XML_DOCUMENT_MAX_DEPTH) -> ElementTree.Element:
+def parse_xml(content: bytes, path: Path, max_depth: int = XML_DOCUMENT_MAX_DEPTH) -> Element:
     """The outermost element of XML that was read from ``path``; errors as for :func:`read_xml`."""
     # Some editors and programs of embedded makers end a text with the zero byte of its string.
     content = content.rstrip(b"\0")
     try:
         try:
             return _parse_xml(content, max_depth)
-        except ElementTree.ParseError as reason:
+        except ParseError as reason:
             if reason.code != _UNBOUND_PREFIX:
                 raise
             return _parse_xml(_with_prefixes(content), max_depth)
@@ -216,21 +214,21 @@ def parse_xml(content: bytes, path: Path, max_depth: int = XML_DOCUMENT_MAX_DEPT
         raise InputError(
             reason.what, source=path, field=reason.tag[:60], remedy="reduce the model"
         ) from reason
-    except (ElementTree.ParseError, ValueError, LookupError) as reason:
+    except (ParseError, ValueError, LookupError) as reason:
         raise InputError(
             f"is not valid XML ({in_one_line(reason)[:160]})", source=path, remedy="mend the syntax there"
         ) from reason
 
 
-def elements_of(text: bytes | str) -> ElementTree.Element:
+def elements_of(text: bytes | str) -> Element:
     """The outermost element of a text that was read or written here before; prefixes need no declaration."""
     return parse_xml(text.encode() if isinstance(text, str) else text, Path("text"))
 
 
-def _parse_xml(content: bytes, max_depth: int) -> ElementTree.Element:
+def _parse_xml(content: bytes, max_depth: int) -> Element:
     parser = DefusedXMLParser(target=_BoundedBuilder(max_depth))
     parser.feed(content)
-    root: ElementTree.Element = parser.close()
+    root: Element = parser.close()
     return root
 
 
@@ -248,15 +246,15 @@ def _with_prefixes(content: bytes) -> bytes:
     return content[: first.end(1)] + said + content[first.end(1) :]
 
 
-def all_alike(elements: Sequence[ElementTree.Element]) -> bool:
+def all_alike(elements: Sequence[Element]) -> bool:
     """Whether elements say the same, their children and attributes included: whichever a reader takes, none is lost."""
     return len(elements) < 2 or len({_canonical_text(one) for one in elements}) == 1
 
 
-def _canonical_text(element: ElementTree.Element) -> str:
+def _canonical_text(element: Element) -> str:
     alone = copy(element)
     alone.tail = None
-    return ElementTree.canonicalize(ElementTree.tostring(alone, encoding="unicode"), strip_text=True)
+    return canonicalize(tostring(alone, encoding="unicode"), strip_text=True)
 
 
 # YAML files as mappings, without what a loader would swallow or never get through.
@@ -289,7 +287,6 @@ def read_yaml(
     """The mapping that a YAML file holds.
 
     Args:
-        path: of the file.
         remedy: what to do where it is no mapping at all.
         limit: largest size [bytes].
         most_nodes: how many values it may stand for.
@@ -307,7 +304,21 @@ def read_yaml(
         root = _compose_nodes(text, path, most_nodes)
         if root is not None:
             if sections and isinstance(root, yaml.MappingNode):
-                _join_sections(root)
+                # Make one of the mappings, or of the lists, that stand under the same key at the top.
+                first: dict[str, yaml.Node] = {}
+                left = []
+                for key, value in root.value:
+                    name = str(key.value)
+                    same = first.setdefault(name, value)
+                    if (
+                        same is not value
+                        and isinstance(value, yaml.CollectionNode)
+                        and type(same) is type(value)
+                    ):
+                        same.value += value.value
+                    else:
+                        left.append((key, value))
+                root.value = left
             _check_nodes(root, path, most_nodes)
         content = (
             None if root is None else (_AngleLoader if degrees else _Loader)("").construct_document(root)
@@ -342,20 +353,6 @@ def _compose_nodes(text: str, path: Path, most_nodes: int) -> yaml.Node | None:
         if nodes > most_nodes:
             raise _too_many(path, most_nodes)
     return yaml.compose(text, Loader=_Loader)
-
-
-def _join_sections(root: yaml.MappingNode) -> None:
-    """Make one of the mappings, or of the lists, that stand under the same key at the top."""
-    first: dict[str, yaml.Node] = {}
-    left = []
-    for key, value in root.value:
-        name = str(key.value)
-        same = first.setdefault(name, value)
-        if same is not value and isinstance(value, yaml.CollectionNode) and type(same) is type(value):
-            same.value += value.value
-        else:
-            left.append((key, value))
-    root.value = left
 
 
 def _check_nodes(root: yaml.Node, path: Path, most_nodes: int) -> None:

@@ -59,7 +59,6 @@ def check_file(path: str | Path, *, limit: int | None = None) -> Path:
     """The path of a regular file that may be read, else an error in one line.
 
     Args:
-        path: of the file.
         limit: largest size [bytes]; None for any.
 
     Raises:
@@ -245,7 +244,6 @@ def unpack_file(path: Path, *, limit: int) -> Iterator[Path]:
     What is raised of the copy within the block names the packed file.
 
     Args:
-        path: of a file.
         limit: most bytes of what is in a packed file.
 
     Raises:
@@ -257,7 +255,20 @@ def unpack_file(path: Path, *, limit: int) -> Iterator[Path]:
     check_file(path)
     folder = TemporaryFolder()
     copy = folder.path / plain_name(path).name
-    _copy_unpacked(path, copy, limit)
+    size = 0
+    try:
+        with _OPENED[path.suffix.lower()](path, "rb") as source, copy.open("wb") as target:
+            while block := source.read(BLOCK):
+                size += len(block)
+                if size > limit:
+                    raise too_large(path, size, limit)
+                target.write(block)
+    except (OSError, EOFError, zlib.error, lzma.LZMAError, ValueError) as reason:
+        raise InputError(
+            f"cannot be unpacked ({in_one_line(reason)[:160]})",
+            source=path,
+            remedy="check that the file is complete",
+        ) from reason
     try:
         yield copy
     except InputError as reason:
@@ -279,23 +290,6 @@ def pack_file(plain: Path, path: Path) -> None:
         with packed as target:
             while block := source.read(BLOCK):
                 target.write(block)
-
-
-def _copy_unpacked(path: Path, copy: Path, limit: int) -> None:
-    size = 0
-    try:
-        with _OPENED[path.suffix.lower()](path, "rb") as source, copy.open("wb") as target:
-            while block := source.read(BLOCK):
-                size += len(block)
-                if size > limit:
-                    raise too_large(path, size, limit)
-                target.write(block)
-    except (OSError, EOFError, zlib.error, lzma.LZMAError, ValueError) as reason:
-        raise InputError(
-            f"cannot be unpacked ({in_one_line(reason)[:160]})",
-            source=path,
-            remedy="check that the file is complete",
-        ) from reason
 
 
 # Files of which one or several are handed over.

@@ -139,10 +139,17 @@ def read_raw(path: Path) -> RawC3d:
         content = ezc3d.c3d(str(path), extract_forceplat_data=True)
         point = content["parameters"]["POINT"]
         units = point.get("UNITS", {}).get("value") or ["mm"]
+        # Names of the points; a list holds 255 of them, others follow in LABELS2, LABELS3, …
+        found: list[str] = []
+        names = ["LABELS", *(f"LABELS{i}" for i in range(2, 256))]
+        for name in names:
+            if name not in point:
+                break
+            found += [str(label).strip() for label in point[name]["value"]]
         return RawC3d(
             rate_hz=float(content["header"]["points"]["frame_rate"]),
             unit=str(units[0]),
-            labels=tuple(_point_labels(point)),
+            labels=tuple(found),
             points=np.asarray(content["data"]["points"], dtype=float),
             residuals=np.asarray(content["data"]["meta_points"]["residuals"], dtype=float)[0],
             plates=tuple(_raw_plate(plate) for plate in content["data"].get("platform", ())),
@@ -152,17 +159,6 @@ def read_raw(path: Path) -> RawC3d:
 def _raw_plate(plate: Any) -> dict[str, Any]:
     values = {name: np.asarray(plate[name], dtype=float) for name in ("force", "moment", "corners")}
     return values | {name: str(plate.get(name, "")) for name in ("unit_moment", "unit_position")}
-
-
-def _point_labels(point: Any) -> list[str]:
-    """Names of the points; a list holds 255 of them, others follow in LABELS2, LABELS3, …"""
-    found: list[str] = []
-    names = ["LABELS", *(f"LABELS{i}" for i in range(2, 256))]
-    for name in names:
-        if name not in point:
-            break
-        found += [str(label).strip() for label in point[name]["value"]]
-    return found
 
 
 # Whether a C3D file has room for what it says it holds, before a library believes it (c3d.org, user guide

@@ -19,12 +19,10 @@ def check_number(
     """A number from ``low`` to ``high``, both allowed; raises InputError that names the field.
 
     Args:
-        value: what was handed over.
         field: name of the setting.
         low: smallest value.
         high: largest value.
         unit: of it, for the error.
-        source: where it stands.
     """
     number = _real_number(value)
     if not low <= number <= high:

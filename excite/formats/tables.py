@@ -122,7 +122,6 @@ def read_table(
     """Read a text table.
 
     Args:
-        path: of the file.
         strict: whether the table must have names, and every row as many cells. Units in brackets behind a name are
             then parted from it.
         below: the line that the table stands below, such as ``endheader``; empty where no such line is asked for.

@@ -175,7 +175,6 @@ def body_inertias(subject: Subject, dimensions: Dimensions, table: Anthropometry
     100.00 %, Dumas' to 100.2 and 99.9 %).
 
     Args:
-        subject: mass and sex.
         dimensions: lengths that the table's percentages refer to.
         table: ``de_leva`` or ``dumas``.
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
-from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, indent, tostring
 
 import numpy as np
 import pinocchio as pin
@@ -176,7 +176,7 @@ def _segment_of(body: str) -> str | None:
     return next((name for name in (kind, f"{side}{kind}") if name in NAMES), None)
 
 
-def _read_mass(body: ElementTree.Element, path: Path) -> float:
+def _read_mass(body: Element, path: Path) -> float:
     try:
         return float(body.findtext("mass") or 0.0)
     except ValueError as error:
@@ -195,7 +195,7 @@ PLACES = {"robot_file": ROBOT_FILE, "log_file": "."}
 
 def urdf_text(body: Body) -> str:
     """The URDF: one link a segment, angles named as in :data:`~excite.human.segments.JOINT_NAMES`."""
-    robot, names = ElementTree.Element("robot", name="human"), iter(JOINT_NAMES)
+    robot, names = Element("robot", name="human"), iter(JOINT_NAMES)
     for k, segment in enumerate(SEGMENTS):
         _add_segment(robot, body, k)
         carrier = NAMES[PARENTS[k]]
@@ -212,11 +212,11 @@ def urdf_text(body: Body) -> str:
             add_element(joint, "axis", xyz=np.eye(3)[axis.index] * axis.sign)
             add_element(joint, "limit", lower=low, upper=high, velocity=40.0, effort=400.0)
             carrier, pose = child, pin.SE3.Identity()
-    ElementTree.indent(robot)
-    return ElementTree.tostring(robot, encoding="unicode", xml_declaration=True) + "\n"
+    indent(robot)
+    return tostring(robot, encoding="unicode", xml_declaration=True) + "\n"
 
 
-def _add_segment(robot: ElementTree.Element, body: Body, k: int) -> None:
+def _add_segment(robot: Element, body: Body, k: int) -> None:
     """A segment's link: its inertia, and its box to be seen and to collide with."""
     link, inertia = add_element(robot, "link", name=NAMES[k]), body.inertias[k]
     turn, box = pin.SE3(frame_turn(k), np.zeros(3)), segment_box(body, k)
@@ -231,7 +231,6 @@ def robot_yaml(body: Body, rate_hz: float, plates: tuple[str, ...] = ()) -> str:
     """The ``robot.yaml`` beside the URDF: pairs, boxes of the centres of mass, soles, joint ranges.
 
     Args:
-        body: the person.
         rate_hz: rate of the recordings.
         plates: names of the force plates; two below the feet where there are none.
     """
@@ -584,7 +583,6 @@ def human_log(body: Body, trials: Sequence[MeasuredTrial], hold_out: float, cuto
     away at either end, so that no row is used twice.
 
     Args:
-        body: the person.
         trials: measured trials.
         hold_out: share of a single trial's time that validates, 0 for none.
         cutoff_hz: low-pass that markers and forces went through.

@@ -53,10 +53,27 @@ def foot_line(placement: Placement, side: str, body: Body) -> Array:
 
 _UNLOADED_N = 20.0
 # What else than newtons forces are exported in, and by what moments are off that are not in the file's unit.
-_FORCE_UNITS = {4.4482216152605: "pounds-force", 9.80665: "kilograms-force", 1e3: "kilonewtons"}
+_FORCE_UNITS = {
+    4.4482216152605: "pounds-force",
+    9.80665: "kilograms-force",
+    1e3: "kilonewtons",
+    1e2: "hundreds of newtons (another gain of the amplifier)",
+    1e1: "tens of newtons (another gain of the amplifier)",
+    1e-1: "tenths of newtons (another gain of the amplifier)",
+    1e-2: "hundredths of newtons (another gain of the amplifier)",
+    1e-3: "millinewtons",
+}
 _LEVER_UNITS = {
     1e3: "N·m where the file's unit makes them N·mm",
     1e-3: "N·mm where the file's unit makes them N·m",
+    1.3558179483314: "pound-feet",
+    0.1129848290276: "pound-inches",
+    0.3048: "made of levers in feet",
+    0.0254: "made of levers in inches",
+    1e2: "a hundred times too small beside the forces",
+    1e1: "ten times too small beside the forces",
+    1e-1: "ten times too large beside the forces",
+    1e-2: "a hundred times too large beside the forces, as with levers in centimetres",
 }
 # The centre of pressure of somebody who stands still moves by some millimetres: by less it moves under nobody [m].
 _LEAST_SWAY = 5e-4
@@ -100,7 +117,6 @@ def plate_readings(
     Args:
         recording: plates in a world with z up.
         placement: the segments at the markers' times.
-        body: the person.
         cutoff_hz: of the same low-pass that the markers went through (third order, forwards and backwards).
 
     Raises:
@@ -117,7 +133,9 @@ def plate_readings(
     judged.leave_out_unloaded()
     judged.plates = [judged.in_metres(plate) for plate in judged.plates]
     vertical = np.sum([plate.force[:, 2] for plate in judged.plates], axis=0)
-    judged.balance_body(_Balance(needed, motion.value, vertical > 0.7 * needed[:, 2], judged.ground_height))
+    carried, turning = vertical > 0.7 * needed[:, 2], angular_momentum_rate(body, placement, rate)
+    judged.balance_body(_Balance(needed, turning, motion.value, carried, judged.ground_height))
+    judged.find_lost_moments()
     return judged.assign_feet(), tuple(judged.findings)
 
 
@@ -169,8 +187,11 @@ class _Plates:
         weight = float(needed.mean())
         vertical = np.column_stack([plate.force[:, 2] for plate in self.plates])
         units = (1.0, *_FORCE_UNITS)
-        # A plate that somebody steps on carries some third of the weight for a while.
-        choices = [[k for k in units if k == 1.0 or k * most > 0.3 * weight] for most in vertical.max(axis=0)]
+        # A plate that somebody steps on carries some third of the weight for a while, and ten times as much in a jump.
+        choices = [
+            [k for k in units if k == 1.0 or 0.3 * weight < k * most < 10.0 * weight]
+            for most in vertical.max(axis=0)
+        ]
         few = len(choices) <= 4
         factors = np.array(list(product(*choices)) if few else [(k,) * len(choices) for k in units])
         missed = np.minimum(np.abs(factors @ vertical.T - needed) / weight, 1.0)
@@ -233,52 +254,26 @@ class _Plates:
             return float("nan")
         return float(np.median(np.linalg.norm(point - np.median(point, axis=0), axis=1)))
 
-    def is_possible(self, plate: PlateRecording) -> bool:
-        """Whether a centre of pressure lies under a foot and moves, as far as it is loaded."""
-        sway = self.typical_sway(plate)
-        return not np.isfinite(sway) or (sway > _LEAST_SWAY and self.typical_miss(plate) < NEAR)
-
     def in_metres(self, plate: PlateRecording) -> PlateRecording:
-        """The plate in the unit of length of its moments in which its centre of pressure moves under a foot."""
-        miss, sway = self.typical_miss(plate), self.typical_sway(plate)
-        if plate.corners is None:
-            point = pressure_center(plate.force, plate.moment, self.ground_height)
-            free = plate.moment - np.cross(np.nan_to_num(point), plate.force)
-            is_far, loaded = miss > 5.0, np.isfinite(point[:, 0])
-            # A free moment of a foot is a few N·m.
-            twists = np.abs(free[loaded, 2]) if loaded.any() else np.zeros(1)
-            is_twisted = bool((np.max if is_far else np.median)(twists) > 200.0)
-            factors = np.where([is_far, is_twisted], 1e-3, 1.0)
-            moment = np.cross(factors[0] * np.nan_to_num(point), plate.force) + factors[1] * free
-            scaled = replace(plate, moment=moment)
-            if (is_far or is_twisted) and self.typical_miss(scaled) <= FAR:
-                what = "points of application of" if is_far else "torques about the vertical of"
-                text = (
-                    f"{what} {plate.name} are a thousand times too large: they are in millimetres; converted"
-                )
-                self.add_finding("units", text, {"factor": 1e-3}, plate.name)
-                return scaled
-        if self.is_possible(plate):
+        """The plate with points of application, which a table states, in metres."""
+        miss = self.typical_miss(plate)
+        if plate.corners is not None:
             return plate
-        # Moments are about the laboratory's origin where the file has no plate's place.
-        middle = np.zeros(3) if plate.corners is None else plate.corners.mean(axis=0)
-        about = np.cross(middle, plate.force)
-        for factor, unit in _LEVER_UNITS.items():
-            scaled = replace(plate, moment=about + factor * (plate.moment - about))
-            if self.is_possible(scaled):
-                text = (
-                    f"moments of {plate.name} are {unit}: as they stand the centre of pressure moves by "
-                    f"{1e3 * sway:.2g} mm and lies {100 * miss:.0f} cm from a foot; converted"
-                )
-                self.add_finding("units", text, {"factor": factor}, plate.name)
-                return scaled
-        if sway < _LEAST_SWAY:
-            text = (
-                f"the centre of pressure of {plate.name} moves by {1e3 * sway:.2g} mm only: check that its moments "
-                "were recorded, and their unit"
-            )
-            self.add_finding("moments", text, {"sway_m": sway}, plate.name)
-        return plate
+        point = pressure_center(plate.force, plate.moment, self.ground_height)
+        free = plate.moment - np.cross(np.nan_to_num(point), plate.force)
+        is_far, loaded = miss > 5.0, np.isfinite(point[:, 0])
+        # A free moment of a foot is a few N·m.
+        twists = np.abs(free[loaded, 2]) if loaded.any() else np.zeros(1)
+        is_twisted = bool((np.max if is_far else np.median)(twists) > 200.0)
+        factors = np.where([is_far, is_twisted], 1e-3, 1.0)
+        moment = np.cross(factors[0] * np.nan_to_num(point), plate.force) + factors[1] * free
+        scaled = replace(plate, moment=moment)
+        if not (is_far or is_twisted) or self.typical_miss(scaled) > FAR:
+            return plate
+        what = "points of application of" if is_far else "torques about the vertical of"
+        text = f"{what} {plate.name} are a thousand times too large: they are in millimetres; converted"
+        self.add_finding("units", text, {"factor": 1e-3}, plate.name)
+        return scaled
 
     def balance_body(self, balance: _Balance) -> None:
         """Turn, mirror, exchange or move plates where their forces and moments then move the person as he moves."""
@@ -309,11 +304,23 @@ class _Plates:
                 return
             self.plates = chosen.plates
             ratio = first / max(least, 1e-9)
-            text = (
-                f"{' and '.join(chosen.names)} {chosen.fault}: as it stands the plates' forces and moments miss what "
-                f"moves the person by {ratio:.2g} times as much; {chosen.cure}"
-            )
-            self.add_finding(chosen.kind, text, {"ratio": ratio}, *chosen.names)
+            # Each plate has a unit of its own.
+            for names in [(name,) for name in chosen.names] if chosen.kind == "units" else [chosen.names]:
+                text = (
+                    f"{chosen.fault.format(' and '.join(names))}: as it stands the plates' forces and moments miss "
+                    f"what moves the person by {ratio:.2g} times as much; {chosen.cure}"
+                )
+                self.add_finding(chosen.kind, text, {"ratio": ratio}, *names)
+
+    def find_lost_moments(self) -> None:
+        """Name plates whose centre of pressure does not move: their moments are not there."""
+        for plate in self.plates:
+            if (sway := self.typical_sway(plate)) < _LEAST_SWAY:
+                text = (
+                    f"the centre of pressure of {plate.name} moves by {1e3 * sway:.2g} mm only: check that its moments "
+                    "were recorded, and their unit"
+                )
+                self.add_finding("moments", text, {"sway_m": sway}, plate.name)
 
     def assign_feet(self) -> tuple[PlateReading, ...]:
         """Each plate with the foot that stands on it; raises LogError where none does."""
@@ -354,21 +361,19 @@ class _Plates:
         if plate.corners is not None:
             return plate.corners.mean(axis=0)
         point = pressure_center(plate.force, plate.moment, self.ground_height)
-        return (
-            np.nanmedian(point, axis=0)
-            if np.isfinite(point).any()
-            else np.array([0.0, 0.0, self.ground_height])
-        )
+        loaded = point[np.isfinite(point[:, 0])]
+        return np.median(loaded, axis=0) if len(loaded) else np.array([0.0, 0.0, self.ground_height])
 
 
 @dataclass(frozen=True, eq=False)
 class _Balance:
-    """What moves the person: force ``(n, 3)`` [N] at the centre of mass ``(n, 3)`` [m]; the ground's height [m].
+    """What moves the person: force ``(n, 3)`` [N] at the centre of mass ``(n, 3)`` [m], and what turns it [N·m].
 
-    ``carried`` are the frames ``(n,)`` that tell.
+    ``carried`` are the frames ``(n,)`` that tell; ``height`` is the ground's [m].
     """
 
     needed: Array
+    turning: Array
     center: Array
     carried: Array
     height: float
@@ -377,7 +382,8 @@ class _Balance:
         """Horizontal forces ``(m, 2)`` and moments about the centre of mass ``(m, 3)`` that nothing balances."""
         force = np.sum([one.force for one in plates], axis=0)[self.carried]
         moment = np.sum([one.moment for one in plates], axis=0)[self.carried]
-        return (force - self.needed[self.carried])[:, :2], moment - np.cross(self.center[self.carried], force)
+        about = moment - np.cross(self.center[self.carried], force) - self.turning[self.carried]
+        return (force - self.needed[self.carried])[:, :2], about
 
     def moved(
         self, own: Sequence[PlateRecording], which: Mapping[int, PlateRecording]
@@ -394,7 +400,7 @@ class _Balance:
 class _Change:
     """All plates with some of them changed; which, the finding's kind, what was wrong and what was done.
 
-    ``fitted`` counts places that were fitted besides.
+    ``fitted`` counts places, and units, that were fitted besides.
     """
 
     plates: list[PlateRecording]
@@ -423,7 +429,7 @@ class _Change:
 
 
 def _changed_poses(own: Sequence[PlateRecording], balance: _Balance) -> Iterator[_Change]:
-    """Plates in other poses than they are said to have."""
+    """Plates in other poses than they are said to have, or with moments of another size."""
     n, origin = len(own), np.zeros(3)
     middles = [origin if one.corners is None else one.corners.mean(axis=0) for one in own]
     # Of a table forces may be turned whose points of application are right.
@@ -441,7 +447,7 @@ def _changed_poses(own: Sequence[PlateRecording], balance: _Balance) -> Iterator
     for turns, poses in (*apart, *(((k,) * n, about_origin) for k in (1, 2, 3))):
         turned = {i: poses[i][k] for i, k in enumerate(turns) if k}
         angles = " and ".join(f"{90 * k}°" for k in turns if k)
-        words = ("turned_plate", "is turned about the vertical", f"turned by {angles}")
+        words = ("turned_plate", "{} is turned about the vertical", f"turned by {angles}")
         yield _Change.of(own, turned, *words)
         # A plate turns about its middle, which a table does not tell.
         if turned and all(own[i].corners is None for i in turned):
@@ -452,18 +458,24 @@ def _changed_poses(own: Sequence[PlateRecording], balance: _Balance) -> Iterator
             for i, j in enumerate(order)
             if i != j and own[j].corners is not None
         }
-        yield _Change.of(own, exchanged, "swapped_plates", "are swapped", "put back")
+        yield _Change.of(own, exchanged, "swapped_plates", "{} are swapped", "put back")
     for which in list(product((False, True), repeat=n))[1:]:
-        mirrored = {
-            i: replace(one, moment=2.0 * np.cross(middles[i], one.force) - one.moment)
-            for i, one in enumerate(own)
-            if which[i]
-        }
-        yield _Change.of(own, mirrored, "moments", "with moments that count the other way", "turned round")
+        for factor, fault, cure in (
+            (-1.0, "{} with moments that count the other way", "turned round"),
+            *((factor, f"moments of {{}} are {unit}", "converted") for factor, unit in _LEVER_UNITS.items()),
+        ):
+            # Moments are about the laboratory's origin where the file has no plate's place.
+            scaled = {
+                i: replace(one, moment=factor * one.moment + (1.0 - factor) * np.cross(middles[i], one.force))
+                for i, one in enumerate(own)
+                if which[i]
+            }
+            kind = "moments" if factor < 0.0 else "units"
+            yield _Change.of(own, scaled, kind, fault, cure, fitted=len(scaled) if factor > 0.0 else 0)
         moved, shifts = balance.moved(own, {i: own[i] for i in range(n) if which[i]})
         by = " and ".join(f"({x:.2f}, {y:.2f}) m" for x, y, _ in shifts)
         if (np.linalg.norm(shifts, axis=1) > NEAR).all():
-            words = ("plate_place", "stands elsewhere than the file says", f"moved by {by}")
+            words = ("plate_place", "{} stands elsewhere than the file says", f"moved by {by}")
             yield _Change.of(own, moved, *words, fitted=len(moved))
 
 
@@ -553,6 +565,28 @@ def motion_of_center(body: Body, placement: Placement, rate_hz: float) -> Deriva
     if len(center) > settling_samples(rate_hz, cutoff):
         center = lowpass(center, rate_hz, cutoff, 3)
     return central_differences(center, rate_hz)
+
+
+def angular_momentum_rate(body: Body, placement: Placement, rate_hz: float) -> Array:
+    """Moment about the centre of mass that turns the body's segments, ``(n, 3)`` [N·m].
+
+    Each segment is six equal point masses on its principal axes, which have its second moments.
+    """
+    points, masses = [], []
+    for one in body.inertias:
+        second, axes = np.linalg.eigh(0.5 * np.trace(one.inertia) * np.eye(3) - one.inertia)
+        reach = (axes * np.sqrt(3.0 * np.maximum(second, 0.0) / one.mass)).T
+        points.append(one.lever + np.vstack([reach, -reach]))
+        masses.append(np.full(6, one.mass / 6.0))
+    each = np.repeat(np.arange(len(points)), 6)
+    places, cutoff = placement.locate_points(each, np.concatenate(points)), min(6.0, 0.2 * rate_hz)
+    if len(places) > settling_samples(rate_hz, cutoff):
+        flat = lowpass(places.reshape(len(places), -1), rate_hz, cutoff, 3)
+        places = flat.reshape(places.shape)
+    weights = np.concatenate(masses)
+    center = np.einsum("m,nmi->ni", weights / weights.sum(), places)
+    pushes = weights[:, None] * central_differences(places, rate_hz).second
+    return np.cross(places - center[:, None], pushes).sum(axis=1)
 
 
 def find_support(

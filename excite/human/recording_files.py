@@ -57,18 +57,14 @@ def read_c3d_file(path: Path) -> Recording:
     missing |= raw.residuals.T < 0.0
     position[missing] = np.nan
     time = np.arange(n) / raw.rate_hz
-    _check_labels(raw.labels, path)
-    markers = {label: position[:, i] for i, label in enumerate(raw.labels) if i < position.shape[1]}
-    plates = tuple(_read_plate(plate, i, unit, time, path) for i, plate in enumerate(raw.plates))
-    return Recording(path, time, markers, plates)
-
-
-def _check_labels(labels: tuple[str, ...], path: Path) -> None:
-    """Points without a name have none, an asterisk or a number after one; every other name stands once."""
-    names = Counter(label for label in labels if label.strip() and not label.startswith("*"))
+    # Points without a name have none, an asterisk or a number after one; every other name stands once.
+    names = Counter(label for label in raw.labels if label.strip() and not label.startswith("*"))
     twice = [name for name, count in names.items() if count > 1]
     if twice:
         raise LogError("stands twice", source=path, field=twice[0][:60], remedy="rename one of them")
+    markers = {label: position[:, i] for i, label in enumerate(raw.labels) if i < position.shape[1]}
+    plates = tuple(_read_plate(plate, i, unit, time, path) for i, plate in enumerate(raw.plates))
+    return Recording(path, time, markers, plates)
 
 
 def _read_plate(plate: Any, index: int, length: float, time: np.ndarray, path: Path) -> PlateRecording:

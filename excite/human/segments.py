@@ -244,7 +244,6 @@ def point_jacobian(placement: Placement, points: Array, segment: Indices) -> Arr
     """Derivative of points on segments with respect to :meth:`Pose.take_step`'s step, ``(n, m, 3, 40)``.
 
     Args:
-        placement: the segments.
         points: world positions ``(n, m, 3)``.
         segment: which segment carries each, ``(m,)``.
     """

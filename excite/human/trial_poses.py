@@ -274,7 +274,6 @@ def trial_poses(calibration: Calibration, recording: Recording, cutoff_hz: float
     section VI, after short gaps have been bridged and exchanged labels put back.
 
     Args:
-        calibration: the subject's body.
         recording: markers in a world with z up.
         cutoff_hz: None leaves the markers as they are.
 
@@ -286,7 +285,11 @@ def trial_poses(calibration: Calibration, recording: Recording, cutoff_hz: float
     points = np.stack([recording.markers.get(label, nothing) for label in model.labels], axis=1)
     if not np.isfinite(points).all(axis=2).any():
         raise LogError("shows no marker of the body", source=recording.source)
-    rough = _coarse_solution(model, points)
+    # Postures of every few frames from scratch, then all frames from these, then bad ones from good neighbours.
+    frames = np.unique(np.append(np.arange(0, len(points), 4), len(points) - 1))
+    few = _repair_frames(model, points[frames], first_poses(model, points[frames]))
+    start = interpolate_poses(frames.astype(float), few.pose, np.arange(len(points)).astype(float))
+    rough = _repair_frames(model, points, solve_poses(model, points, start, steps=6))
     swapped: Counter[tuple[str, str]] = Counter()
     for _ in range(_REPAIRS):
         points, found = restore_labels(model, points, rough)
@@ -301,14 +304,6 @@ def trial_poses(calibration: Calibration, recording: Recording, cutoff_hz: float
     prior, weight, lost = _prior_pose(model, points, rough.pose, recording.time)
     solution = solve_poses(model, points, rough.pose, steps=10, prior=prior, prior_weight=weight)
     return TrialPoses(recording.time, solution.pose, solution.residual, model.labels, (*findings, *lost))
-
-
-def _coarse_solution(model: MarkerModel, points: Array) -> Solution:
-    """Postures of every few frames from scratch, then all frames from these, then bad ones from good neighbours."""
-    frames = np.unique(np.append(np.arange(0, len(points), 4), len(points) - 1))
-    few = _repair_frames(model, points[frames], first_poses(model, points[frames]))
-    start = interpolate_poses(frames.astype(float), few.pose, np.arange(len(points)).astype(float))
-    return _repair_frames(model, points, solve_poses(model, points, start, steps=6))
 
 
 def _repair_frames(model: MarkerModel, points: Array, solution: Solution) -> Solution:
@@ -476,8 +471,6 @@ def label_findings(
         swapped: frames in which the labels of a pair were exchanged.
         points: ``(n, m, 3)`` as recorded, labels put back [m].
         predicted: ``(n, m, 3)`` where the body has the markers [m].
-        labels: of the markers.
-        recording: whose source is named.
     """
     findings = [
         Finding(

@@ -311,9 +311,7 @@ def predicts_better(
     blocks believed none. Both believe G1, TALOS and HRP-2-like with 2 to 5 kg added.
 
     Args:
-        problem: the rows.
         plain: the rows, condensed and weighted.
-        settings: the spreads to beat.
         other: the spreads that are asked about.
     """
     trial = _Trial(_block_triangles(problem), plain, problem, Adaptive(), ())
@@ -330,10 +328,7 @@ def beats_nominal(
     """Whether an estimator predicts blocks left out better than the nominal model, by more than a standard error.
 
     Args:
-        problem: the rows.
         plain: the rows, condensed.
-        estimator: the estimator.
-        settings: its settings.
     """
     # What the nominal model leaves is the measure: of few rows the estimator's own residual is too small.
     std = np.sqrt(plain.residual_variances(problem.prior))[problem.channel]

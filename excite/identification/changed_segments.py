@@ -124,7 +124,6 @@ def find_changes(
     where named bodies alone leave more than noise.
 
     Args:
-        rows: weighted rows.
         noise: noise of the residuals of the full model.
         bodies_alone: whether factors and zeros of torques, and chance, are left out: what bodies would have to be if
             they were all.

@@ -145,7 +145,6 @@ def identify_problem(
     Args:
         problem: the rows to identify from.
         validation: rows to judge by, None where there are none.
-        estimator: the estimator.
         settings: its settings; defaults if None.
         known: what was found of the log already, which comes before all other findings.
         asked: terms with columns in both problems that an adaptive method may leave out.
@@ -307,9 +306,6 @@ def attempt_estimate(
     """Estimate; a failure comes with the best point known, the nominal model where there is no other.
 
     Args:
-        estimator: the estimator.
-        problem: the rows.
-        settings: its settings.
         rows: the rows condensed and weighted, for the residual of the nominal model.
 
     Returns:

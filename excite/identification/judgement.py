@@ -179,9 +179,7 @@ def mass_report(
 
     Args:
         rows: condensed and weighted rows, of which those of the forces tell the mass.
-        noise: their noise.
         settings: hold what the scale said.
-        identified: the parameters.
     """
     measured = measured_total_mass(replace(rows, noise=noise))
     return TotalMassReport(

@@ -64,7 +64,6 @@ def load_runs(
     """Rows of logs of the same robot, condensed by joint and stretch of time.
 
     Args:
-        robot: the robot without load.
         unloaded: log of currents or torques; all its trials are used.
         loaded: the like, each with a load of its own on the last link.
         settings: filters and drive terms; its drive gains are not used.
@@ -458,8 +457,6 @@ def friction_that_grows(
     what is left of each joint's channel, times its rows, against the added parameters.
 
     Args:
-        robot: the robot without load.
-        without: its log.
         loaded: a log with a load.
         mass: of the load [kg], where the gains are not known.
         gains: by joint, where the mass is not known.

@@ -77,7 +77,6 @@ def estimate_noise(
 
     Args:
         problem: the problem whose rows the residuals belong to.
-        grids: its trials' grids.
         residual: ``(n_rows,)``.
     """
     n_channels = len(problem.channel_names)
@@ -93,7 +92,18 @@ def estimate_noise(
         # What contacts tie together changes with the stance; see noise/bands.py.
         covariance = covariance * np.eye(n_channels)
     n_lags = min(limit, memory if problem.noise_bandwidth < 1.0 else 1)
-    n_lags = max(n_lags, _correlation_length(covariance, sum(grid.n_samples for grid in grids)))
+    # Lag after which no channel's autocorrelation leaves the noise band, doubled for the taper.
+    diagonal = np.abs(np.einsum("lcc->lc", covariance)) / np.maximum(
+        np.einsum("cc->c", covariance[0]), 1e-300
+    )
+    # Autocorrelations of correlated noise scatter as 1/√(independent samples), not 1/√(samples).
+    independent = sum(grid.n_samples for grid in grids) / max(
+        1.0, 1.0 + 2.0 * float((diagonal[1:] ** 2).sum(axis=0).max())
+    )
+    # White noise must pass all of these looks together: the greatest of k deviates is near √(2 ln k).
+    band = (np.sqrt(2.0 * np.log(diagonal.size)) + 1.0) / np.sqrt(max(independent, 1.0))
+    outside = np.flatnonzero((diagonal > band).any(axis=1))
+    n_lags = max(n_lags, (int(2 * outside[-1]) if len(outside) else 0))
     lags = np.arange(min(n_lags, limit) + 1)
     window = np.clip(2.0 * (1.0 - lags / (lags[-1] + 1.0)), 0.0, 1.0)
     return NoiseModel(std, covariance[: len(lags)] * window[:, None, None])
@@ -117,19 +127,6 @@ def _pooled_autocovariance(
     return total / np.outer(scale, scale)
 
 
-def _correlation_length(covariance: Array, n_samples: int) -> int:
-    """Lag after which no channel's autocorrelation leaves the noise band, doubled for the taper."""
-    diagonal = np.abs(np.einsum("lcc->lc", covariance)) / np.maximum(
-        np.einsum("cc->c", covariance[0]), 1e-300
-    )
-    # Autocorrelations of correlated noise scatter as 1/√(independent samples), not 1/√(samples).
-    independent = n_samples / max(1.0, 1.0 + 2.0 * float((diagonal[1:] ** 2).sum(axis=0).max()))
-    # White noise must pass all of these looks together: the greatest of k deviates is near √(2 ln k).
-    band = (np.sqrt(2.0 * np.log(diagonal.size)) + 1.0) / np.sqrt(max(independent, 1.0))
-    outside = np.flatnonzero((diagonal > band).any(axis=1))
-    return int(2 * outside[-1]) if len(outside) else 0
-
-
 def whitened_factor(
     problem: IdentificationProblem, grids: tuple[TrialGrid, ...], columns: Array, noise: NoiseModel
 ) -> Array:
@@ -140,10 +137,7 @@ def whitened_factor(
     removed from both sides, are dropped. Least squares on the result is generalised least squares.
 
     Args:
-        problem: the problem.
-        grids: its trials' grids.
         columns: ``(n_rows, k)`` in the problem's units.
-        noise: the noise model.
     """
     n_channels = len(problem.channel_names)
     factor = np.zeros((0, columns.shape[1]))
@@ -249,7 +243,6 @@ def noise_sources(robot: Robot, problem: IdentificationProblem, motion: Motion) 
     """Noise of forces and of positions along a motion.
 
     Args:
-        robot: the robot.
         problem: names the drives' parameters and holds their values.
         motion: sampled where the rows are wanted.
 
@@ -472,9 +465,6 @@ def equation_noise(
     velocities in the sign of Coulomb friction.
 
     Args:
-        robot: the robot.
-        problem: rows of noise-free trials.
-        grids: its trials' grids.
         motions: by name of the trial.
         log_hz: rate at which the sensors are read [Hz].
 
@@ -515,8 +505,6 @@ def filter_amplitude(frequency: Array, cutoff_hz: float, order: int, sampling_hz
 
     Args:
         frequency: ``(n,)`` [Hz].
-        cutoff_hz: its cut-off.
-        order: its order.
         sampling_hz: rate at which it runs.
     """
     if cutoff_hz >= 0.5 * sampling_hz:

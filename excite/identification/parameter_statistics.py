@@ -47,9 +47,7 @@ def base_parameter_table(
     """Base parameters of an estimator's answer ``(n_params,)``.
 
     Args:
-        problem: the rows.
         statistics: least-squares base parameters of these rows, with the estimator's weights.
-        parameters: the answer.
     """
     values, half = statistics.base.values(parameters), statistics.half_width()
     return _describe_parameters(
@@ -230,7 +228,6 @@ def parameter_uncertainty(
     physical consistency) are not used and could only narrow it.
 
     Args:
-        problem: the rows.
         statistics: base parameters and their covariance.
         spread: spread of each segment's mass about nominal as share of it, ``(n_segments,)``, as
             :func:`~excite.identification.regression.prior_std` takes it.

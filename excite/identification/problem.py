@@ -168,8 +168,6 @@ def build_problem(
     sensors overrides the robot.
 
     Args:
-        robot: the robot.
-        log: the log.
         settings: filters, decimation, friction terms; defaults if None.
         role: which trials: ``identification``, ``validation``, or None for all.
 

@@ -113,7 +113,6 @@ def iterate_weights(rows: Regression, *, iterations: int = 10) -> Regression:
     the fit has taken.
 
     Args:
-        rows: condensed rows.
         iterations: rounds at most; 0 keeps the stated weights.
     """
     problem = rows.problem
@@ -160,7 +159,6 @@ def log_evidence(rows: Regression, relative: float | Array) -> float:
     ``y ~ N(Yθ₀, I + Y S² Yᵀ)`` in units of independent noise (MacKay, Neural Computation 1992).
 
     Args:
-        rows: weighted rows.
         relative: see :func:`prior_std`.
     """
     factor = rows.independent_factor
@@ -243,7 +241,6 @@ def prior_std(problem: IdentificationProblem, relative: float | Array) -> Array:
     explain all of their channel's signal.
 
     Args:
-        problem: the problem.
         relative: share of a segment's mass, for example 0.5 (Jovic 2016: CAD off by up to 50 %), or one for
             each segment ``(n_segments,)``.
     """

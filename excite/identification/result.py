@@ -170,28 +170,24 @@ class Identification(Tabled, Stated):
         parameters of drives, or how well channels are predicted on trials of either kind.
         """
         if table == "parameters":
-            return self._parameter_rows()
+            known = self.uncertainty
+            return [
+                {
+                    "link": self.links[k // 10],
+                    "parameter": PARAMETERS[k % 10],
+                    "nominal": float(self.nominal[k]),
+                    "value": float(value),
+                    "std": None if known is None else float(known.std[k]),
+                    "determined": None if known is None else float(known.determined[k]),
+                }
+                for k, value in enumerate(self.parameters)
+            ]
         if table == "drives":
             return [{"parameter": name, "value": v} for name, v in self.drive_parameters.items()]
         if table in ("base", "essential"):
             return [one.row() for one in (self.base if table == "base" else self.essential)]
         fits = self.fit if table == "fit" else self.validation
         return [one.row(channel=name) for name, one in fits.items()]
-
-    def _parameter_rows(self) -> list[Row]:
-        """A row for each parameter of each link; ``std`` is None where not known."""
-        known = self.uncertainty
-        return [
-            {
-                "link": self.links[k // 10],
-                "parameter": PARAMETERS[k % 10],
-                "nominal": float(self.nominal[k]),
-                "value": float(value),
-                "std": None if known is None else float(known.std[k]),
-                "determined": None if known is None else float(known.determined[k]),
-            }
-            for k, value in enumerate(self.parameters)
-        ]
 
     @property
     def links(self) -> tuple[str, ...]:
@@ -379,7 +375,6 @@ def find_doubts(estimate: Estimate, statistics: BaseStatistics, spread: Array) -
     """Directions that the data leave to the nominal model, conflict with plain least squares, bounds reached.
 
     Args:
-        estimate: the estimate.
         statistics: least-squares base parameters of the same rows and weights.
         spread: expected spread of each segment's mass about nominal, as share of it, ``(n_segments,)``.
     """

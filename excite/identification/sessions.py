@@ -103,7 +103,6 @@ def pool_estimates(values: Array, covariances: Array, level: float = 0.95) -> Po
     Args:
         values: ``(n_sessions, k)`` estimates.
         covariances: ``(n_sessions, k, k)`` of their errors.
-        level: of the intervals.
 
     Raises:
         InputError: fewer than two sessions.
@@ -312,7 +311,6 @@ def parameter_ranges(
 
     Args:
         problem: rows of one session; for the prior.
-        base: base parameters.
         pooled: what the sessions say of them.
         spread: of each segment's mass about nominal, as share of it, ``(n_segments,)``.
     """
@@ -654,7 +652,11 @@ def identify_sessions(
         for name, log in sessions.items()
     }
     base = _common_base(rows)
-    left_out = _poorer_sessions(rows, base)
+    ranks = {
+        name: base_parameters(item.factor[:, base.independent], base.labels, RANK_TOLERANCE).rank
+        for name, item in rows.items()
+    }
+    left_out = {name: rank for name, rank in ranks.items() if rank < base.rank}
     if len(rows) - len(left_out) < 2:
         name, own = next(iter(left_out.items()))
         raise LogError(
@@ -687,15 +689,6 @@ def _common_base(rows: Mapping[str, Regression]) -> BaseParameters:
     n, labels = problem.n_params, parameter_labels(problem)
     stacked = np.vstack([item.factor[:, :n] for item in rows.values()])
     return base_parameters(stacked, labels, RANK_TOLERANCE)
-
-
-def _poorer_sessions(rows: Mapping[str, Regression], base: BaseParameters) -> dict[str, int]:
-    """Sessions that do not determine all of the base parameters, with the number that they do."""
-    ranks = {
-        name: base_parameters(item.factor[:, base.independent], base.labels, RANK_TOLERANCE).rank
-        for name, item in rows.items()
-    }
-    return {name: rank for name, rank in ranks.items() if rank < base.rank}
 
 
 def split_sessions(logs: Sequence[Log]) -> dict[str, Log]:

@@ -219,8 +219,6 @@ def noise_bands(
     """Estimate the noise before the filter and what it does to an estimate.
 
     Args:
-        problem: the problem.
-        grids: its trials' grids.
         q: ``(n_rows, k)`` orthonormal columns ``X R⁻¹`` of the weighted rows.
         residual: ``(n_rows,)`` weighted residual of the fit.
         factor: ``R``, ``(k, k)``.
@@ -237,7 +235,13 @@ def noise_bands(
         meat = moments.meat(power)
         if (np.abs(power - before) <= _SETTLED * _own_size(power)).all():
             break
-    power = _significant_power(power, moments.freedom)
+    # Powers between channels that do not stand out of chance removed, and all made positive.
+    numbers = np.sqrt(moments.freedom[:, :, None] * moments.freedom[:, None, :])
+    evidence = (numbers * (power / _own_size(power)) ** 2).sum(axis=0)
+    keep = evidence > len(power) + _SIGNIFICANT * np.sqrt(2.0 * len(power))
+    np.fill_diagonal(keep, True)
+    root = _psd_root(np.where(keep, power, 0.0))
+    power = np.asarray(root @ root.transpose(0, 2, 1))
     return NoiseBands(edges, power, moments.freedom, moments.meat(power), moments.shares(power, factor))
 
 
@@ -335,16 +339,6 @@ def _channel_products(x: Array) -> Array:
     """``Σ_f Σ_h Σ_k x[f, h, c, k] x[f, h, d, k]``, ``(n_channels, n_channels)``."""
     x = x.transpose(2, 0, 1, 3).reshape(x.shape[2], -1)
     return x @ x.T
-
-
-def _significant_power(power: Array, freedom: Array) -> Array:
-    """Powers between channels that do not stand out of chance removed, and all made positive."""
-    numbers = np.sqrt(freedom[:, :, None] * freedom[:, None, :])
-    evidence = (numbers * (power / _own_size(power)) ** 2).sum(axis=0)
-    keep = evidence > len(power) + _SIGNIFICANT * np.sqrt(2.0 * len(power))
-    np.fill_diagonal(keep, True)
-    root = _psd_root(np.where(keep, power, 0.0))
-    return np.asarray(root @ root.transpose(0, 2, 1))
 
 
 def _psd_root(matrix: Array) -> Array:

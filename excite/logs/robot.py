@@ -198,7 +198,6 @@ def _wrench_sensor(robot: Robot, header: SensorHeader, source: Path | None) -> W
         placement=parent * offset,
         foot=header.foot,
         excludes=excludes,
-        excludes_links=header.excludes,
         noise_force=header.noise_force or 0.0,
         noise_moment=header.noise_moment or 0.0,
     )

@@ -272,7 +272,6 @@ def read_record(folder: Path, document: dict[str, Any]) -> Record | str | None:
     """The record that a document names: why it cannot be had, or None where it names none.
 
     Args:
-        folder: of the document.
         document: its content, with ``log_file`` and ``robot_file``.
     """
     named = document.get("log_file")

@@ -84,7 +84,6 @@ def html_table(headers: Sequence[str], rows: Iterable[Sequence[Cell]], total: Se
     """A table; numbers stand on the right, ``True`` and ``False`` read yes and no.
 
     Args:
-        headers: of the columns.
         rows: which a reader may sort.
         total: a row that stays below them, whatever they are sorted by.
     """

@@ -75,7 +75,6 @@ def serve_page(
     """Serve the page to browsers of this machine.
 
     Args:
-        thing: what is watched.
         port: where; the next free one where it is taken.
         ready: told the address once it is served.
         seconds: how long; None until it is interrupted.
@@ -122,7 +121,6 @@ def read_thing(path: Path, robot: str | None = None) -> Thing:
     """Read a motion file, a folder of motions, a plan's folder, a log folder, or a diagnosis' folder or document.
 
     Args:
-        path: of it.
         robot: the robot, where the files do not say or it lies elsewhere.
 
     Raises:

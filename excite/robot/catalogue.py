@@ -33,7 +33,6 @@ def robot_of_log(name: str, file: str, log: Path) -> str | Path:
     """The robot of a log as a command names it: a bundled name, else the file that the log brings.
 
     Args:
-        name: the robot's.
         file: the nominal model's, relative to the log.
         log: the log's folder, or its ``log.yaml``.
     """

@@ -379,9 +379,6 @@ def _check_unique(names: list[str], field: str) -> None:
 def read_description(path: Path) -> RobotDescription:
     """Read and validate a ``robot.yaml``.
 
-    Args:
-        path: the file.
-
     Returns:
         The validated description.
 

@@ -119,10 +119,8 @@ def check_joints(
             missing = [one for one in names if one not in block.joints and one not in passive]
             # Limits and frictions that are not stated are the model's, or none.
             if part in {"controller", "sensors"} and block.default is None and missing:
-                what, remedy = (
-                    f"says nothing about joint {missing[0]!r}",
-                    f"give a default or {field}.joints.{missing[0]}",
-                )
+                what = f"says nothing about joint {missing[0]!r}"
+                remedy = f"give a default or {field}.joints.{missing[0]}"
                 raise robot_error(path, f"{field}.default", what, remedy)
     for i, table in enumerate(description.limits.by_position):
         named[f"limits.by_position[{i}]"] = (table.joint, table.over or table.joint)
@@ -144,12 +142,10 @@ def check_range(joint: str, values: tuple[float, ...], slides: bool, field: str,
     """Raise RobotError where a joint's positions can only be in degrees or millimetres."""
     for value in values:
         if slides and abs(value) > MAX_TRAVEL:
-            what, remedy = f"is {value:g} m for the slide {joint!r}", "looks like millimetres: write metres"
-        elif not slides and looks_like_degrees(value):
-            what, remedy = f"is {value:g} rad for the hinge {joint!r}", in_radians(value)
-        else:
-            continue
-        raise robot_error(path, field, what, remedy)
+            what = f"is {value:g} m for the slide {joint!r}"
+            raise robot_error(path, field, what, "looks like millimetres: write metres")
+        if not slides and looks_like_degrees(value):
+            raise robot_error(path, field, f"is {value:g} rad for the hinge {joint!r}", in_radians(value))
 
 
 def read_limits(

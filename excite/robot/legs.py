@@ -107,8 +107,6 @@ def holding_torques(robot: Robot, joints: Array, data: pin.Data | None = None) -
     Zero for joints between a floating base and a foot: theirs depend on how the contacts share the load.
 
     Args:
-        robot: the robot.
-        joints: the postures.
         data: pinocchio's room for its model, where that is at hand: of a G1, making it takes as long as 80 postures.
     """
     q = np.tile(robot.rest, (len(joints), 1))

@@ -55,8 +55,7 @@ def read_foot(model: pin.Model, description: RobotDescription, name: str, path: 
     block = next(foot for foot in description.feet if foot.name == name)
     joint, placement = link_placement(model, block.link, path, f"feet.{name}.link")
     corners = np.array([placement.act(np.array(corner)) for corner in block.sole])
-    centre = corners.mean(axis=0)
-    rotation: Array | None
+    rotation = _sole_axes(corners, placement.rotation)
     if len(corners) == 1:
         data = model.createData()
         pin.forwardKinematics(model, data, upright)
@@ -64,62 +63,39 @@ def read_foot(model: pin.Model, description: RobotDescription, name: str, path: 
         if block.centre is not None and block.radius > 0.0:
             up = placement.act(np.array(block.centre)) - corners[0]
             rotation = pin.Quaternion.FromTwoVectors(rotation[:, 2], up).matrix() @ rotation
-    else:
-        rotation = (
-            _edge_axes(corners, placement.rotation)
-            if len(corners) == 2
-            else _sole_axes(corners, placement.rotation)
-        )
     if rotation is None:
         what = "the sole's corners lie on a line" if len(corners) > 2 else "the sole's two corners coincide"
         raise robot_error(path, f"feet.{name}.sole", what, "leave out corners between others")
-    return Foot(name, block.link, joint, corners, pin.SE3(rotation, centre), block.friction, block.radius)
-
-
-def _edge_axes(corners: Array, link: Array) -> Array | None:
-    """Axes of an edge, x along it and z as near to the link's z (or y) as that allows; None without length."""
-    along = _unit_vector(corners[1] - corners[0])
-    if along is None:
-        return None
-    up = _unit_vector(_part_across(link[:, 2] if abs(link[:, 2] @ along) < 0.9 else link[:, 1], along))
-    return None if up is None else np.column_stack([along, np.cross(up, along), up])
+    placement = pin.SE3(rotation, corners.mean(axis=0))
+    return Foot(name, block.link, joint, corners, placement, block.friction, block.radius)
 
 
 def _sole_axes(corners: Array, link: Array) -> Array | None:
-    """Axes of a sole, z along its normal and x along the link's; None where its corners lie on a line."""
-    normal = _unit_vector(np.cross(corners[1] - corners[0], corners[2] - corners[1]))
-    if normal is None:
-        # The first three lie on a line: twice the polygon's area.
-        spokes = corners - corners.mean(axis=0)
-        normal = _unit_vector(np.cross(spokes, np.roll(spokes, -1, axis=0)).sum(axis=0))
-    if normal is None:
+    """Axes of a sole, z along its normal, or of an edge, x along it; None of corners on a line, or that coincide.
+
+    The sole's x is as near to the link's x as that allows, the edge's z to the link's z; where those are along what is
+    given, the link's y takes their place.
+    """
+    edge, spokes = len(corners) == 2, corners - corners.mean(axis=0)
+    # Products of neighbouring spokes add up to the normal, twice as long as the polygon's area.
+    given = spokes[1] - spokes[0] if edge else np.cross(spokes, np.roll(spokes, -1, axis=0)).sum(axis=0)
+    length = float(np.linalg.norm(given))
+    if length <= 1e-9:
         return None
-    if normal @ link[:, 2] < -0.5:
-        normal = -normal
-    level = _part_across(link[:, 0], normal)
-    along = _unit_vector(level if np.linalg.norm(level) >= 1e-6 else _part_across(link[:, 1], normal))
-    return None if along is None else np.column_stack([along, np.cross(normal, along), normal])
-
-
-def _part_across(vector: Array, axis: Array) -> Array:
-    """The part of a vector at right angles to an axis of length one."""
-    return np.asarray(vector - (vector @ axis) * axis)
-
-
-def _unit_vector(vector: Array) -> Array | None:
-    length = float(np.linalg.norm(vector))
-    return vector / length if length > 1e-9 else None
+    given = given / length if edge or given @ link[:, 2] >= -0.5 * length else -given / length
+    near = link[:, 2 if edge else 0]
+    near = link[:, 1] if abs(near @ given) >= 0.9 else near
+    near = near - (near @ given) * given
+    near /= np.linalg.norm(near)
+    across = np.cross(near, given)
+    return np.column_stack([given, across, near] if edge else [near, -across, given])
 
 
 def read_sensors(model: pin.Model, description: RobotDescription, path: Path) -> tuple[WrenchSensor, ...]:
     """Wrench sensors and where they sit; raises RobotError."""
     sensors = []
     for block in description.sensors.wrench:
-        offset, where = (
-            pin.SE3(pin.rpy.rpyToMatrix(*block.rpy), np.array(block.xyz)),
-            f"sensors.wrench.{block.name}",
-        )
-        joint, link_pose = 0, pin.SE3.Identity()
+        where, joint, link_pose = f"sensors.wrench.{block.name}", 0, pin.SE3.Identity()
         if block.kind != "force_plate":
             joint, link_pose = link_placement(model, block.link, path, f"{where}.link")
         beyond = (link_placement(model, link, path, f"{where}.excludes")[0] - 1 for link in block.excludes)
@@ -129,10 +105,9 @@ def read_sensors(model: pin.Model, description: RobotDescription, path: Path) ->
                 kind=block.kind,
                 link=block.link,
                 joint=joint,
-                placement=link_pose * offset,
+                placement=link_pose * pin.SE3(pin.rpy.rpyToMatrix(*block.rpy), np.array(block.xyz)),
                 foot=block.foot,
                 excludes=tuple(beyond),
-                excludes_links=block.excludes,
                 noise_force=block.noise_force,
                 noise_moment=block.noise_moment,
             )

@@ -44,12 +44,12 @@ def load_robot(name_or_path: str | Path, source: Source | None = None) -> Robot:
         UnknownNameError: neither a file nor a bundled robot.
     """
     path, source = find_model(name_or_path, source or model_source())
-    described = None if path.suffix in MODEL_SUFFIXES else load_described(path)
-    if described is not None and source.limits is None:
-        return described
     # A model's path tells it from others of its name, and may be longer than a name of a folder.
     folder = _temporary_folder().path / sha256(f"{os.path.realpath(path)}{source}".encode()).hexdigest()
-    if described is not None and source.limits is not None:
+    if path.suffix not in MODEL_SUFFIXES:
+        described = load_described(path)
+        if source.limits is None:
+            return described
         text = limited_description(described, source.limits)
         return load_described(write_text(folder / "robot.yaml", text))
     from excite.robot.init_robot.files import write_scaffold  # lazy: scipy
@@ -62,7 +62,6 @@ def keep_description(robot: Robot, results: Path) -> Robot:
     """The robot, its description in a folder of results where it would else go with the process.
 
     Args:
-        robot: the robot.
         results: the folder; the first description of a bare model goes to ``robot`` in it, with all that it names.
     """
     if not in_temporary_folder(robot.source):
@@ -129,19 +128,11 @@ class RobotSummary:
 
 def summarise_robot(robot: Robot) -> RobotSummary:
     """Summary of one robot."""
-    sensors = [f"{sensor.name} ({sensor.kind})" for sensor in robot.sensors]
-    torque = robot.description.sensors.joint_torque
-    if torque is not None:
-        sensors.append(f"joint torque ({torque})")
-    return RobotSummary(
-        name=robot.name,
-        title=robot.description.title,
-        base=robot.description.base,
-        n_joints=robot.n_joints,
-        mass=round(robot.mass, 3),
-        sensors=tuple(sensors),
-        rate_hz=robot.description.sensors.rate_hz,
-    )
+    said, sensors = robot.description, [f"{sensor.name} ({sensor.kind})" for sensor in robot.sensors]
+    torque = said.sensors.joint_torque
+    sensors += [] if torque is None else [f"joint torque ({torque})"]
+    mass, rate = round(robot.mass, 3), said.sensors.rate_hz
+    return RobotSummary(robot.name, said.title, said.base, robot.n_joints, mass, tuple(sensors), rate)
 
 
 def robot_summaries() -> tuple[RobotSummary, ...]:

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 import numpy as np
 import pinocchio as pin
@@ -69,7 +69,17 @@ def load_robot(name_or_path: str | Path) -> Robot:
             f"run `excite init-robot {path}` and fill in what it asks for",
         )
     robot = build_robot(read_description(path), path)
-    _rest_within_limits(robot)
+    q, limits = robot.rest[robot.n_base_q :], robot.limits
+    outside = (q < limits.position_lower) | (q > limits.position_upper)
+    if outside.any():
+        index = int(np.argmax(outside))
+        name, low, high = robot.joint_names[index], limits.position_lower[index], limits.position_upper[index]
+        raise robot_error(
+            robot.source,
+            f"posture.joints.{name}",
+            f"is {q[index]:.4g}, outside {low:.4g} … {high:.4g}",
+            "choose an angle inside the limits less their margin",
+        )
     check_weights(robot.model, robot.limits.torque, model_file(robot))
     return robot
 
@@ -100,7 +110,14 @@ def build_robot(description: RobotDescription, path: Path) -> Robot:
     passive = frozenset(name for block in (*loops, *couplings) for name in block.passive)
     check_joints(description, joint_names, path, passive)
     segments = read_segments(model, description, path)
-    upright = _upright_posture(model, description, joint_names)
+    # The posture of the description, the base oriented and at height zero.
+    q = pin.neutral(model)
+    offset = 7 if description.base in FREE_BASES else 0
+    if offset:
+        q[3:7] = pin.Quaternion(pin.rpy.rpyToMatrix(*description.posture.base_rpy)).coeffs()
+    for joint, angle in description.posture.joints.items():
+        q[offset + joint_names.index(joint)] = angle
+    upright = np.asarray(q)
     carrying = [link_placement(model, foot.link, path, "feet")[0] for foot in description.feet]
     mechanism = read_mechanism(model, loops, couplings, upright, carrying, path)
     if mechanism is not None:
@@ -133,18 +150,16 @@ def _check_carriers(description: RobotDescription, model: pin.Model, path: Path)
     """An IMU sits on a free base itself, and a payload on a link that moves; raises RobotError."""
     imu, uncertainty = description.sensors.imu, description.uncertainty
     if imu is not None:
-        joint, _ = link_placement(model, imu.link, path, "sensors.imu.link")
-        if description.base in FREE_BASES and joint != 1:
-            what, remedy = (
-                f"link {imu.link!r} moves against the base",
-                "name the base's link, or one fixed to it",
-            )
-            raise robot_error(path, "sensors.imu.link", what, remedy)
+        field = "sensors.imu.link"
+        if link_placement(model, imu.link, path, field)[0] != 1 and description.base in FREE_BASES:
+            what = f"link {imu.link!r} moves against the base"
+            raise robot_error(path, field, what, "name the base's link, or one fixed to it")
     if uncertainty is not None and uncertainty.payload is not None:
         link, field = uncertainty.payload.link, "uncertainty.payload.link"
         if link_placement(model, link, path, field)[0] == 0:
-            remedy = "name the link that carries the load"
-            raise robot_error(path, field, f"link {link!r} does not move", remedy)
+            raise robot_error(
+                path, field, f"link {link!r} does not move", "name the link that carries the load"
+            )
 
 
 # What is assumed beside what a description says.
@@ -159,17 +174,12 @@ _ASSUMED_GROUND = Assumed(
 
 def _assumed_choices(description: RobotDescription) -> Iterator[Assumed]:
     """Limits whose source says that who wrote the description chose them."""
-    units = {
-        "velocity": "rad/s or m/s",
-        "acceleration": "rad/s² or m/s²",
-        "jerk": "rad/s³ or m/s³",
-        "torque": "N·m or N",
-    }
-    for name, unit in units.items():
+    for name, unit in (("velocity", "/s"), ("acceleration", "/s²"), ("jerk", "/s³"), ("torque", "")):
         stated: PerJoint[float] | None = getattr(description.limits, name)
         if stated is not None and stated.source.startswith(CHOSEN):
             values = [*stated.joints.values(), *([] if stated.default is None else [stated.default])]
-            value = f"{span(f'{min(values):g}', f'{max(values):g}')} {unit}, {stated.source}"
+            units = f"rad{unit} or m{unit}" if unit else "N·m or N"
+            value = f"{span(f'{min(values):g}', f'{max(values):g}')} {units}, {stated.source}"
             consequence = f"motions keep to it: state limits.{name} if the robot bears less, or more"
             yield Assumed(f"{name} limits", value, consequence)
 
@@ -182,20 +192,25 @@ def _assumed_limits(
     description: RobotDescription, tightened: Mapping[str, Mapping[str, list[str]]]
 ) -> tuple[Assumed, ...]:
     """Limits of the model that stand elsewhere than in ``<limit>``, of joints of which the description says nothing."""
-    block = description.limits
-    left = {}
-    for said, changed in tightened.items():
-        kept = {}
-        for what, names in changed.items():
-            own = getattr(block, _FIELDS.get(what, what))
-            stated = {*description.locked_joints, *(own.joints if own is not None else ())}
-            kept[what] = [name for name in names if name not in stated]
-        left[said] = {what: names for what, names in kept.items() if names}
-    return assumed_limits(left)
+
+    def is_stated(name: str, what: str) -> bool:
+        own = getattr(description.limits, _FIELDS.get(what, what))
+        return name in description.locked_joints or (own is not None and name in own.joints)
+
+    return assumed_limits(
+        {
+            said: {
+                what: rest
+                for what, names in changed.items()
+                if (rest := [name for name in names if not is_stated(name, what)])
+            }
+            for said, changed in tightened.items()
+        }
+    )
 
 
 @raised_as(RobotError)
-def _robot_fingerprint(description: RobotDescription, model_path: Path, root: ElementTree.Element) -> str:
+def _robot_fingerprint(description: RobotDescription, model_path: Path, root: Element) -> str:
     """SHA-256 of all that a verdict on a motion depends on: description with its limits, model, collision geometry.
 
     What the description leaves at its default is left out, so that a field that is added later changes no robot; and so
@@ -278,20 +293,6 @@ def _portable_text(robot: Robot, description: RobotDescription) -> str:
     return str(yaml.safe_dump(said, sort_keys=False, allow_unicode=True))
 
 
-def _rest_within_limits(robot: Robot) -> None:
-    q, limits = robot.rest[robot.n_base_q :], robot.limits
-    outside = (q < limits.position_lower) | (q > limits.position_upper)
-    if outside.any():
-        index = int(np.argmax(outside))
-        name, low, high = robot.joint_names[index], limits.position_lower[index], limits.position_upper[index]
-        raise robot_error(
-            robot.source,
-            f"posture.joints.{name}",
-            f"is {q[index]:.4g}, outside {low:.4g} … {high:.4g}",
-            "choose an angle inside the limits less their margin",
-        )
-
-
 def urdf_of(description: RobotDescription, path: Path) -> Path:
     """The URDF file that a description names; ``path`` is the description's."""
     if description.model.package is None:
@@ -299,30 +300,17 @@ def urdf_of(description: RobotDescription, path: Path) -> Path:
     return example_robot_data() / description.model.path
 
 
-def _upright_posture(model: pin.Model, description: RobotDescription, names: tuple[str, ...]) -> Array:
-    """The posture of the description, the base oriented and at height zero."""
-    q = pin.neutral(model)
-    offset = 7 if description.base in FREE_BASES else 0
-    if offset:
-        q[3:7] = pin.Quaternion(pin.rpy.rpyToMatrix(*description.posture.base_rpy)).coeffs()
-    for joint, angle in description.posture.joints.items():
-        q[offset + names.index(joint)] = angle
-    return np.asarray(q)
-
-
 def _rest_configuration(
     model: pin.Model, description: RobotDescription, upright: Array, feet: tuple[Foot, ...]
 ) -> Array:
     """Rest configuration; the lowest sole corner of a standing robot touches the ground."""
-    q = upright.copy()
-    if description.base in FREE_BASES:
-        if description.posture.base_height is not None:
-            q[2] = description.posture.base_height
-        elif feet:
-            data = model.createData()
-            pin.forwardKinematics(model, data, q)
-            heights = [data.oMi[foot.joint].act(corner)[2] for foot in feet for corner in foot.sole]
-            q[2] -= min(heights)
+    q, height = upright.copy(), description.posture.base_height
+    if description.base in FREE_BASES and height is not None:
+        q[2] = height
+    elif description.base in FREE_BASES and feet:
+        data = model.createData()
+        pin.forwardKinematics(model, data, q)
+        q[2] -= min(data.oMi[foot.joint].act(corner)[2] for foot in feet for corner in foot.sole)
     return q
 
 
@@ -337,35 +325,35 @@ def without_motors(
     Limits of speed, acceleration and torque that nobody states for them are the largest of the driven joints', a
     scale for tolerances: what moves and loads them is limited where the motors are.
     """
-    first, nothing = model.nv - len(names), np.zeros(len(names))
+    first = model.nv - len(names)
     passive = np.isin(np.arange(len(names)), mechanism.passive - first)
     followers = [name for name, follows in zip(names, passive, strict=True) if follows]
 
-    def without_followers(block: Block, *fields: str) -> Block:
-        zeros = dict.fromkeys(followers, 0.0)
-        own = {field: one for field in fields if (one := getattr(block, field)) is not None}
-        update = {f: one.model_copy(update={"joints": {**one.joints, **zeros}}) for f, one in own.items()}
+    def with_joints(block: Block, **values: Mapping[str, float]) -> Block:
+        """A block with more joints in its fields, of those that are there."""
+        own = {field: one for field in values if (one := getattr(block, field)) is not None}
+        update = {f: one.model_copy(update={"joints": {**one.joints, **values[f]}}) for f, one in own.items()}
         return block.model_copy(update=update)
 
-    limits = {}
+    zeros, limits = dict.fromkeys(followers, 0.0), description.limits
+    stated = {"velocity": model.velocityLimit, "torque": model.effortLimit}
+    largest = {}
     for field in ("velocity", "acceleration", "jerk", "torque"):
-        block: PerJoint[float] | None = getattr(description.limits, field)
-        own = {"velocity": model.velocityLimit[first:], "torque": model.effortLimit[first:]}.get(
-            field, nothing
-        )
-        values = per_joint(block, names, own)
-        stated = dict(block.joints) if block is not None else {}
-        lacking = [name for name, v in zip(names, values, strict=True) if name in followers and not v > 0.0]
-        largest = float(values[~passive].max(initial=0.0))
-        if lacking and largest > 0.0:
-            joints = {**stated, **{name: largest for name in lacking if name not in stated}}
-            said = PerJoint[float](source="the driven joints'") if block is None else block
-            limits[field] = said.model_copy(update={"joints": joints})
+        block: PerJoint[float] | None = getattr(limits, field)
+        values = per_joint(block, names, stated.get(field, np.zeros(model.nv))[first:])
+        most = float(values[~passive].max(initial=0.0))
+        joints = {} if block is None else block.joints
+        known = dict(zip(names, values > 0.0, strict=True))
+        lacking = [name for name in followers if not known[name] and name not in joints]
+        if lacking and most > 0.0:
+            largest[field] = dict.fromkeys(lacking, most)
+            if block is None:
+                limits = limits.model_copy(update={field: PerJoint[float](source="the driven joints'")})
     return description.model_copy(
         update={
-            "controller": without_followers(description.controller, "kp", "kd"),
-            "drives": without_followers(description.drives, "viscous", "coulomb", "armature"),
-            "limits": description.limits.model_copy(update=limits),
+            "controller": with_joints(description.controller, kp=zeros, kd=zeros),
+            "drives": with_joints(description.drives, viscous=zeros, coulomb=zeros, armature=zeros),
+            "limits": with_joints(limits, **largest),
         }
     )
 
@@ -378,7 +366,7 @@ _ON = 5e-4
 
 
 def with_balls_down(
-    description: RobotDescription, root: ElementTree.Element, model: pin.Model, upright: Array, path: Path
+    description: RobotDescription, root: Element, model: pin.Model, upright: Array, path: Path
 ) -> RobotDescription:
     """The description with the corner of each foot that is a ball where that is lowest at rest.
 
@@ -399,12 +387,12 @@ def with_balls_down(
     data, feet = model.createData(), []
     pin.forwardKinematics(model, data, upright)
     for foot in description.feet:
-        centre = _ball_centre(root, description, foot, path)
-        if description.posture.joints and centre is not None:
+        centre = _ball_centre(root, description, foot, path) if foot.radius > 0.0 else None
+        if centre is not None and description.posture.joints:
             joint, placement = link_placement(model, foot.link, path, f"feet.{foot.name}.link")
             down = (data.oMi[joint].rotation @ placement.rotation).T @ np.array([0.0, 0.0, -foot.radius])
             foot = foot.model_copy(update={"sole": (tuple((centre + down).tolist()),)})
-        elif not description.posture.joints and foot.centre is None and foot.radius > 0.0:
+        elif foot.radius > 0.0 and foot.centre is None and not description.posture.joints:
             # Feet that are meshes nearly all have their frame in the middle of the ball.
             about = abs(float(np.linalg.norm(foot.sole[0])) - foot.radius) < _ON
             centre = np.zeros(3) if centre is None and about else centre
@@ -414,17 +402,14 @@ def with_balls_down(
     return description.model_copy(update={"feet": tuple(feet)})
 
 
-def _ball_centre(
-    root: ElementTree.Element, description: RobotDescription, foot: FootBlock, path: Path
-) -> Array | None:
+def _ball_centre(root: Element, description: RobotDescription, foot: FootBlock, path: Path) -> Array | None:
     """Centre ``(3,)`` of the ball that a foot is, in its link's frame [m]; None where no solid is that ball."""
-    block = description.collision
+    block, link = description.collision, root.find(f"link[@name='{foot.link}']")
     balls = [
         (np.array(shape.xyz), shape.size[0])
         for shape in block.shapes
-        if shape.link == foot.link and shape.kind == "sphere" and foot.radius > 0.0
+        if shape.link == foot.link and shape.kind == "sphere"
     ]
-    link = root.find(f"link[@name='{foot.link}']") if foot.radius > 0.0 else None
     for solid in [] if link is None else link.findall(block.geometry):
         sphere, where = solid.find("geometry/sphere"), f"link {foot.link!r}/{solid.tag}"
         if sphere is not None:
@@ -440,7 +425,7 @@ def _ball_centre(
 # The mechanism that a robot's description and its URDF make of a tree of joints.
 
 
-def mimic_couplings(root: ElementTree.Element, path: Path) -> tuple[CouplingBlock, ...]:
+def mimic_couplings(root: Element, path: Path) -> tuple[CouplingBlock, ...]:
     """Couplings of the mimic joints of a URDF as :func:`~excite.robot.urdf.reading.read_urdf` leaves it.
 
     Raises:
@@ -477,8 +462,6 @@ def read_mechanism(
     """The mechanism of a model, None where nothing closes it.
 
     Args:
-        model: the tree.
-        loops: of the description.
         couplings: of the description and of the URDF.
         rest: configuration near which it is closed ``(nq,)``; passive joints are a guess, but for those of legs.
         carrying: model joints that carry feet, which stay where ``rest`` has them if others can close the loops.
@@ -494,10 +477,8 @@ def read_mechanism(
     closures = [_read_closure(model, block, path) for block in blocks]
     passive = tuple(dict.fromkeys(name for block in blocks for name in block.passive))
     if not passive:
-        what, remedy = (
-            "leave every joint a motor of its own",
-            "name under passive the joints that follow from the others",
-        )
+        what = "leave every joint a motor of its own"
+        remedy = "name under passive the joints that follow from the others"
         raise robot_error(path, "loops" if loops else "couplings", what, remedy)
     try:
         return build_mechanism(model, closures, passive, rest, carrying)
@@ -514,24 +495,23 @@ def _read_closure(model: pin.Model, block: LoopBlock | CouplingBlock, path: Path
     if isinstance(block, CouplingBlock):
         columns = tuple(_joint_column(model, name, f"{field}.joints", path) for name in block.joints)
         return Coupling(block.name, columns, tuple(map(block.factors, block.joints)), block.offset)
-    joints, placements = [], []
+    ends = []
     for number, end in enumerate(block.ends):
         joint, link = link_placement(model, end.link, path, f"{field}.ends.{number}.link")
-        joints.append(joint)
-        placements.append(link * pin.SE3(pin.rpy.rpyToMatrix(*end.rpy), np.array(end.xyz)))
-    both, frames = (joints[0], joints[1]), (placements[0], placements[1])
-    if joints[0] == joints[1]:
+        ends.append((joint, link * pin.SE3(pin.rpy.rpyToMatrix(*end.rpy), np.array(end.xyz))))
+    (one, here), (other, there) = ends
+    if one == other:
         what = f"{block.ends[0].link!r} and {block.ends[1].link!r} do not move against each other"
         raise robot_error(path, field, what, "remove it")
     if block.kind != "rod":
-        return Loop(block.name, both, frames, rigid=block.kind == "weld")
+        return Loop(block.name, (one, other), (here, there), rigid=block.kind == "weld")
     data = model.createData()
     pin.forwardKinematics(model, data, pin.neutral(model))
-    points = [data.oMi[joint].act(place.translation) for joint, place in zip(joints, placements, strict=True)]
-    length = float(np.linalg.norm(points[1] - points[0])) if block.length is None else block.length
+    apart = data.oMi[other].act(there.translation) - data.oMi[one].act(here.translation)
+    length = float(np.linalg.norm(apart)) if block.length is None else block.length
     if length < 1e-6:
         raise robot_error(path, field, "has no length", "make it a loop of kind point")
-    return Rod(block.name, both, frames, length=length)
+    return Rod(block.name, (one, other), (here, there), length=length)
 
 
 def _joint_column(model: pin.Model, name: str, field: str, path: Path) -> tuple[int, int]:

@@ -14,7 +14,6 @@ def is_prismatic(model: pin.Model, column: int) -> bool:
     """Whether the joint of one coordinate to which a velocity belongs translates.
 
     Args:
-        model: of a robot.
         column: place of the joint's velocity among the model's.
     """
     joint = int(np.searchsorted(model.idx_vs, column, side="right")) - 1

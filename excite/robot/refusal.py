@@ -11,7 +11,6 @@ def robot_error(source: object, field: str | None, what: str, remedy: str | None
     """The error of a robot's file, its parts in the order in which they are printed.
 
     Args:
-        source: the file.
         field: element or field in it; None where it is the whole file.
         what: what is wrong, in a few words, with the offending value.
         remedy: what the caller can do about it.

@@ -65,7 +65,6 @@ class WrenchSensor:
         placement: its pose in the frame of ``joint`` (in the world for a plate).
         foot: name of the foot whose contact it measures.
         excludes: indices of the segments beyond the sensor, whose weight it does not contain.
-        excludes_links: the same as link names.
         noise_force: standard deviation of each force component [N].
         noise_moment: standard deviation of each moment component [N·m].
     """
@@ -77,7 +76,6 @@ class WrenchSensor:
     placement: pin.SE3
     foot: str
     excludes: tuple[int, ...]
-    excludes_links: tuple[str, ...]
     noise_force: float
     noise_moment: float
 

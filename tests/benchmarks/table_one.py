@@ -91,7 +91,7 @@ def _dearest(relaxed: list[np.ndarray], found: np.ndarray) -> str:
 
 def on_force_plates(robot: Robot) -> Robot:
     """The robot with nothing hidden behind its ankle sensors."""
-    return replace(robot, sensors=tuple(replace(s, excludes=(), excludes_links=()) for s in robot.sensors))
+    return replace(robot, sensors=tuple(replace(s, excludes=()) for s in robot.sensors))
 
 
 def _pool(robot: Robot) -> Pool:

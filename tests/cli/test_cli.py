@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import subprocess
 import sys
 from collections.abc import Callable
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
 import numpy as np
@@ -36,13 +38,13 @@ def excite(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
 @pytest.fixture(scope="module")
 def planned(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder in which `excite plan` has put a plan for the UR10."""
-    folder = tmp_path_factory.mktemp("cli")
-    done = excite(
-        "plan", "ur10", "--candidates", 5, "--seed", 2, "--jobs", 1, "--json", "--out", "plan", cwd=folder
-    )
-    assert done.returncode == 0, done.stderr
-    assert json.loads(done.stdout)["schema"] == "excite.plan/1"
-    assert done.stderr == ""
+    folder, said, error = tmp_path_factory.mktemp("cli"), io.StringIO(), io.StringIO()
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(said), redirect_stderr(error):
+        patch.chdir(folder)
+        code = _run_command("plan ur10 --candidates 5 --seed 2 --jobs 1 --json --out plan".split())
+    assert code == 0, error.getvalue()
+    assert json.loads(said.getvalue())["schema"] == "excite.plan/1"
+    assert error.getvalue() == ""
     return folder
 
 

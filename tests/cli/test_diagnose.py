@@ -45,7 +45,7 @@ def test_a_diagnosis_ends_in_a_page_with_its_sentence(tmp_path: Path) -> None:
 def three_trials(folder: Path, modelled: list[str]) -> Path:
     """A log of a robot with friction: two trials to identify, one to judge."""
     trials = [
-        moved(name, role, 12.0, np.random.default_rng(seed), np.eye(2))
+        moved(name, role, 8.0, np.random.default_rng(seed), np.eye(2))
         for name, role, seed in (
             ("a", "identification", 1),
             ("b", "identification", 2),

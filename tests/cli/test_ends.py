@@ -183,6 +183,18 @@ def test_an_interrupted_plan_keeps_the_best_so_far(tmp_path: Path) -> None:
     assert not list((tmp_path / "waiting").iterdir())
 
 
+def test_a_plan_that_is_terminated_leaves_no_file(tmp_path: Path) -> None:
+    (tmp_path / "waiting").mkdir()
+    run = run_until(tmp_path / "waiting", ["plan", "ur10", "--candidates", "400", "--jobs", "2"], tmp_path, 1)
+    sent = time.monotonic()
+    run.send_signal(signal.SIGTERM)
+    error = run.communicate(timeout=10)[1]
+    assert time.monotonic() - sent < 2.5
+    assert run.returncode == 143
+    assert error.startswith("excite: interrupted") and error.count("\n") == 1
+    assert [path.name for path in (tmp_path / "waiting").iterdir() if "excite" in path.name] == []
+
+
 _STUBBORN = """while True:
         try:
             time.sleep(60)

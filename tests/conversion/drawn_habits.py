@@ -39,15 +39,14 @@ def draw_habits(seed: int, folder: Path) -> Drawn:
     robot = excite.load_robot(name)
     time, q, v, tau = _motion(robot, rng)
     n = q.shape[1]
-    named = rng.random() < 0.85
-    currents = named and rng.random() < 0.3
+    currents = rng.random() < 0.3
     turned = int(rng.integers(n)) if rng.random() < 0.5 and not currents else -1
     if turned >= 0:
         tau[:, turned] *= -1.0
     angle, angle_word, rate_word = [
         (1.0, "rad", "rad/s"), (np.pi / 180, "deg", "deg/s"), (np.pi / 180, "°", "°/s")
     ][rng.integers(3)]  # fmt: skip
-    units = rng.choice(["none", "brackets", "line", "line in brackets"]) if named else "none"
+    units = rng.choice(["none", "brackets", "line", "line in brackets"])
     if units == "none" and angle_word == "°":
         angle_word, rate_word = "deg", "deg/s"
     small = units != "none" and rng.random() < 0.3
@@ -63,7 +62,7 @@ def draw_habits(seed: int, folder: Path) -> Drawn:
     command = np.column_stack([np.interp(time + late, time, column) for column in q.T])
     if rng.random() < 0.5:
         kinds.append(("q_cmd", angle, angle_word))
-    if named and rng.random() < 0.3:
+    if rng.random() < 0.3:
         kinds.pop(1)
     values = {
         "q": q + 2e-5 * rng.standard_normal(q.shape),
@@ -74,7 +73,7 @@ def draw_habits(seed: int, folder: Path) -> Drawn:
     }
     style = STYLES[rng.integers(len(STYLES))]
     pattern = dict(zip(("q", "v", "tau", "q_cmd"), style, strict=True)) | {"i": str(rng.choice(CURRENTS))}
-    clock = str(rng.choice(CLOCKS if named else ["ms", "s", "iso"]))
+    clock = str(rng.choice(CLOCKS))
     stamps, factor, word = _clock(time, clock, units != "none")
     header, cells, columns, factors = [word], [stamps], {"time": word}, {"time": factor}
     unit_line = [{"ms": "ms", "s": "s", "epoch ns": "ns", "epoch us": "us"}.get(clock, "")]
@@ -87,14 +86,10 @@ def draw_habits(seed: int, folder: Path) -> Drawn:
             header.append(label)
             unit_line.append(unit)
             cells.append([f"{x:.9g}" for x in values[kind][:, k] / scale])
-    order = np.concatenate([[0], 1 + rng.permutation(len(header) - 1)]) if named else np.arange(len(header))
+    order = np.concatenate([[0], 1 + rng.permutation(len(header) - 1)])
     header, unit_line, cells = ([part[i] for i in order] for part in (header, unit_line, cells))
-    if not named:
-        columns = {t: f"column{header.index(c) + 1}" for t, c in columns.items()}
     file = folder / f"habits_{seed:03d}.csv"
-    _write(
-        file, header if named else None, unit_line if units.startswith("line") else None, units, cells, rng
-    )
+    _write(file, header, unit_line if units.startswith("line") else None, units, cells, rng)
     return Drawn(file, name, columns, factors, robot.joint_names[turned] if turned >= 0 else "")
 
 
@@ -117,7 +112,7 @@ def _clock(time: np.ndarray, kind: str, with_unit: bool) -> tuple[list[str], flo
 
 def _write(
     file: Path,
-    header: list[str] | None,
+    header: list[str],
     unit_line: list[str] | None,
     units: str,
     cells: list[list[str]],
@@ -129,9 +124,8 @@ def _write(
     lines = []
     if rng.random() < 0.4:
         lines += ["Recorder 2.1", f"Operator{separator}M. Müller", f"Channels{separator}{len(cells)}", ""]
-    if header is not None:
-        quote = '"' if rng.random() < 0.3 and separator != "\t" else ""
-        lines.append(separator.join(f"{quote}{name}{quote}" for name in header))
+    quote = '"' if rng.random() < 0.3 and separator != "\t" else ""
+    lines.append(separator.join(f"{quote}{name}{quote}" for name in header))
     if unit_line is not None:
         shown = [f"[{unit}]" if "brackets" in units and unit else unit for unit in unit_line]
         lines.append(separator.join(shown))

@@ -39,10 +39,8 @@ def test_days_that_are_no_date_are_asked_about_and_may_be_stated(data, arm, tmp_
 
 
 def test_controls_between_states_are_torques(data, arm, tmp_path):
-    """Crocoddyl's xs and us: the last state has no control."""
-    np.savez(
-        tmp_path / "a.npz", xs=np.hstack([data["q"], data["v"]]), us=data["tau"][:-1], dt=1.0 / written.RATE
-    )
+    """The last state of optimal control has no control."""
+    np.savez(tmp_path / "a.npz", q=data["q"], v=data["v"], tau=data["tau"][:-1], dt=1.0 / written.RATE)
     found = whole(tmp_path / "a.npz", arm, tmp_path).log
     assert found.header.torque != "none"
     np.testing.assert_allclose(found.trials[0].tau, data["tau"][:-1], atol=1e-9)

@@ -35,7 +35,7 @@ def test_columns_and_units_are_understood(tmp_path):
 
 
 def test_habits_of_loggers_are_understood(tmp_path):
-    """Dates, decimal commas, lines of units, encodings of Windows, currents in mA, lost rows, no names at all."""
+    """Dates, decimal commas, lines of units, encodings of Windows, currents in mA, lost rows."""
     assert sum(understood(draw_habits(seed, tmp_path)) for seed in range(CASES)) >= LEAST
 
 

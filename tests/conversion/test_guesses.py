@@ -50,53 +50,21 @@ def test_degrees_and_milliseconds_are_seen_and_said(arm, tmp_path):
     assert any(row["what"].startswith("q (3)") and "deg" in row["because"] for row in said)
 
 
-def test_columns_without_names_are_told_apart_by_physics(arm, tmp_path):
+def test_columns_without_names_are_asked_about_and_a_map_settles_them(arm, tmp_path):
     data = written.motion()
     rows = np.column_stack([data["time"], data["q"], data["v"], data["tau"]])
     np.savetxt(tmp_path / "plain.txt", rows)
-    found = excite.convert([tmp_path / "plain.txt"], arm, tmp_path / "log")
-    columns = {target: source for target, (source, _) in found.columns.items()}
-    expected = {"time": "column1"} | {
+    with pytest.raises(UnclearError, match="no columns of joint positions") as error:
+        excite.convert([tmp_path / "plain.txt"], arm, tmp_path / "log")
+    assert "column2" in str(error.value)
+    expected = {
         f"{channel}.{joint}": f"column{2 + 3 * c + k}"
         for c, channel in enumerate(("q", "v", "tau"))
         for k, joint in enumerate(JOINTS)
     }
-    assert columns == expected
-
-
-@pytest.mark.parametrize("settled", ["columns", "none"])
-def test_torques_among_columns_without_names_are_asked_for_where_values_do_not_tell_them(
-    settled, arm, tmp_path
-):
-    data = written.motion()
-    np.savetxt(
-        tmp_path / "plain.txt", np.column_stack([data["time"], data["q"], data["v"], data["tau"][:, :2]])
-    )
-    with pytest.raises(UnclearError) as error:
-        excite.convert([tmp_path / "plain.txt"], arm, tmp_path / "log")
-    (question,) = error.value.questions
-    assert "column2 … column4 as q, column5 … column7 as v" in question.what
-    assert "column8, column9 are left" in question.what
-    assert 'columns: {tau.shoulder: "column8"}' in question.line
-    told = {
-        "columns": {"columns": {"tau.shoulder": "column8", "tau.elbow": "column9"}},
-        "none": {"log": {"torque": "none"}},
-    }[settled]
-    found = excite.convert([tmp_path / "plain.txt"], arm, tmp_path / "log", Map.model_validate(told))
-    assert [found.columns[f"q.{joint}"][0] for joint in JOINTS] == ["column2", "column3", "column4"]
-    assert ("tau.elbow" in found.columns) == (settled == "columns")
-    assert not any(because.startswith("its name; joint by the columns") for *_, because in found.guesses)
-
-
-def test_a_simulators_whole_state_is_told_apart_by_physics(arm, tmp_path):
-    """MuJoCo's ``mjSTATE_FULLPHYSICS``: time, positions and velocities in one array without names."""
-    data = written.motion()
-    state = np.column_stack([data["time"], data["q"], data["v"]])
-    np.savez(tmp_path / "run.npz", state=state)
-    found = excite.convert([tmp_path / "run.npz"], arm, tmp_path / "log", Map(trials={"split": "none"}))
-    assert found.columns["time"] == ("state[0]", 1.0)
-    assert [found.columns[f"q.{j}"][0] for j in JOINTS] == ["state[1]", "state[2]", "state[3]"]
-    assert [found.columns[f"v.{j}"][0] for j in JOINTS] == ["state[4]", "state[5]", "state[6]"]
+    found = excite.convert([tmp_path / "plain.txt"], arm, tmp_path / "log", Map(columns=expected))
+    columns = {target: source for target, (source, _) in found.columns.items()}
+    assert columns == {"time": "column1"} | expected
 
 
 def test_all_questions_come_at_once_each_with_its_line(arm, tmp_path):

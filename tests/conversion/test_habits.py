@@ -419,25 +419,6 @@ def test_the_order_of_four_legs_is_no_silent_guess(data, tmp_path):
     assert "order of legs" not in [what for what, _, _ in conversion.guesses]
 
 
-@pytest.mark.parametrize("suffix", [".npz", ".mat", ".h5"])
-def test_trials_stacked_in_arrays(suffix, arm, tmp_path):
-    trials = [written.motion(seed=k) for k in range(2)]
-    stacked = {key: np.stack([trial[key] for trial in trials]) for key in ("time", "q", "tau")}
-    file = tmp_path / f"stacked{suffix}"
-    if suffix == ".npz":
-        np.savez(file, **stacked)
-    elif suffix == ".mat":
-        savemat(file, stacked)
-    else:
-        with h5py.File(file, "w") as target:
-            for key, values in stacked.items():
-                target[key] = values
-    rules = Map.model_validate({"trials": {"split": "none"}})
-    conversion = excite.convert([file], arm, tmp_path / "log", rules)
-    for k, trial in enumerate(trials):
-        check(conversion, trial, "q", "tau", trial=k)
-
-
 @pytest.mark.parametrize("suffix", [".mat", ".h5"])
 def test_what_describes_the_trials_beside_them_is_none_of_them(suffix, arm, tmp_path):
     """A cell array of structs, or groups, and one more that says whose and in which units they are."""
@@ -484,9 +465,16 @@ def test_more_names_than_cells_are_not_believed_and_said(data, arm, tmp_path):
     lines = [",".join(names)] + [",".join(f"{x:.9g}" for x in row) for row in rows]
     (tmp_path / "long.csv").write_text("\n".join(lines))
     robot = Map(log={"torque": "none"}, trials=WHOLE.trials)
-    found = excite.convert([tmp_path / "long.csv"], arm, tmp_path / "log", robot)
+    with pytest.raises(UnclearError, match="line of names has 15 cells and its rows have 7"):
+        excite.convert([tmp_path / "long.csv"], arm, tmp_path / "log", robot)
+    places = {
+        f"{what}.{joint}": f"column{3 * k + n + 2}"
+        for k, what in enumerate("qv")
+        for n, joint in enumerate(JOINTS)
+    }
+    stated = robot.model_copy(update={"columns": {"time": "column1"} | places})
+    found = excite.convert([tmp_path / "long.csv"], arm, tmp_path / "log", stated)
     assert any("line of names has 15 cells and its rows have 7" in note for note in found.notes)
-    # What the columns are is told by physics then.
     check(found, data, "q", "v")
     columns = rows[:, :3]
     lines = [",".join(names)] + [",".join(f"{x:.9g}" for x in row) for row in columns]

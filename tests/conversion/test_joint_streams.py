@@ -1,4 +1,4 @@
-"""A topic or a file for each joint: together they are one recording of the machine."""
+"""A topic for each joint: together they are one recording of the machine."""
 
 from __future__ import annotations
 
@@ -48,17 +48,7 @@ def joint_states(folder: Path) -> list[Path]:
     return [messages.bag(folder / "bag", types, topics)]
 
 
-def files(folder: Path) -> list[Path]:
-    """A table for each joint, called after it, with the same columns."""
-    found = []
-    for k, joint in enumerate(JOINTS):
-        table = np.column_stack([DATA["time"], DATA["q"][:, k], DATA["tau"][:, k]])
-        found.append(folder / f"{joint}.csv")
-        np.savetxt(found[-1], table, delimiter=",", header="time,position,effort", comments="")
-    return found
-
-
-@pytest.mark.parametrize("write", [numbers, joint_states, files])
+@pytest.mark.parametrize("write", [numbers, joint_states])
 def test_streams_of_single_joints_are_one_recording(write, tmp_path):
     arm = written.arm_urdf(tmp_path / "arm.urdf")
     found = excite.convert(write(tmp_path), arm, tmp_path / "log", WHOLE)

@@ -15,6 +15,9 @@ import yaml
 import excite
 from excite.conversion.explicit_mapping import Map
 from excite.conversion.guesses import UnclearError
+from excite.conversion.sources.bag import Topics
+from excite.conversion.sources.messages import is_of_rows
+from excite.formats.bags import open_bag
 from tests.conversion import messages, written
 from tests.conversion.written import JOINTS
 
@@ -23,6 +26,7 @@ pytestmark = pytest.mark.usefixtures("readers_here", "unexamined")
 # Motors of Unitree's quadrupeds in the order of the models' joints, whose first leg is the left one.
 SDK_ORDER = [3, 4, 5, 0, 1, 2, 9, 10, 11, 6, 7, 8]
 H1_ORDER = {"left_hip_yaw_joint": 7, "right_hip_roll_joint": 0, "torso_joint": 6, "left_elbow_joint": 19}
+WRENCH = "geometry_msgs/msg/WrenchStamped"
 WHOLE = {"trials": {"validation": ["none"], "split": "none"}}
 HELD = Map.model_validate(WHOLE | {"log": {"base": "held"}})
 
@@ -395,3 +399,49 @@ def test_wrenches_of_no_known_sensor_are_left_out_and_named(types, arm, tmp_path
     bag = messages.bag(tmp_path / "bag", types, topics)
     header = excite.convert([bag], arm, tmp_path / "log", Map.model_validate(WHOLE)).log.header
     assert any(guess.what == "wrench" and guess.source == "wrist" for guess in header.guessed)
+
+
+def mixed_messages(types: Any) -> dict[str, tuple[str, list[tuple[float, Any]]]]:
+    """Joints that change their order, efforts that are there at times, and rows with texts of several lengths."""
+    rng = np.random.default_rng(3)
+    kinds = {
+        name: f"{kind}" for name, kind in (("/joints", "sensor_msgs/msg/JointState"), ("/wrench", WRENCH))
+    }
+    found: dict[str, tuple[str, list[tuple[float, Any]]]] = {
+        topic: (kind, []) for topic, kind in kinds.items()
+    }
+    for k in range(1200):
+        names = ["shoulder", "elbow", "wrist"][:: -1 if k % 100 > 90 else 1]
+        at, efforts = 50.0 + 0.01 * k, 3 if k % 50 else 0
+        numbers = {
+            "position": rng.normal(size=3),
+            "velocity": rng.normal(size=3),
+            "effort": rng.normal(size=efforts),
+        }
+        state = messages.filled(
+            types, kinds["/joints"], header=messages.header(types, at), name=names, **numbers
+        )
+        wrench = messages.filled(types, WRENCH, header=messages.header(types, at))
+        wrench.wrench.force.x, wrench.wrench.torque.z = rng.normal(size=2)
+        wrench.header.frame_id = "wrist" if k < 700 else "a longer one"
+        found["/joints"][1].append((at, state))
+        found["/wrench"][1].append((at, wrench))
+    return found
+
+
+def test_messages_that_are_read_together_hold_what_each_holds_alone(types: Any, tmp_path: Path) -> None:
+    """As rosbags decodes each of them, in far fewer steps."""
+    path, found = messages.bag(tmp_path / "run", types, mixed_messages(types)), {}
+    for how, together in (("alone", lambda kind: False), ("together", is_of_rows)):
+        topics, steps = Topics(), 0
+        with open_bag(path) as bag:
+            for message in bag.messages(lambda topic, kind: True, together=together):
+                topics.add(*message)
+                steps += 1
+        found[how] = topics.recording(path, {}).streams
+        assert steps == 2400 if how == "alone" else steps < 150
+    for one, other in zip(found["alone"], found["together"], strict=True):
+        assert [column.name for column in one.columns] == [column.name for column in other.columns]
+        np.testing.assert_array_equal(one.time, other.time)
+        for a, b in zip(one.columns, other.columns, strict=True):
+            np.testing.assert_array_equal(a.values, b.values)

@@ -169,6 +169,14 @@ def test_a_recording_becomes_a_log(name, tmp_path, monkeypatch):
         np.testing.assert_array_equal(one.q, other.q)
 
 
+@pytest.mark.slow
+def test_a_motor_without_a_stop_is_no_witness_against_its_model(tmp_path):
+    """It goes round and round by a model with limits, and its torques are those of the motor beside it."""
+    found = converted("hsm150_two_motor", RECORDED["hsm150_two_motor"], tmp_path)
+    assert found.chart is not None
+    assert not {"other_model", "beyond_limits"} & {one.kind for one in found.chart.findings}
+
+
 def smallest_files(folder: Path) -> list[Path]:
     """The smallest file of each kind in a folder, texts about it and models left out."""
     by_kind: dict[str, list[Path]] = {}
@@ -191,8 +199,10 @@ def model_in(folder: Path, tmp_path: Path) -> Path:
 @pytest.mark.parametrize(
     "name", sorted(folder.name for folder in DATA.iterdir() if folder.is_dir()) if DATA.is_dir() else []
 )
-def test_every_folder_is_converted_asked_about_or_said_to_be_no_recording(name, tmp_path):
+def test_every_folder_is_converted_asked_about_or_said_to_be_no_recording(name, tmp_path, monkeypatch):
     """Whatever folders are there: each file becomes a log, or is refused in a line that says what to do."""
+    # What the doctor says of it is asked of whole recordings above.
+    monkeypatch.setattr(convert, "_examine_log", lambda *_: (None, []))
     robot = model_in(DATA / name, tmp_path)
     for file in smallest_files(DATA / name):
         out = tmp_path / "log"

@@ -139,7 +139,6 @@ ALONE = {
         False,
     ),
     "choice": (named(q=WAVES, q_des=LATE), {}, chosen("q"), "", "q_1"),
-    "physics": (named(cmd=WAVES, x=LATE), {}, chosen("q"), "", "x_1"),
     "torques": (named(target_q=WAVES, target_torque=LATE), {}, asked, set(), {"nothing measured"}),
     "commands": (named(q=WAVES, action=NOISE), {}, asked, set(), {"unfollowed commands"}),
     "doubtful choice": (named(q=np.hstack([WAVES, LATE])), {}, asked, set(), {"surplus"}),

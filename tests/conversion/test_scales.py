@@ -33,8 +33,8 @@ def geared(folder: Path) -> Path:
 
 
 def swing(robot: Path) -> dict[str, np.ndarray]:
-    """A motion of the arm with the torques of its model and some friction, 30 s at 100 Hz."""
-    data = written.motion(3000)
+    """A motion of the arm with the torques of its model and some friction, 15 s at 100 Hz."""
+    data = written.motion(1500)
     model = pin.buildModelFromUrdf(str(robot))
     calculated = model.createData()
     a = np.gradient(data["v"], data["time"], axis=0)

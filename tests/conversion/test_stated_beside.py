@@ -107,13 +107,6 @@ def test_parts_of_a_simulators_forces_are_no_rivals(data, arm, tmp_path):
         check(found, data, "q", "tau")
 
 
-def test_columns_without_names_at_a_stated_rate(data, arm, tmp_path):
-    """States and controls as an optimal controller's solver has them: no clock, a step."""
-    file = tmp_path / "a.npz"
-    np.savez(file, x=np.hstack([data["q"], data["v"]]), tau=data["tau"], dt=0.01)
-    check(excite.convert([file], arm, tmp_path / "log", WHOLE), data, "q", "v", "tau")
-
-
 @pytest.mark.parametrize(
     "stamp",
     [

@@ -44,6 +44,16 @@ def test_records_in_the_columns_of_parquet(data, arm, tmp_path):
     holds(whole(tmp_path / "a.parquet", arm, tmp_path), data)
 
 
+def test_a_recording_without_any_number_is_refused(arm, tmp_path):
+    """Numpy says nothing of it."""
+    nothing = np.full((N, 3), np.nan)
+    pa.parquet.write_table(
+        pa.table({f"q.{joint}": nothing[:, k] for k, joint in enumerate(JOINTS)}), tmp_path / "a.parquet"
+    )
+    with pytest.raises(LogError, match="holds no columns of numbers"):
+        excite.convert([tmp_path / "a.parquet"], arm, tmp_path / "log")
+
+
 def test_a_list_of_records_a_row_whose_order_changes(data, arm, tmp_path):
     rng = np.random.default_rng(0)
     rows = [
@@ -198,17 +208,6 @@ def test_a_legged_robot_that_a_stand_holds_is_looked_at_by_its_own_name(tmp_path
     assert not named.floating and named.joint_names == robot.joint_names
     chart = examine(named, found.log)
     assert chart.usable and "torque_scale" not in {item.kind for item in chart.findings}
-
-
-def test_accelerations_among_columns_without_names_are_no_torques(arm, tmp_path):
-    data = written.motion(2000)
-    a = np.gradient(data["v"], data["time"], axis=0)
-    rows = np.column_stack([data["time"], data["q"], data["v"], a, data["tau"]])
-    np.savetxt(tmp_path / "a.txt", rows, fmt="%.9g")
-    with pytest.raises(UnclearError, match=r"column2 … column4 as q, .* and column8.* are left") as error:
-        whole(tmp_path / "a.txt", arm, tmp_path)
-    (question,) = error.value.questions
-    assert 'tau.shoulder: "column8"' in question.line
 
 
 def test_levels_of_headings_and_names_that_stand_three_times(data, arm, tmp_path):

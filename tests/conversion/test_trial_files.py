@@ -17,14 +17,15 @@ SEEDS = {"slow": 0, "fast": 1, "sweep": 2}
 
 
 @pytest.mark.parametrize("every", [1, 5])
-def test_a_file_for_each_quantity_of_each_trial(arm, tmp_path, every):
-    """Positions at one rate, torques at another or at the same, called after the trial and the quantity."""
+def test_a_file_for_each_quantity_in_a_folder_for_each_trial(arm, tmp_path, every):
+    """Positions at one rate, torques at another or at the same."""
     for name, seed in SEEDS.items():
         data = motion(seed=seed)
-        table(tmp_path / f"{name}_Positions.csv", columns_of(data, q="pos_{n}"))
+        (tmp_path / "all" / name).mkdir(parents=True)
+        table(tmp_path / "all" / name / "Positions.csv", columns_of(data, q="pos_{n}"))
         seldom = {channel: values[::every] for channel, values in data.items()}
-        table(tmp_path / f"{name}_Torques.csv", columns_of(seldom, tau="torque_{n}"))
-    found = excite.convert([tmp_path], arm, tmp_path / "log")
+        table(tmp_path / "all" / name / "Torques.csv", columns_of(seldom, tau="torque_{n}"))
+    found = excite.convert([tmp_path / "all"], arm, tmp_path / "log")
     assert sorted(name for name, _, _ in found.trials) == sorted(SEEDS)
     for k, trial in enumerate(found.log.trials):
         data = motion(seed=SEEDS[trial.name])

@@ -16,6 +16,7 @@ from excite.conversion.guesses import UnclearError
 from excite.logs.units import QUANTITY_OF_UNIT, TO_SI, parse_unit, unit_named
 from tests.conversion import written
 
+pytestmark = pytest.mark.usefixtures("unexamined")
 DEG, POUND, G = math.pi / 180.0, 4.4482216152605, 9.80665
 # By what it is of, its size in SI and how people write it; sizes from the definitions of the units.
 SPELLINGS: dict[tuple[str, float], str] = {

@@ -108,6 +108,12 @@ def test_no_unit_of_the_clock_hides_that_joints_are_faster_than_they_may_be(pand
         assert found["time_unit"].figures["seconds"] == unit
 
 
+def test_commands_that_never_change_are_compared_with_nothing(panda, log):
+    """A column of 0.1 deviates by its rounding, and no channel is that many times as large."""
+    held = changed(log, lambda t: replace(t, tau_cmd=np.full_like(t.q, 0.1)))
+    assert not [item for item in examine(panda, held).findings if item.kind.startswith("command")]
+
+
 def test_the_zeros_that_the_model_needs_are_stated(panda, log):
     turned = changed(log, lambda t: replace(t, q=t.q + np.pi * np.array([0, 0, 0, 0.5, 0, 0, 0])))
     (found,) = suspicions(panda, turned)

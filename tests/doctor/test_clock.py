@@ -112,3 +112,18 @@ def test_a_robot_that_is_guided_by_hand_has_no_slow_clock(arm, log) -> None:
     assert not found.repaired
     assert "by hand" in found.text and "clock" not in found.text
     assert "scale" not in found.remedy and "controller" in found.remedy
+
+
+def test_stamps_of_joints_that_rest_are_kept(arm, log) -> None:
+    """Positions that do not change say of no clock that it is the truer one, and numpy says nothing of them."""
+    rng = np.random.default_rng(5)
+    step = 1.0 / log.header.rate_hz
+
+    def resting(trial: Trial) -> Trial:
+        late = trial.time + rng.uniform(0.0, 0.3 * step, len(trial.time))
+        return replace(trial, time=late, q=np.tile(trial.q[:1], (len(late), 1)))
+
+    ill = changed(log, resting)
+    chart = examine(arm, ill)
+    assert "jitter" in {item.kind for item in chart.findings}
+    np.testing.assert_array_equal(chart.log.trials[0].time, ill.trials[0].time)

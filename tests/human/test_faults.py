@@ -195,6 +195,10 @@ def mistaken(session, index: int, force: float = 1.0, lever: float = 1.0):
         (1e-3, 1.0, "units", "kilonewtons"),
         (1.0, 1e-3, "units", "N·m where the file's unit makes them N·mm"),
         (1.0, 1e3, "units", "N·mm where the file's unit makes them N·m"),
+        (10.0, 1.0, "units", "tenths of newtons"),
+        (0.01, 1.0, "units", "hundreds of newtons"),
+        (1.0, 0.1, "units", "ten times too small"),
+        (1.0, 100.0, "units", "a hundred times too large"),
         (-1.0, 1.0, "reaction_sign", "turned round"),
     ],
 )
@@ -353,6 +357,16 @@ def test_moments_about_the_laboratory_are_judged_as_well(session):
     plates[1] = replace(plates[1], moment=1e-3 * plates[1].moment)
     text = kinds(measured(session, replace(session.trial, plates=tuple(plates))))["units"]
     assert f"moments of {plates[1].name} are N·m where" in text and plates[0].name not in text
+
+
+@pytest.mark.slow
+def test_a_plate_that_is_only_touched_has_no_centre_of_pressure(session, person):
+    """Thirty newtons at a plate, of a table that does not say where plates are."""
+    plates = [replace(one, corners=None) for one in session.trial.plates]
+    push = np.tile([0.0, 0.0, 30.0], (len(plates[0].time), 1))
+    touched = replace(plates[0], name="touched", force=push, moment=0.0 * push)
+    found = measured(session, replace(session.trial, plates=(*plates, touched)))
+    assert found.trials[0].plates_kg == pytest.approx(person.trials[0].plates_kg + 30.0 / 9.81, rel=0.01)
 
 
 def test_plates_as_they_should_be_are_left_alone(session, person):

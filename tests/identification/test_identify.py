@@ -12,9 +12,11 @@ from excite.identification.changed_segments import find_changes
 from excite.identification.estimators.registry import ESTIMATORS
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.identify import identify_problem
+from excite.identification.problem import build_problem
 from excite.identification.regression import condense_problem, iterate_weights
 from excite.identification.result import Identification
 from excite.identification.statistics import base_statistics
+from tests.identification.practice_log import arm_log
 from tests.identification.synthetic import modified_g1_parameters, segment_index, wrench_problem
 
 FEET = ("left_ankle_roll_link", "right_ankle_roll_link")
@@ -108,8 +110,8 @@ def test_changed_segments_at_ten_times_the_noise(g1, feet, seed):
     assert {item.link for item in found.segments} == set(CHANGED)
 
 
-def test_no_validation_trials_is_said(problem):
-    result = identify_problem(problem, None, ESTIMATORS["wls"]())
+def test_no_validation_trials_is_said(ur10):
+    result = identify_problem(build_problem(ur10, arm_log(ur10)), None, ESTIMATORS["wls"]())
     assert result.validation == {}
     assert any("no validation trials" in text for text in result.warnings)
 

@@ -91,7 +91,7 @@ def floating_log(robot: Robot) -> Log:
             "xyz": list(s.placement.translation),
             "rpy": list(pin.rpy.matrixToRpy(s.placement.rotation)),
             "foot": s.link,
-            "excludes": list(s.excludes_links),
+            "excludes": [robot.segments[k].link for k in s.excludes],
             "noise_force": 1.0,
             "noise_moment": 0.1,
         }

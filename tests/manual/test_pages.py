@@ -34,6 +34,7 @@ def own_members(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("reader_here")
 @pytest.mark.parametrize("name", PAGES)
 def test_the_blocks_of_a_page_run(name: str, tmp_path: Path, own_members: None) -> None:
     run_page(PAGES[name], tmp_path)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import signal
 import socket
 import subprocess
 import sys
@@ -97,20 +96,13 @@ def test_a_missing_package_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
         pass
 
 
-def _excite(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "excite", *arguments], cwd=cwd, capture_output=True, text=True, check=False
-    )
-
-
 @pytest.mark.slow
 def test_a_command_plans_on_a_cluster_to_the_same_bytes(
     cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     arguments = ("plan", "ur10", "--candidates", "4", "--seed", "1")
-    there = _excite(*arguments, "--cluster", cluster.scheduler_address, "--out", "there", cwd=tmp_path)
-    assert there.returncode == 0, there.stderr
     monkeypatch.chdir(tmp_path)
+    assert _run_command([*arguments, "--cluster", cluster.scheduler_address, "--out", "there"]) == 0
     assert _run_command([*arguments, "--jobs", "1", "--out", "here"]) == 0
     names = sorted(path.name for path in (tmp_path / "here" / "motions").iterdir())
     assert names == sorted(path.name for path in (tmp_path / "there" / "motions").iterdir())
@@ -138,25 +130,3 @@ def test_options_that_nobody_can_mean_are_refused_in_one_line(
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1 and what in done.stderr
     assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.slow
-def test_an_interrupted_command_leaves_no_worker_and_no_file(tmp_path: Path) -> None:
-    (tmp_path / "tmp").mkdir()
-    run = subprocess.Popen(
-        [sys.executable, "-m", "excite", "plan", "ur10", "--candidates", "400", "--jobs", "2"],
-        cwd=tmp_path,
-        stderr=subprocess.PIPE,
-        text=True,
-        env={**os.environ, "TMPDIR": str(tmp_path / "tmp")},
-    )
-    while not list((tmp_path / "tmp").glob("excite_*/*.motion")):
-        assert run.poll() is None
-        time.sleep(0.1)
-    sent = time.monotonic()
-    run.send_signal(signal.SIGTERM)
-    said = run.communicate(timeout=10)[1]
-    assert time.monotonic() - sent < 2.5
-    assert run.returncode == 143
-    assert said.startswith("excite: interrupted") and said.count("\n") == 1
-    assert [path.name for path in (tmp_path / "tmp").iterdir() if "excite" in path.name] == []

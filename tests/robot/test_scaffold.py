@@ -620,6 +620,7 @@ def test_an_expression_of_xacro_that_does_not_end_is_one_line(tmp_path: Path, mo
         written(f'{head}<link name="a${{9**9**9}}"/></robot>', tmp_path, "mine.urdf.xacro")
 
 
+@pytest.mark.usefixtures("reader_here")
 def test_whatever_xacro_raises_is_one_line(tmp_path: Path) -> None:
     head = '<robot name="n" xmlns:xacro="http://www.ros.org/wiki/xacro">'
     wanting = {
@@ -633,6 +634,7 @@ def test_whatever_xacro_raises_is_one_line(tmp_path: Path) -> None:
         assert "<class" not in str(caught.value) and "\n" not in str(caught.value)
 
 
+@pytest.mark.usefixtures("reader_here")
 def test_a_xacro_that_cannot_be_expanded_says_what_arguments_it_takes(tmp_path: Path) -> None:
     head = '<robot name="n" xmlns:xacro="http://www.ros.org/wiki/xacro">'
     arguments = (
@@ -652,6 +654,7 @@ def test_a_file_of_another_kind_is_no_unknown_name(tmp_path: Path) -> None:
         excite.load_robot(path)
 
 
+@pytest.mark.usefixtures("reader_here")
 def test_slides_that_close_a_loop_need_no_limits(tmp_path: Path) -> None:
     """A plate on three passive slides, carried by rods that two motors and a third one turn."""
     arms = "".join(
@@ -762,6 +765,7 @@ def test_a_wrist_that_turns_the_gripper_is_free(joint: str, held: list[str], tmp
     assert list(robot.description.locked_joints) == held
 
 
+@pytest.mark.usefixtures("reader_here")
 def test_a_key_frame_that_nobody_can_stand_in_is_not_where_legs_are_sought(tmp_path: Path) -> None:
     """That of a published Mini Cheetah folds its front legs up: it was held in a stand, for two feet span no area."""
     spec = mujoco.MjSpec.from_string(quadruped())

@@ -13,6 +13,7 @@ from excite.robot.init_robot.files import write_scaffold
 from excite.robot.shapes.collision import collision_shapes
 from tests.robot.small import ARM
 
+pytestmark = pytest.mark.usefixtures("readers_here")
 XACRO = '<robot name="small" xmlns:xacro="http://www.ros.org/wiki/xacro">'
 BODY = '<body name="a"><joint name="j" axis="0 1 0"/><geom type="sphere" size=".1"/></body>'
 

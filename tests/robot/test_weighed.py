@@ -40,6 +40,7 @@ def test_boxes_weigh_what_boxes_weigh(tmp_path: Path) -> None:
     assert "1.2 kg in all" in said.value and "90% of published arms weigh within" in said.consequence
 
 
+@pytest.mark.usefixtures("reader_here")
 @pytest.mark.parametrize(
     ("model", "kilograms"),
     [("panda_description/urdf/panda.urdf", 17.45), ("ur_description/urdf/ur5_robot.urdf", 20.99)],

@@ -76,7 +76,6 @@ def add_base_signals(
 
     Args:
         found: what is known; channels that it has are left as they are.
-        recording: the columns.
         names: columns that nothing is known of yet.
         feet: name and link of the robot's feet; none where they are not known.
     """

@@ -185,7 +185,6 @@ def assemble_streams(recording: Recording, found: Guesses, rate_hz: float | None
     """Join a recording's streams on one time base: that of its fastest torques, others between their samples.
 
     Args:
-        recording: what was read.
         found: what its columns are.
         rate_hz: of streams without a clock; None where there is none.
 

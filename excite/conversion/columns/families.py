@@ -112,7 +112,18 @@ class Family:
 def clues_of(recording: Recording, joints: Sequence[str], ignored: Iterable[str] = ()) -> dict[str, Clue]:
     """What the name of every column says, or its format."""
     names = {column.name for column in recording.columns} - set(ignored)
-    spelt = {name: name for name in names} | _number_letters(names) | _name_labels(names, joints)
+    spelt = (
+        {name: name for name in names}
+        | {
+            name: f"{before}{1 + ascii_lowercase.index(letter)}{after}"
+            for (before, after), by_letter in _alike_but_for(
+                names, r"(?<![A-Za-z])[A-Za-z](?![A-Za-z0-9])"
+            ).items()
+            if len(by_letter) > 1 and sorted(by_letter) == list(ascii_lowercase[: len(by_letter)])
+            for letter, name in by_letter.items()
+        }
+        | _name_labels(names, joints)
+    )
     found = _clues(recording, joints, spelt, frozenset())
     letters = frozenset(word for said in found.values() for word in said.label.split("_") if len(word) == 1)
     if letters:
@@ -139,21 +150,6 @@ def _alike_but_for(names: Iterable[str], word: str) -> dict[tuple[str, str], dic
         for match in re.finditer(word, name):
             groups.setdefault((name[: match.start()], name[match.end() :]), {})[match[0].lower()] = name
     return groups
-
-
-def _number_letters(names: Iterable[str]) -> dict[str, str]:
-    """Names with numbers for letters that count columns: ``torque_1`` … for ``torque_a`` … ``torque_f``.
-
-    They are letters where names differ in nothing but one that stands alone, and go from the first one of the alphabet.
-    """
-    return {
-        name: f"{before}{1 + ascii_lowercase.index(letter)}{after}"
-        for (before, after), by_letter in _alike_but_for(
-            names, r"(?<![A-Za-z])[A-Za-z](?![A-Za-z0-9])"
-        ).items()
-        if len(by_letter) > 1 and sorted(by_letter) == list(ascii_lowercase[: len(by_letter)])
-        for letter, name in by_letter.items()
-    }
 
 
 def _name_labels(names: Iterable[str], joints: Sequence[str]) -> dict[str, str]:
@@ -503,57 +499,3 @@ def _correlation(a: Array, b: Array) -> float | None:
     if whole.sum() <= 2 or np.ptp(a[whole]) == 0.0 or np.ptp(b[whole]) == 0.0:
         return None
     return float(np.corrcoef(a[whole], b[whole])[0, 1])
-
-
-def tell_by_derivatives(columns: Mapping[str, Array], dt: float, joints: Sequence[str]) -> dict[str, Family]:
-    """Positions, velocities, commands and torques among columns without names; empty where that is open.
-
-    Columns stand in blocks of the joints, one quantity after the other, or joint by joint. Positions are the block
-    whose derivative another one is and that is none itself, commands their twins; one that alone is left is torques.
-
-    Args:
-        columns: by name, in the file's order, in any units, rows without holes.
-        dt: time from row to row [s].
-        joints: those that the recording should have.
-    """
-    names, n = list(columns), len(joints)
-    count, window = len(names) // n, max(3, int(0.04 / dt))
-    kernel = np.ones(window) / window
-    smooth = np.column_stack([np.convolve(v[:20_000], kernel, mode="valid") for v in columns.values()])
-    rate = np.gradient(smooth, axis=0)
-    for order in (np.arange(count * n).reshape(count, n), np.arange(count * n).reshape(n, count).T):
-        derived = np.array([[_likeness(rate[:, b], smooth[:, c]) for c in order] for b in order])
-        np.fill_diagonal(derived, 0.0)
-        # Of smoothed signals, a derivative and its velocity.
-        has = [b for b in range(count) if derived[b].max() > 0.9]
-        held = [b for b in has if b not in {int(np.argmax(derived[k])) for k in has}]
-        # Of smoothed signals, a command and its position.
-        if len(held) == 2 and _likeness(smooth[:, order[held[0]]], smooth[:, order[held[1]]]) > 0.98:
-            # Of twins that comes later which was measured: ``x(t) = y(t − d)`` makes ``x − y = −d·rate``.
-            a, b = (smooth[:, order[k]] for k in held)
-            held = held if float((np.gradient(a, axis=0) * (a - b)).sum()) < 0.0 else held[::-1]
-        elif len(held) != 1:
-            continue
-        told = dict(zip(("q", "q_cmd"), held, strict=False)) | {"v": int(np.argmax(derived[held[0]]))}
-        rest = set(range(count)) - set(told.values())
-        told |= {"tau": rest.pop()} if len(rest) == 1 and len(names) == count * n else {}
-        return {
-            channel: Family(
-                channel,
-                channel.partition("_")[0],
-                Placed(
-                    {joint: names[k] for joint, k in zip(joints, order[block], strict=True)},
-                    "the columns' order (blocks of the joints, one of them the derivative of another)",
-                ),
-                tuple(names[k] for k in order[block]),
-            )
-            for channel, block in told.items()
-        }
-    return {}
-
-
-def _likeness(a: Array, b: Array) -> float:
-    """The least correlation of columns that belong together."""
-    a, b = a - a.mean(axis=0), b - b.mean(axis=0)
-    power = np.linalg.norm(a, axis=0) * np.linalg.norm(b, axis=0)
-    return float(((a * b).sum(axis=0) / np.maximum(power, 1e-300)).min())

@@ -11,7 +11,7 @@ import numpy as np
 
 from excite.conversion.columns.words import read_clue
 from excite.conversion.recording import Column, Recording, Stream
-from excite.conversion.shapes import longest_streams, split_batches, stream_of_arrays
+from excite.conversion.shapes import longest_streams, stream_of_arrays
 from excite.conversion.sources.source import Source
 from excite.formats.arrays import read_npy, read_npz
 from excite.formats.arrow import ARROW, read_arrow
@@ -95,10 +95,9 @@ PaceSource = _source(
 
 
 def recordings_of(path: Path, arrays: Arrays) -> tuple[Recording, ...]:
-    """Recordings among arrays by their paths (``trial1/q``): one a trial where they are stacked, or lie in groups."""
+    """Recordings among arrays by their paths (``trial1/q``): one a trial where they lie in groups."""
     check_size(sum(np.size(values) for values in arrays.values()), 0, path)
-    stacked = {f"{path.stem}_{name}": members for name, members in split_batches(arrays).items()}
-    groups = _trial_groups(dict(arrays)) or stacked or {path.stem: dict(arrays)}
+    groups = _trial_groups(dict(arrays)) or {path.stem: dict(arrays)}
     return tuple(
         Recording(
             str(path),

@@ -7,6 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar
 
+import numpy as np
+
+from excite.arrays import Array
 from excite.conversion.columns.words import read_clue
 from excite.conversion.recording import Recording, Stream
 from excite.conversion.sources.messages import (
@@ -15,6 +18,7 @@ from excite.conversion.sources.messages import (
     Room,
     decode,
     decode_any,
+    is_of_rows,
     is_trajectory,
     is_wanted,
     stamp_s,
@@ -39,21 +43,21 @@ class Topics:
         self._planned: dict[str, Gathered] = {}
         self._kinds: dict[str, str] = {}
 
-    def add(self, topic: str, kind: str, message: Any, logged_s: float) -> None:
-        """One message: at its header's stamp where that is from the same clock, else at the time it was written."""
+    def add(self, topic: str, kind: str, message: Any, logged_s: float | Array) -> None:
+        """Messages: at their headers' stamps where these are from the same clock, else at the times of writing."""
         if is_trajectory(kind):
             if topic in self._planned or not message.points:
                 return
             gathered = self._planned[topic] = Gathered(topic, self._room)
-            for time, (fields, values) in trajectory_rows(message):
-                gathered.add(time, fields, values)
+            for from_start, (fields, values) in trajectory_rows(message):
+                gathered.add(from_start, fields, values)
             return
         fields, values = decode(kind, message, topic) if is_wanted(kind) else decode_any(message)
         if not fields:
             return
         self._kinds[topic] = kind
         stamp = stamp_s(message)
-        time = stamp if stamp is not None and abs(stamp - logged_s) < _OTHER_CLOCK_S else logged_s
+        time = np.where(np.abs(stamp - logged_s) < _OTHER_CLOCK_S, stamp, logged_s)
         if topic not in self._topics:
             self._topics[topic] = Gathered(topic, self._room)
         self._topics[topic].add(time, fields, values)
@@ -77,7 +81,6 @@ class Topics:
         """All that was collected; raises LogError where no message is of a type that is read.
 
         Args:
-            path: of the bag.
             there: types by topic, for the error.
         """
         measured = bool(self._topics)
@@ -148,7 +151,7 @@ class McapSource(BagSource):
 
 def _gather(topics: Topics, bag: Bag) -> None:
     """Messages whose types say what they hold; where none says where joints were, small ones of any type."""
-    for message in bag.messages(lambda topic, kind: _is_known(kind)):
+    for message in bag.messages(lambda topic, kind: _is_known(kind), together=is_of_rows):
         topics.add(*message)
     if topics.has_positions and not topics.lacks_torques:
         return

@@ -46,7 +46,7 @@ class Field:
     label: str = ""
 
 
-Row = tuple[Sequence[Field], list[float]]
+Row = tuple[Sequence[Field], Array | list[float]]
 
 
 class Room:
@@ -78,18 +78,23 @@ class Gathered:
         self._block: list[Array] = []
         room.topics.append(self)
 
-    def add(self, time: float, fields: Sequence[Field], values: Sequence[float]) -> None:
-        """One message at a time [s]."""
-        places = self._places(fields)
-        row = np.full(1 + len(self._fields), np.nan)
-        row[0] = time
-        row[places] = values
-        self._block.append(row)
-        if len(self._block) >= self._every:
-            alike = [one for one in self._block if len(one) == len(row)]
-            self._numbers.frombytes(np.asarray(sum(alike) / len(alike)).tobytes())
-            self._block.clear()
+    def add(self, time: float | Array, fields: Sequence[Field], values: Sequence[float] | Array) -> None:
+        """A message at a time [s], or several: times ``(n,)``, values ``(n_fields, n)``."""
+        places, times = self._places(fields), np.atleast_1d(time)
+        rows = np.full((len(times), 1 + len(self._fields)), np.nan)
+        rows[:, 0] = times
+        rows[:, places] = np.reshape(values, (len(places), -1)).T
+        if self._every == 1:
+            self._numbers.frombytes(rows.tobytes())
             self._room.fit()
+            return
+        for row in rows:
+            self._block.append(row)
+            if len(self._block) >= self._every:
+                alike = [one for one in self._block if len(one) == len(row)]
+                self._numbers.frombytes(np.asarray(sum(alike) / len(alike)).tobytes())
+                self._block.clear()
+                self._room.fit()
 
     def stream(self, start: float) -> Stream | None:
         """What was gathered, times from ``start``; None for nothing."""
@@ -193,13 +198,18 @@ def is_wanted(kind: str) -> bool:
     return kind.replace("/msg/", "/") in _types()
 
 
+def is_of_rows(kind: str) -> bool:
+    """Whether messages of a type are a row of numbers each, so that several may be read together."""
+    return is_wanted(kind) and not is_trajectory(kind) and kind.replace("/msg/", "/") != _DYNAMIC
+
+
 def is_trajectory(kind: str) -> bool:
     """Whether a message type holds a whole motion."""
     return kind.replace("/msg/", "/") == TRAJECTORY
 
 
 def decode(kind: str, message: Any, topic: str, names: Iterable[str] = ()) -> Row:
-    """Fields and numbers of one message; ``names`` of its joints where they stand elsewhere.
+    """Fields and numbers of a message, or of several ``(n_fields, n)``; ``names`` of joints that stand elsewhere.
 
     Arrays over joints that are empty, as efforts may be, are left out.
     """
@@ -207,7 +217,7 @@ def decode(kind: str, message: Any, topic: str, names: Iterable[str] = ()) -> Ro
     if kind == _DYNAMIC:
         return _decode_interfaces(message)
     parts: list[int] = []
-    numbers: list[float] = []
+    numbers: list[Any] = []
     names = tuple(names)
     for k, part in enumerate(_types()[kind]):
         if part.joints.endswith("[]"):
@@ -223,9 +233,11 @@ def decode(kind: str, message: Any, topic: str, names: Iterable[str] = ()) -> Ro
                 values = [values]
         if values is not None and (not part.joints or len(values) == len(names)):
             parts.append(k)
-            numbers += np.asarray(values, dtype=float).tolist()
+            numbers.extend(values)
     sensor = _topic_word(topic) or getattr(getattr(message, "header", None), "frame_id", "") or "wrench"
-    return _layout(kind, names, tuple(parts), str(sensor), _is_of_commands(topic)), numbers
+    return _layout(kind, names, tuple(parts), str(sensor), _is_of_commands(topic)), np.array(
+        numbers, dtype=float
+    )
 
 
 def _follow(message: Any, path: tuple[str, ...]) -> Any:
@@ -277,21 +289,23 @@ def _decode_interfaces(message: Any) -> Row:
     return fields, numbers
 
 
-def stamp_s(message: Any) -> float | None:
-    """The time that a message's header states [s]; None for none, or for one that was left at zero."""
+def stamp_s(message: Any) -> Array:
+    """Times that headers state [s]; not a number for none, or for one that was left at zero."""
     stamp = getattr(getattr(message, "header", None), "stamp", None)
-    return None if stamp is None else _seconds(stamp) or None
+    seconds = np.asarray(np.nan if stamp is None else _seconds(stamp), dtype=float)
+    return np.where(seconds == 0.0, np.nan, seconds)
 
 
-def _seconds(stamp: Any) -> float:
-    rest = getattr(stamp, "nanosec", getattr(stamp, "nsecs", 0))
-    return float(getattr(stamp, "sec", getattr(stamp, "secs", 0))) + 1e-9 * float(rest)
+def _seconds(stamp: Any) -> Any:
+    return getattr(stamp, "sec", getattr(stamp, "secs", 0)) + 1e-9 * getattr(
+        stamp, "nanosec", getattr(stamp, "nsecs", 0)
+    )
 
 
 def trajectory_rows(message: Any) -> Iterable[tuple[float, Row]]:
     """Times and rows of a JointTrajectory: a whole motion in one message."""
     for point in message.points:
-        yield _seconds(point.time_from_start), decode(TRAJECTORY, point, "", message.joint_names)
+        yield float(_seconds(point.time_from_start)), decode(TRAJECTORY, point, "", message.joint_names)
 
 
 def decode_any(message: Any) -> Row:

@@ -19,13 +19,12 @@ from excite.formats.file import (
     unpack_file,
     unreadable,
 )
-from excite.registry import Registry, installed
+from excite.registry import Registry
 
 _HERE = "excite.conversion.sources"
 SOURCES: Registry[Source] = Registry(
     "source",
-    installed("readers")
-    | {
+    {
         "lerobot": f"{_HERE}.arrays:LeRobotSource",
         "bag": f"{_HERE}.bag:BagSource",
         "mcap": f"{_HERE}.bag:McapSource",
@@ -38,6 +37,7 @@ SOURCES: Registry[Source] = Registry(
         "json": f"{_HERE}.records:JsonSource",
         "text": f"{_HERE}.text:TextSource",
     },
+    axis="readers",
 )
 
 # Endings that stand for recordings where a folder of files is given.
@@ -46,16 +46,6 @@ RECORDED = frozenset(
     ".pth".split()
 )  # Files that people put beside recordings.
 _BESIDE = frozenset("readme license licence notice changelog requirements".split())
-
-
-def _refuse(path: Path) -> None:
-    """Raise LogError for what people bring that is not opened, and say what to do instead: ``refused.csv``."""
-    first = b"" if path.is_dir() or not path.exists() else first_bytes(path, 16)
-    ending = plain_name(path).suffix.lower().split("-")[0]
-    for row in read_rows(__file__, "refused.csv"):
-        begins = row["beginning"] and first.startswith(bytes.fromhex(row["beginning"]))
-        if begins or (ending and ending in row["endings"].split()):
-            raise LogError(row["what"], source=path, remedy=row["remedy"])
 
 
 @raised_as(LogError)
@@ -70,7 +60,13 @@ def read_source(path: Path) -> tuple[Recording, ...]:
     if not path.is_dir():
         # A pipe or device has no beginning to look at, and no end.
         check_file(path)
-        _refuse(path)
+        # Raise LogError for what people bring that is not opened, and say what to do instead: refused.csv.
+        first = b"" if path.is_dir() or not path.exists() else first_bytes(path, 16)
+        ending = plain_name(path).suffix.lower().split("-")[0]
+        for row in read_rows(__file__, "refused.csv"):
+            begins = row["beginning"] and first.startswith(bytes.fromhex(row["beginning"]))
+            if begins or (ending and ending in row["endings"].split()):
+                raise LogError(row["what"], source=path, remedy=row["remedy"])
         if is_packed(path):
             with unpack_file(path, limit=MAX_FILE_BYTES) as plain:
                 return tuple(replace(recording, source=str(path)) for recording in read_source(plain))

@@ -107,7 +107,6 @@ def said_by_header(lines: Sequence[str], above: int) -> dict[str, float]:
     called ``dt``, a rate in hertz and called ``rate``.
 
     Args:
-        lines: the file's first ones.
         above: how many of them stand above the first row of numbers.
     """
     found = {}

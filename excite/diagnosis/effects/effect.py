@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC
 from dataclasses import dataclass, field
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.joint_torque import Fit
 from excite.diagnosis.equations.own_columns import OwnTerm
 from excite.doctor.doubt import Doubt
+from excite.errors import InputError
 
 Theta = tuple[float, ...]
 SECANT = "secant"
@@ -208,11 +209,26 @@ class Effect(ABC):
 
     def unit_torques(self, context: Context, location: str, theta: Theta) -> Array:
         """Torques at its joint per unit of each linear parameter, ``(n_samples, n_linear)``, of what acts at one."""
-        raise NotImplementedError
+        raise InputError("lacks its torques", source=self.name, remedy="define unit_torques, or shape")
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
         """Columns and offset that it adds to the torques."""
         return Shape(context.motor_columns(location, self.unit_torques(context, location, theta)))
+
+    def mistake_in(self, method: str, result: Any, context: Context | None = None, *_: object) -> str:
+        """What is wrong with what a derived class's method returns; empty for nothing."""
+        if context is None or method not in ("unit_torques", "shape"):
+            return ""
+        made = result if isinstance(result, Shape) else Shape({0: result})
+        (n, joints), wide = context.v.shape, len(self.linear)
+        sizes = [(columns, (n, wide)) for columns in made.columns.values()]
+        for values, size in (*sizes, *((offset, (n,)) for offset in made.offset.values())):
+            if values.shape != size:
+                return f"has the shape {values.shape} where {size} is expected"
+            if not np.isfinite(values).all():
+                return "is not finite everywhere"
+        rows = sorted({*made.columns, *made.offset} - {*range(joints)})
+        return f"has rows {rows} where those of joints are 0 to {joints - 1}" if rows else ""
 
     def is_admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
         """Whether parameters are within their bounds and describe this effect rather than another one."""

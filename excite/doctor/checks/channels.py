@@ -69,11 +69,16 @@ def _find_in_torques(
             _report_other_model(case, samples, stated, other, found)
             return
     reading, found = refine_zeros(beside, reading, found, possible)
-    if (_leaves_limits(samples, reading) & ~_leaves_limits(samples, stated)).any():
+    outside = _leaves_limits(samples, reading)
+    if (outside & ~_leaves_limits(samples, stated)).any():
         # Zeros that no joint of this robot can have stand for something else, as for another robot's axes.
         possible = [one for one in possible if Doubt.POSITION not in one.leaves]
         reading, found = misreadings(beside, stated, possible)
-    bodies = None if case.log.header.torque == "current" else _compare_bodies(samples, reading)
+        outside = _leaves_limits(samples, reading)
+    # What goes round and round is no joint with limits, whatever the model says.
+    outside &= np.ptp(_positions(samples, reading), axis=0) <= 2.0 * np.pi
+    size_known = case.log.header.torque != "current" and of_unknown_unit(samples, stated) is None
+    bodies = _compare_bodies(samples, reading) if size_known else None
     if bodies is not None:
         # Units, clocks, weights are told by how large the nominal bodies' torques are, and zeros by where their centres
         # lie: with those of another robot 44 times what its model needs is no unit of a wrist's torque.
@@ -86,13 +91,29 @@ def _find_in_torques(
                 bodies, (reading, found) = again, less
                 break
         _report_other_model(case, samples, reading, bodies)
+    elif (
+        outside.any()
+        and size_known
+        and (len(found) > 1 or _unexplained(samples, reading) > THRESHOLD.in_place)
+    ):
+        # Two witnesses that no mistake alone brings into line: where joints were, and what moved them.
+        _doubt(case, found)
+        _report_other_model(
+            case, samples, stated, other_machine(samples, stated, stated.tick), found, outside
+        )
+        return
     _correct(case, reading, found, samples.what)
+
+
+def _positions(samples: TorqueSamples, reading: Reading) -> Array:
+    """Positions of the log's joints as the reading has them, ``(n, n_joints)``."""
+    q, v, _ = samples.motion(reading)
+    return q[:, samples.places + q.shape[1] - v.shape[1]]
 
 
 def _leaves_limits(samples: TorqueSamples, reading: Reading) -> Flags:
     """Which joints would be outside their limits, whole turns and a margin aside, ``(n_joints,)``."""
-    q, v, _ = samples.motion(reading)
-    q, limits = q[:, samples.places + q.shape[1] - v.shape[1]], samples.robot.limits
+    q, limits = _positions(samples, reading), samples.robot.limits
     index = [samples.robot.joint_index(joint) for joint in samples.joints]
     lower, upper = limits.position_lower[index], limits.position_upper[index]
     apart = 0.5 * (q.max(axis=0) + q.min(axis=0) - lower - upper)
@@ -236,26 +257,36 @@ def _explain_by_other_machine(
     return other if float(then.counts @ (other.left - then.left)) - then.cost < STRONG_ODDS else None
 
 
-def _compare_bodies(samples: TorqueSamples, reading: Reading) -> OtherMachine | None:
-    """Other bodies that leave next to nothing of a tenth or more that the nominal ones leave; None elsewhere.
-
-    A load that is no heavier than the robot is carried by it, and makes it no other one.
-    """
+def _unexplained(samples: TorqueSamples, reading: Reading) -> float:
+    """Share of the torques' power beside drives that nominal bodies leave, and a load no heavier than they."""
     load, masses = best_load(samples, reading), samples.under(reading.gravity).phi[::10]
     carried = 0.0 if load is None or load.mass > masses.sum() else samples.felt(reading) @ load.parameters
-    left = samples.unexplained(reading, carried)
+    return samples.unexplained(reading, carried)
+
+
+def _compare_bodies(samples: TorqueSamples, reading: Reading) -> OtherMachine | None:
+    """Other bodies that leave next to nothing of a tenth or more that the nominal ones leave; None elsewhere."""
+    left = _unexplained(samples, reading)
     if left < THRESHOLD.in_place:
         return None
     likely = OtherMachine(samples.judged(reading).left, 1.0)
     best = min((likely, other_machine(samples, reading, reading.tick)), key=lambda one: float(one.left.sum()))
     told = samples.unexplained_beside(reading, best.left) < THRESHOLD.in_place * min(left, 1.0)
-    return best if told and of_unknown_unit(samples, reading) is None else None
+    return best if told else None
 
 
 def _report_other_model(
-    case: Case, samples: TorqueSamples, reading: Reading, other: OtherMachine, found: Found = ()
+    case: Case,
+    samples: TorqueSamples,
+    reading: Reading,
+    other: OtherMachine,
+    found: Found = (),
+    outside: Flags | None = None,
 ) -> None:
-    """A model that is not the robot's, in the place of mistakes that would explain the log as well."""
+    """A model that is not the robot's, in the place of mistakes that would explain the log as well.
+
+    ``outside``: joints beyond their limits, which no mistake explains, ``(n_joints,)``.
+    """
     gains, shares, *_ = samples.gains(reading)
     told = np.flatnonzero((shares > THRESHOLD.telling_share) & (gains > 0.0))
     joints = tuple(samples.channels[j] for j in told)
@@ -265,18 +296,18 @@ def _report_other_model(
     size = "" if other.length == 1.0 else f", about {other.length:.2g} times as long,"
     text = (
         f"the model's bodies explain {model} of the torques' power beside friction and rotors, other bodies on its "
-        f"joints{size} {others}: masses, lengths or zeros of positions are not this robot's (torques per what the "
-        f"model needs: {each or 'none tells'})"
+        f"joints{size} {others}: masses, lengths, axes or zeros of positions are not this robot's (torques per "
+        f"what the model needs: {each or 'none tells'})"
     )
     load = best_load(samples, reading)
     text += "" if load is None else f", or it carries a load: {load.sentence()}"
-    more = {}
-    if found:
-        kinds = list(dict.fromkeys(item.mistake.name.replace("_", " ") for item in found))
-        text += (
-            f"; the only other explanation is {len(found)} mistakes in the log at once ({list_names(kinds)})"
-        )
-        more = {"severity": "spoils"}
+    kinds = list_names(list(dict.fromkeys(item.mistake.name.replace("_", " ") for item in found)))
+    if outside is not None:
+        places = list_names(case.joints(outside))
+        text += f"; positions of {places} lie outside the model's limits, whatever else is mended"
+    elif found:
+        text += f"; the only other explanation is {len(found)} mistakes in the log at once ({kinds})"
+    more = {"severity": "spoils"} if found else {}
     figures = {f"factor.{joint}": float(gains[j]) for joint, j in zip(joints, told, strict=True)}
     figures |= {"left_before": left[0], "left_after": left[1], "length": other.length}
     case.add("other_model", text, figures, joints, **more)

@@ -196,11 +196,11 @@ def _steady_clock(trial: Trial) -> tuple[float, Array | None]:
     step = np.diff(trial.time)
     missing = missing_rows(trial.time)
     jitter = float(np.std(step[missing == 0]) / np.median(step))
-    if jitter < THRESHOLD.steady:
+    moving = np.ptp(trial.q, axis=0) > 0.0
+    if jitter < THRESHOLD.steady or not moving.any():
         return jitter, None
     number = np.concatenate([[0], np.cumsum(1 + missing)])
     even = np.asarray(np.polyval(np.polyfit(number, trial.time, 1), number), dtype=float)
-    moving = trial.q.std(axis=0) > 0.0
     honest, late = (_roughness(clock, trial.q[:, moving]) for clock in (trial.time, even))
     return jitter, even if late < honest + np.log(THRESHOLD.clearly_smoother) else None
 

@@ -35,8 +35,6 @@ def _add_configuration(
 
     Args:
         model: files of the robot.
-        subject: the robot.
-        ending: of the configuration's name.
         template: file with its text.
         words: for the template, beside names of robot, module and variable, where the model lies, lines of a delay.
     """

@@ -166,10 +166,6 @@ def _servo_terms(model: mujoco.MjModel, names: tuple[str, ...]) -> dict[str, Arr
 def segment_bodies(robot: Robot, model: mujoco.MjModel) -> list[list[Member]]:
     """Bodies of each segment with their places, the one that carries its joint first.
 
-    Args:
-        robot: the robot.
-        model: the model.
-
     Raises:
         InputError: bodies do not move as the robot's segments do.
     """

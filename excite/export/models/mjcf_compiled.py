@@ -40,7 +40,14 @@ def compile_text(content: bytes, folder: Path | None, source: object = "written 
         if folder is not None:
             # MuJoCo writes warnings to a file in the current folder.
             mujoco.set_mju_user_warning(lambda _: None)
-            _drop_missing_files(spec, folder)
+            # Make paths absolute, and leave out shapes whose files are not there: inertials are what counts here.
+            meshes = folder / spec.meshdir
+            spec.meshdir, spec.texturedir = str(meshes), str(folder / spec.texturedir)
+            missing = {mesh.name for mesh in spec.meshes if mesh.file and not (meshes / mesh.file).is_file()}
+            for geom in [geom for geom in spec.geoms if geom.meshname in missing]:
+                spec.delete(geom)
+            for mesh in [mesh for mesh in spec.meshes if mesh.name in missing]:
+                spec.delete(mesh)
         return spec.compile()
     except (ValueError, OSError, RuntimeError) as error:
         raise InputError(
@@ -48,14 +55,3 @@ def compile_text(content: bytes, folder: Path | None, source: object = "written 
             source=source,
             remedy="check that it loads in MuJoCo's viewer, with its meshes beside it",
         ) from error
-
-
-def _drop_missing_files(spec: mujoco.MjSpec, folder: Path) -> None:
-    """Make paths absolute, and leave out shapes whose files are not there: inertials are what counts here."""
-    meshes = folder / spec.meshdir
-    spec.meshdir, spec.texturedir = str(meshes), str(folder / spec.texturedir)
-    missing = {mesh.name for mesh in spec.meshes if mesh.file and not (meshes / mesh.file).is_file()}
-    for geom in [geom for geom in spec.geoms if geom.meshname in missing]:
-        spec.delete(geom)
-    for mesh in [mesh for mesh in spec.meshes if mesh.name in missing]:
-        spec.delete(mesh)

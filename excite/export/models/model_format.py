@@ -10,8 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path, PurePosixPath
 from typing import ClassVar
-from xml.etree import ElementTree
-from xml.etree.ElementTree import Element
+from xml.etree.ElementTree import Element, TreeBuilder, tostring
 from xml.parsers import expat
 
 import numpy as np
@@ -96,7 +95,6 @@ class ModelFormat(ABC):
 
         Args:
             subject: for the robot's names and joints; none of its values.
-            rendered: the files.
             states: in which its torques are asked for.
         """
 
@@ -248,8 +246,8 @@ class XmlText:
             raise RobotError("is UTF-16", source=source, remedy="save it as UTF-8")
         parse_xml(content, Path(source))
         self._content = content
-        self._read: dict[ElementTree.Element, tuple[int, dict[str, str]]] = {}
-        builder, parser = ElementTree.TreeBuilder(), expat.ParserCreate()
+        self._read: dict[Element, tuple[int, dict[str, str]]] = {}
+        builder, parser = TreeBuilder(), expat.ParserCreate()
 
         def note_element(tag: str, attributes: dict[str, str]) -> None:
             self._read[builder.start(tag, attributes)] = parser.CurrentByteIndex, dict(attributes)
@@ -257,7 +255,7 @@ class XmlText:
         parser.StartElementHandler = note_element
         parser.EndElementHandler = builder.end
         parser.Parse(content, True)
-        self.root: ElementTree.Element = builder.close()
+        self.root: Element = builder.close()
 
     def edited(self) -> bytes:
         """The text with all edits made."""
@@ -282,9 +280,7 @@ class XmlText:
             if new:
                 lead = content[content.rfind(b"\n", 0, start) + 1 : start]
                 indent = b"\n" if lead.strip() else b"\n" + lead
-                inside = b"".join(
-                    indent + b"  " + ElementTree.tostring(child).replace(b" />", b"/>") for child in new
-                )
+                inside = b"".join(indent + b"  " + tostring(child).replace(b" />", b"/>") for child in new)
                 head = content.index(b">", last) + 1
                 if content[head - 2 : head] == b"/>":
                     closing = b">" + inside + indent + b"</" + element.tag.encode() + b">"

@@ -47,7 +47,6 @@ def drive_attributes(
     """Texts of the attributes that hold a joint's friction and rotor inertia, of those that were found.
 
     Args:
-        found: the parameters.
         joint: name of the joint.
         attributes: by term what holds it in the file.
         notes: gets a sentence for each that is not written.

@@ -107,11 +107,6 @@ class Proof(Stated):
 def prove_taken(model_format: ModelFormat, subject: Subject, rendered: Rendered) -> Proof:
     """Read files again and compare them with what they are of.
 
-    Args:
-        model_format: the format.
-        subject: what was written.
-        rendered: its files.
-
     Raises:
         NoSolutionError: torques, parameters or terms are others than what was found (a bug here).
     """

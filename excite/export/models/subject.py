@@ -103,7 +103,20 @@ def read_subject(
     if document.torque_delay is not None:
         why = "how late torques were logged is no part of the robot: correct the log"
         beyond = (Lost("torque_delay", loaded.name, document.torque_delay.value_s, why),)
-    found = _identified_parameters_of(document, loaded, file)
+    values: list[float] = []
+    for link, block in document.standard_parameters.items():
+        six = dict(zip(FILE_ORDER, block.inertia, strict=True))
+        ten = [block.mass, *block.first_moment, *(six[place] for place in range(6))]
+        values += [value for value in ten if value is not None]
+        if None in ten:
+            raise InputError(
+                "a parameter is null",
+                source=file,
+                field=f"standard_parameters.{link}",
+                remedy="identify with a method that gives all parameters, such as lmi",
+            )
+    drives = {name: value for name, value in document.drive_parameters.items() if value is not None}
+    found = parameters_of(loaded, np.array(values), drives)
     return Subject(loaded, found, folder, template, beyond)
 
 
@@ -161,23 +174,6 @@ def _result_robot(name: str, document: Any, file: Path) -> Robot:
     return loaded
 
 
-def _identified_parameters_of(document: Identification, robot: Robot, file: Path) -> IdentifiedParameters:
-    values: list[float] = []
-    for link, block in document.standard_parameters.items():
-        six = dict(zip(FILE_ORDER, block.inertia, strict=True))
-        ten = [block.mass, *block.first_moment, *(six[place] for place in range(6))]
-        values += [value for value in ten if value is not None]
-        if None in ten:
-            raise InputError(
-                "a parameter is null",
-                source=file,
-                field=f"standard_parameters.{link}",
-                remedy="identify with a method that gives all parameters, such as lmi",
-            )
-    drives = {name: value for name, value in document.drive_parameters.items() if value is not None}
-    return parameters_of(robot, np.array(values), drives)
-
-
 # The robot that a diagnosis wrote with its effects in it, as a subject for simulators.
 
 
@@ -185,7 +181,6 @@ def parameters_of(robot: Robot, inertial: Array, drives: dict[str, float]) -> Id
     """Parameters that were found for a robot, beside its own.
 
     Args:
-        robot: the robot.
         inertial: ``(10·n_segments,)``, pinocchio's order, joint frames [SI].
         drives: parameters of the drives by name [SI].
     """

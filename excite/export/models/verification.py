@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
-from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 import pinocchio as pin
@@ -94,15 +94,13 @@ def read_urdf_text(
     """A URDF text by pinocchio alone, joints that the robot holds still held.
 
     Args:
-        robot: the robot.
-        text: the URDF.
         states: in which its torques are asked for.
         terms: by term the element of a joint, its attribute there, and what one that is missing stands for.
 
     Raises:
         InputError: the file's joints are not the robot's.
     """
-    root: ElementTree.Element = elements_of(text)
+    root: Element = elements_of(text)
     settle_root(root)
     joints = {joint.get("name"): joint for joint in root.findall("joint")}
     read = {}
@@ -120,7 +118,7 @@ def read_urdf_text(
             # One coordinate, as the robot has it, not a cosine and a sine.
             element.set("type", "revolute")
             if element.find("limit") is None:
-                ElementTree.SubElement(element, "limit", lower="0", upper="0", effort="0", velocity="0")
+                SubElement(element, "limit", lower="0", upper="0", effort="0", velocity="0")
     raw = urdf_model(root, Path("written model"), floating=robot.floating)
     held = {name: value for name, value in held_joints(robot).items() if raw.existJointName(name)}
     posture = pin.neutral(raw)
@@ -167,10 +165,6 @@ class MujocoPlaces:
 
 def mujoco_places(robot: Robot, model: mujoco.MjModel) -> MujocoPlaces:
     """Find the robot's joints in a MuJoCo model.
-
-    Args:
-        robot: the robot.
-        model: the model.
 
     Raises:
         InputError: a joint, or the free joint of a base that floats, is not there.

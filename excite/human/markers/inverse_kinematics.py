@@ -77,7 +77,6 @@ def solve_poses(
     """Find the postures that fit markers best.
 
     Args:
-        model: the markers.
         points: measured positions ``(n, m, 3)`` [m], NaN where a marker is missing.
         start: first guess, ``n`` frames.
         steps: most iterations.
@@ -209,7 +208,8 @@ def _state_of(
 
 def _rotation_vectors(rotation: Array) -> Array:
     """Rotation vectors of matrices ``(…, 3, 3)``, angle up to π."""
-    return Rotation.from_matrix(rotation.reshape(-1, 3, 3)).as_rotvec().reshape(rotation.shape[:-1])
+    turn = Rotation.from_matrix(rotation.reshape(-1, 3, 3), assume_valid=True)
+    return turn.as_rotvec().reshape(rotation.shape[:-1])
 
 
 def _normal_equations(
@@ -237,8 +237,7 @@ def _normal_equations(
     weighed = counts[:, :, None] * place
     second = (weighed[:, :, :, None] * place[:, :, None, :]).reshape(n, -1, 9)
     terms = np.concatenate([counts[:, :, None], weighed, second, pull, np.cross(place, pull)], axis=2)
-    carried = np.array([np.isin(model.segment, below) for below in DESCENDANTS], dtype=float)
-    mass, first, moments, wrench = np.split(carried @ terms, [1, 4, 13], axis=2)
+    mass, first, moments, wrench = np.split(_BEARS.take(model.segment, axis=1) @ terms, [1, 4, 13], axis=2)
     # Their inertia: momentum, linear and angular, of a velocity about the pelvis.
     moments = moments.reshape(n, N_SEGMENTS, 3, 3)
     spread = np.trace(moments, axis1=2, axis2=3)[:, :, None, None] * np.eye(3)
@@ -269,6 +268,8 @@ def _normal_equations(
     return normal, gradient
 
 
+# Which segments each joint bears.
+_BEARS = np.array([[float(k in below) for k in range(N_SEGMENTS)] for below in DESCENDANTS])
 # Of each of the 40 columns its segment, and which columns carry it. Those of turns, all but the first three, are rows
 # of a table of three axes a joint, in the segment's frame.
 _SEGMENT_OF = np.repeat(np.arange(N_SEGMENTS), [columns.stop - columns.start for columns in COLUMNS])

@@ -169,7 +169,6 @@ def pseudo_inertia_cones(problem: IdentificationProblem, floor: float) -> Cones:
     """Every pseudo-inertia positive definite (Wensing, Kim and Slotine 2018): a density that is not negative.
 
     Args:
-        problem: the problem.
         floor: the least eigenvalue stays above this share of the nominal one, both of ``D J D``.
     """
     unit = np.concatenate([pseudo_inertia_matrices(row) for row in np.eye(10)])

@@ -140,7 +140,6 @@ def bounds_about_nominal(problem: IdentificationProblem, spread: Array, width: f
     """Nominal values plus and minus ``width`` spreads, masses and drives' friction and armature not negative.
 
     Args:
-        problem: the problem.
         spread: ``(n_params,)``.
         width: half width in spreads.
 
@@ -159,7 +158,6 @@ def within_bounds(
     """``lower ≤ θ ≤ upper`` for every finite bound.
 
     Args:
-        problem: the problem.
         bounds: ``(2, n_params)``.
         places: which of a segment's ten parameters, all parameters (drives' too) if None.
 
@@ -198,7 +196,6 @@ def com_in_box(problem: IdentificationProblem, boxes: Array) -> LinearConstraint
     """``lower·m ≤ (mx, my, mz) ≤ upper·m`` for each segment.
 
     Args:
-        problem: the problem.
         boxes: lower and upper corners in the joint frames ``(n_segments, 2, 3)`` [m].
     """
     return listed_rows(
@@ -219,7 +216,6 @@ def equivalent_boxes(robot: Robot, *, growth: float = 1.5) -> Array:
     along the joint axes give the edges back.
 
     Args:
-        robot: the robot.
         growth: factor on the edges.
 
     Returns:
@@ -308,7 +304,6 @@ def body_constraints(problem: IdentificationProblem, settings: BoxSettings) -> L
     """The constraints of eq. (4) of Jovic et al. 2015 on masses and centres of mass, but for the total mass.
 
     Args:
-        problem: the problem.
         settings: boxes of the centres of mass.
     """
     boxes = settings.com_boxes if settings.com_boxes is not None else equivalent_boxes(problem.robot)
@@ -342,7 +337,6 @@ def stated_bounds(
     that no allowed body is cut off but some others pass.
 
     Args:
-        problem: the problem.
         known: what is stated.
         usual: bounds of what is not, for the reach of masses and centres of mass.
     """

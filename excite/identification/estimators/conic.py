@@ -281,7 +281,6 @@ class ConicEstimator(Estimator[SettingsT]):
 
         Args:
             rows: condensed and weighted rows.
-            settings: of this method.
 
         Raises:
             InputError: bounds or ellipsoids that leave nothing or are none.
@@ -307,8 +306,6 @@ def conic_estimate(method: str, rows: Regression, program: Program, solver: Coni
 
     Args:
         method: name of the estimator.
-        rows: the rows as weighted.
-        program: objective and constraints.
         solver: finds the optimum; not trusted.
 
     Raises:

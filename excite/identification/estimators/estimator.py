@@ -134,8 +134,6 @@ def checked_estimate(
 
     Args:
         method: name of the estimator.
-        rows: the rows as weighted.
-        objective: the objective.
         z: the answer, ``(n_free,)``.
         distance: bound on its distance to the optimum, in standard deviations of the noise.
         worst: its largest violation of each kind of constraint.
@@ -255,7 +253,6 @@ def best_known(
 
     Args:
         method: name of the estimator.
-        rows: the rows as weighted.
         objective: what is to be small.
         linear: constraints on the parameters.
         goals: further points on the objective's coordinates, ``(n_free,)`` each, such as a solver's answer.

@@ -347,7 +347,6 @@ def semi_project(
     """One proximal step from ``start``, its feasibility and gap recomputed.
 
     Args:
-        problem: the problem.
         start: ``(j,)`` where the proximal term is centred.
         projector: finds nearest points; not trusted.
         weak: weight of the proximal term.

@@ -43,7 +43,6 @@ def own_settings(estimator: Estimator[Any], settings: EstimatorSettings | None) 
     Settings that all methods share can thus be stated once for several methods.
 
     Args:
-        estimator: the estimator.
         settings: of any class; None for defaults.
 
     Raises:

@@ -115,10 +115,19 @@ class PhysicalRetrieval(Estimator[PhysicalSettings]):
         violations = _measure_violations(problem, allowed, parameters)
         noise = objective.floor / np.sqrt(max(problem.n_rows - len(objective.kept), 1))
         missing = np.sqrt(max(certificate.objective**2 - certificate.lower_bound**2, 0.0))
+        # Parameters of free segments that lie at a bound.
+        lower, upper = allowed.bounds.lower, allowed.bounds.upper
+        physical = physical_parameters(parameters[:n])
+        near = np.minimum(physical - lower, upper - physical) <= AT_BOUND * (upper - lower)
         best = replace(
             estimate_at(self.name, rows, parameters, SolveStatus.SOLVED, violations),
             distance=missing / noise if noise > 0.0 else 0.0,
-            active=_active_bounds(allowed, parameters[:n]),
+            active=tuple(
+                f"bounds:{allowed.bounds.links[k]}.{name}"
+                for k in allowed.free
+                for name, reached in zip(NAMES, near[k], strict=True)
+                if reached
+            ),
             total_mass=settings.total_mass,
             certificate=certificate,
         )
@@ -164,19 +173,6 @@ def _measure_violations(
     n = problem.n_inertial
     drives = dict(zip(problem.parameter_names[n:], parameters[n:].tolist(), strict=True))
     return allowed.bounds.violations(physical_parameters(parameters[:n]), drives, allowed.free)
-
-
-def _active_bounds(allowed: FeasibleSet, inertial: Array) -> tuple[str, ...]:
-    """Parameters of free segments that lie at a bound."""
-    lower, upper = allowed.bounds.lower, allowed.bounds.upper
-    physical = physical_parameters(inertial)
-    near = np.minimum(physical - lower, upper - physical) <= AT_BOUND * (upper - lower)
-    return tuple(
-        f"bounds:{allowed.bounds.links[k]}.{name}"
-        for k in allowed.free
-        for name, reached in zip(NAMES, near[k], strict=True)
-        if reached
-    )
 
 
 def feasible_set(

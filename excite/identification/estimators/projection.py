@@ -66,24 +66,21 @@ class ActiveSetProjector:
 
     def __call__(self, target: Array, constraints: LinearConstraints) -> ProjectionAnswer | None:
         """The point nearest to ``target`` that meets constraints; None where it finds none."""
-        if not self._continues_from(target, constraints):
+        known = len(self._rows.bound)
+        if not (
+            self._target is not None
+            and np.array_equal(target, self._target)
+            and known <= len(constraints.bound)
+            and constraints.n_equal == self._rows.n_equal
+            and np.allclose(constraints.bound[:known], self._rows.bound, rtol=0.0, atol=_SAME)
+            and np.allclose(constraints.matrix[:known], self._rows.matrix, rtol=0.0, atol=_SAME)
+        ):
             self._set = _ActiveSet(target)
         self._target, self._rows = target, constraints
         answer = self._set.project(constraints)
         if answer is None:
             self._target = None
         return answer
-
-    def _continues_from(self, target: Array, rows: LinearConstraints) -> bool:
-        known = len(self._rows.bound)
-        return (
-            self._target is not None
-            and np.array_equal(target, self._target)
-            and known <= len(rows.bound)
-            and rows.n_equal == self._rows.n_equal
-            and np.allclose(rows.bound[:known], self._rows.bound, rtol=0.0, atol=_SAME)
-            and np.allclose(rows.matrix[:known], self._rows.matrix, rtol=0.0, atol=_SAME)
-        )
 
 
 class _ActiveSet:
@@ -147,19 +144,16 @@ class _ActiveSet:
                 self.point = self.point + step * across
                 missing -= step * height
             if full <= partial:
-                self._append_row(k, sign, across / np.sqrt(height), along, np.sqrt(height), gained)
+                count = len(self.active)
+                grown = np.zeros((count + 1, count + 1))
+                grown[:count, :count] = self.r
+                grown[:count, count], grown[count, count] = along, np.sqrt(height)
+                self.q, self.r = np.column_stack([self.q, (across / np.sqrt(height))]), grown
+                self.active.append(k)
+                self.sign.append(sign)
+                self.load = np.append(self.load, gained)
                 return True
             self._drop_row(first)
-
-    def _append_row(self, k: int, sign: float, unit: Array, along: Array, height: float, load: float) -> None:
-        count = len(self.active)
-        grown = np.zeros((count + 1, count + 1))
-        grown[:count, :count] = self.r
-        grown[:count, count], grown[count, count] = along, height
-        self.q, self.r = np.column_stack([self.q, unit]), grown
-        self.active.append(k)
-        self.sign.append(sign)
-        self.load = np.append(self.load, load)
 
     def _drop_row(self, place: int) -> None:
         if len(self.active) == 1:

@@ -110,7 +110,6 @@ def build_ridge(rows: Regression, settings: PullSettings, metric: Array | None =
     """Build the objective from weighted rows; parameters of unmeasured segments are not free.
 
     Args:
-        rows: weighted rows.
         settings: α and spreads.
         metric: ``(n_params, n_params)``, ``B`` with ``‖B (θ − θ₀)/s‖²`` in place of ``‖(θ − θ₀)/s‖²``.
     """
@@ -160,7 +159,6 @@ def pullback_metric(problem: IdentificationProblem, spreads: Array, scales: Arra
     """``B`` with ``‖B (θ − θ₀)/s‖²`` the constant pullback distance over ``2σ²``; the identity for drives.
 
     Args:
-        problem: the problem.
         spreads: σ of each segment ``(n_segments,)``.
         scales: ``s``, ``(n_params,)``.
 

@@ -64,7 +64,10 @@ def solve_cone_program(program: ConeProgram) -> ConeAnswer | None:
     it mean something; beside the whole measurement, multipliers were so coarse that rounding decided what they prove.
     """
     k, m = len(program.target), len(program.bound)
-    start = _unconstrained_optimum(program)
+    # Where the objective is least without constraints; nearest to center in directions that nothing measures.
+    rows = np.vstack([program.matrix, np.diag(program.weight)]) * program.scale
+    rest = np.concatenate([program.target - program.matrix @ program.center, np.zeros(len(program.weight))])
+    start = np.asarray(program.center + program.scale * np.linalg.lstsq(rows, rest, rcond=None)[0])
     stacked = [_layout_of(cone).root[:, None] * cone for cone in program.cones]
     blocks = [program.matrix, -program.rows, *(-cone.reshape(-1, cone.shape[2]) for cone in stacked)]
     left = np.vstack(blocks) * program.scale
@@ -132,10 +135,3 @@ def solve_clarabel(
 
 def _layout_of(cone: Array) -> Triangle:
     return triangle_of(3 if cone.shape[1] == 6 else 4)
-
-
-def _unconstrained_optimum(program: ConeProgram) -> Array:
-    """Where the objective is least without constraints; nearest to ``center`` in directions that nothing measures."""
-    rows = np.vstack([program.matrix, np.diag(program.weight)]) * program.scale
-    rest = np.concatenate([program.target - program.matrix @ program.center, np.zeros(len(program.weight))])
-    return np.asarray(program.center + program.scale * np.linalg.lstsq(rows, rest, rcond=None)[0])

@@ -51,7 +51,6 @@ def default_bounds(robot: Robot, settings: BodySettings) -> PhysicalBounds:
     triangle inequality.
 
     Args:
-        robot: the robot.
         settings: boxes, inertia floor and weighed total mass.
     """
     nominal = physical_parameters(robot.nominal_parameters)
@@ -126,8 +125,6 @@ def bound_rows(
     """Rows of the bounds of parameters and of those that the settings state.
 
     Args:
-        rows: the rows.
-        settings: the settings.
         places: which of a segment's ten parameters get bounds that are not stated, all and the drives if None.
     """
     problem = rows.problem

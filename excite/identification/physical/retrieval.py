@@ -91,12 +91,18 @@ class Relaxation:
         rows = np.pad(np.vstack([allowed.rows, allowed.box_rows(low, high)]), ((0, 0), (0, n_moments)))
         rows = np.vstack([rows, self._product_rows(low, high)])
         density = np.pad(allowed.density, ((0, 0), (0, 0), (0, n_moments)))
+        # [[H, h], [hᵀ, m]] of each free segment, scaled to its size, (n_free, 10, n).
+        mass, first = self.allowed.scale[: self.allowed.n_body].reshape(-1, 10)[:, :2].T[:, :, None]
+        local = np.zeros((len(mass), 10, 16))
+        local[:, range(6), range(10, 16)] = mass / first**2
+        local[:, (6, 7, 8), (1, 2, 3)] = 1.0 / first
+        local[:, 9, :1] = 1.0 / mass
         program = ConeProgram(
             matrix=self.objective.factor @ allowed.lift,
             target=self.objective.target - self.objective.factor @ allowed.offset,
             rows=rows,
             bound=np.pad(allowed.bound, (0, len(rows) - len(allowed.bound))),
-            cones=(self._moment_cones(), *((density,) if len(density) else ())),
+            cones=(self._on_segments(local), *((density,) if len(density) else ())),
             weight=np.pad(self.weight, (0, n_moments)),
             center=np.pad(self.center, (0, n_moments)),
             scale=lifted,
@@ -152,15 +158,6 @@ class Relaxation:
             row[:, 10 * place : 10 * place + 10] = own[:, :10]
             row[:, allowed.size + 6 * place : allowed.size + 6 * place + 6] = own[:, 10:]
         return rows
-
-    def _moment_cones(self) -> Array:
-        """``[[H, h], [hᵀ, m]]`` of each free segment, scaled to its size, ``(n_free, 10, n)``."""
-        mass, first = self.allowed.scale[: self.allowed.n_body].reshape(-1, 10)[:, :2].T[:, :, None]
-        local = np.zeros((len(mass), 10, 16))
-        local[:, range(6), range(10, 16)] = mass / first**2
-        local[:, (6, 7, 8), (1, 2, 3)] = 1.0 / first
-        local[:, 9, :1] = 1.0 / mass
-        return self._on_segments(local)
 
     def _product_rows(self, low: Array, high: Array) -> Array:
         """Products of the sides of the boxes, rows ``≥ 0`` of unit length in scaled units."""
@@ -238,7 +235,6 @@ def retrieve_parameters(
 
     Args:
         objective: what is to be small.
-        allowed: the constraints.
         center: ``(size,)`` coordinates that are preferred among equally good ones, the nominal model's.
         settings: effort.
 
@@ -400,7 +396,14 @@ def descend_locally(problem: Relaxation, start: Array) -> LocalOptimum:
     # What matters is the objective with its floor: changes far below it are of no interest.
     small = _GAIN * max(0.5 * objective.floor**2, 1e-9 * 0.5 * float(target @ target))
     for _ in range(_ITERATIONS):
-        rest, slope = torque_residual(x), lifted @ _lift_derivative(allowed, x)
+        # Derivative of (x, hhᵀ/m) by x, (size + 6·n_free, size).
+        body = x[: allowed.n_body].reshape(-1, 10)
+        c, local = body[:, 1:4] / body[:, :1], np.zeros((len(body), 6, 10))
+        for k, (p, q) in enumerate(zip(ROWS, COLUMNS, strict=True)):
+            local[:, k, 0] = -c[:, p] * c[:, q]
+            local[:, k, 1 + p] += c[:, q]
+            local[:, k, 1 + q] += c[:, p]
+        rest, slope = torque_residual(x), lifted @ np.vstack([np.eye(allowed.size), allowed.on_bodies(local)])
         gained = 0.0
         while damping < _LARGEST_DAMPING:
             pull = np.sqrt(problem.weight**2 + damping / allowed.scale**2)
@@ -420,14 +423,3 @@ def descend_locally(problem: Relaxation, start: Array) -> LocalOptimum:
         if gained > 0.7 * predicted:
             damping = max(damping / 4.0, 1e-9)
     return LocalOptimum(x, objective.value(allowed.standard(x)))
-
-
-def _lift_derivative(allowed: FeasibleSet, x: Array) -> Array:
-    """Derivative of ``(x, hhᵀ/m)`` by ``x``, ``(size + 6·n_free, size)``."""
-    body = x[: allowed.n_body].reshape(-1, 10)
-    c, local = body[:, 1:4] / body[:, :1], np.zeros((len(body), 6, 10))
-    for k, (p, q) in enumerate(zip(ROWS, COLUMNS, strict=True)):
-        local[:, k, 0] = -c[:, p] * c[:, q]
-        local[:, k, 1 + p] += c[:, q]
-        local[:, k, 1 + q] += c[:, p]
-    return np.vstack([np.eye(allowed.size), allowed.on_bodies(local)])

@@ -103,7 +103,6 @@ def draw_posture(robot: Robot, q: Array, loaded: frozenset[str]) -> Picture:
     """Draw a posture.
 
     Args:
-        robot: the robot.
         q: configuration, ``(nq,)``.
         loaded: names of the feet that carry load.
     """

@@ -248,8 +248,6 @@ def trial_track(
     """What is to be seen of a trial at :data:`~excite.report.replay.tracks.FRAMES_HZ`, ready for the page.
 
     Args:
-        robot: the robot.
-        name: of the trial.
         time: ``(n,)`` [s], increasing.
         measured: positions, ``(n, n_joints)`` [rad or m].
         joints: of the columns; those of :data:`~excite.motion.content.BASE_POSE` are a free base's pose.

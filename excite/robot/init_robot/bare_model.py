@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple
-from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 import numpy as np
 from pydantic import ValidationError
@@ -202,7 +202,6 @@ def bare_model(path: Path, said: Said, weak: Mapping[str, float]) -> BareModel:
     """Read a URDF without a description.
 
     Args:
-        path: the URDF.
         said: what another format said beside it.
         weak: joints that are held still because their drives are too weak, and where [rad or m].
 
@@ -297,7 +296,7 @@ def _hold_together(
     return {name: Held(rests[name], "it moves with a joint that is held") for name in sorted(rests)}
 
 
-def read_ties(joints: dict[str, ElementTree.Element], said: Said) -> list[Tie]:
+def read_ties(joints: dict[str, Element], said: Said) -> list[Tie]:
     """What a model ties together in a URDF with these joints."""
     tree = LinkTree(joints)
 

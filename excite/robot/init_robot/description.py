@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 import numpy as np
 import pinocchio as pin
@@ -103,7 +103,13 @@ def _description_content(
 ) -> dict[str, Any]:
     """The blocks in their order, of a model that rests so; ``folder`` is where they will be read."""
     robot, path, figure = model.robot, model.path, model.figure
-    names, mass, legs = robot.joint_names, float(figure.beyond[0]), _leg_contacts(robot, rest)
+    # Where weight meets each leg, in the frame of the joint at its end: a point foot's point, a sole's ankle.
+    places = {}
+    for joint, foot in zip(rest.legs, rest.feet, strict=True):
+        link = robot.model.frames[robot.model.getFrameId(foot.link, pin.BODY)].placement
+        narrow = len(foot.sole) < 3
+        places[joint] = np.asarray(link.act(np.mean(foot.sole, axis=0))) if narrow else np.zeros(3)
+    names, mass, legs = robot.joint_names, float(figure.beyond[0]), places
     # What the drives' torques turn: the bodies and the rotors.
     inertia = joint_inertias(robot, rng) + [armature.get(name, 0.0) for name in names]
     # A stated torque that lifts so many of the whole robot, a metre away, stands for no limit. In the URDFs looked at
@@ -235,7 +241,6 @@ def limits_block(
     """The block ``limits`` without positions, each on the careful side; what it assumes goes to ``assumed``.
 
     Args:
-        model: the model.
         free: the joints, without torque limits that stand for none.
         inertia: largest inertia at each joint, ``(n_joints,)``.
         loads: largest torque of weight at each joint, ``(n_joints,)``.
@@ -299,7 +304,7 @@ def feet_block(rest: Rest) -> list[dict[str, Any]]:
 
 
 def note_friction(
-    joints: Mapping[str, ElementTree.Element],
+    joints: Mapping[str, Element],
     free: Sequence[JointGuess],
     torque: Mapping[str, float],
     assumed: list[Assumed],
@@ -321,21 +326,10 @@ def note_friction(
         assumed.append(assume("dynamics", joints=at, share=shares[worst], joint=worst))
 
 
-def _leg_contacts(robot: Robot, rest: Rest) -> dict[int, Array]:
-    """Where weight meets each leg, in the frame of the joint at its end: a point foot's point, a sole's ankle."""
-    places = {}
-    for joint, foot in zip(rest.legs, rest.feet, strict=True):
-        link = robot.model.frames[robot.model.getFrameId(foot.link, pin.BODY)].placement
-        narrow = len(foot.sole) < 3
-        places[joint] = np.asarray(link.act(np.mean(foot.sole, axis=0))) if narrow else np.zeros(3)
-    return places
-
-
 def weight_loads(robot: Robot, rng: np.random.Generator, legs: Mapping[int, Array], weight: float) -> Array:
     """Largest torque of weight at each joint over random postures, of legs with the robot's weight at their ends.
 
     Args:
-        robot: the robot.
         rng: draws the postures.
         legs: by the joint at a leg's end, where it touches the ground in that joint's frame ``(3,)`` [m].
         weight: of the robot [N].
@@ -371,7 +365,6 @@ def controller_block(
     """The block ``controller``, stiffness and damping of servos that give way by little under the weight they carry.
 
     Args:
-        robot: the robot.
         inertia: largest inertia at each joint, ``(n_joints,)``.
         loads: largest torque of weight at each joint, ``(n_joints,)``.
         legs: as for :func:`weight_loads`.

@@ -7,8 +7,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from xml.etree import ElementTree
-from xml.etree.ElementTree import Element, SubElement
+from xml.etree.ElementTree import Element, SubElement, fromstring, tostring
 
 import numpy as np
 import pinocchio as pin
@@ -43,7 +42,7 @@ from excite.robot.urdf.limits import (
 )
 from excite.robot.urdf.numbers import read_numbers
 from excite.robot.urdf.reading import MAX_NESTING, find_mesh
-from excite.robot.urdf.tree import MOVING, free_root, planar_root
+from excite.robot.urdf.tree import MOVING, root_joint
 from excite.robot.urdf.writing import MOMENTS, add_element, add_inertial, add_joint, add_solid
 from excite.temporary_folder import TemporaryFolder
 
@@ -133,17 +132,17 @@ def _make_urdf(file: Path, source: Source) -> ConvertedModel:
     root = read_xml(file, max_depth=MAX_NESTING) if plain else None
     if root is None or (root.tag == "robot" and not states_mass(root)):
         text = expand_xacro(file, source.arguments, source.package_path)
-        root = ElementTree.fromstring(text)
-    joint = planar_root(root)
+        root = fromstring(text)
+    planar = root_joint(root, "planar")
     weighed, widths = (None, {}) if text is None else weigh_links(root, file)
     # A base that slides and turns on a plane is held still.
-    held = {} if joint is None else {str(joint.get("name")): Held(0.0, "what its wheels or legs do")}
-    assumed = (*(() if weighed is None else (weighed,)), *held_still(held))
+    held = {str(planar.joint.get("name")): Held(0.0, "what its wheels or legs do")} if planar else {}
+    assumed = (*([weighed] if weighed else []), *held_still(held))
     if weighed is not None:
-        text = ElementTree.tostring(root, encoding="unicode")
+        text = tostring(root, encoding="unicode")
     elif plain:
         text = None
-    floating = None if free_root(root) is None else True
+    floating = True if root_joint(root, "floating") else None
     return ConvertedModel(urdf=text, floating=floating, assumed=assumed, uncertainty=widths)
 
 
@@ -171,7 +170,7 @@ def _apply_limits(made: ConvertedModel, file: Path, source: Source) -> Converted
     files = joint_limits_beside(file) if source.limits is None else [source.limits]
     if not files:
         return made
-    root = ElementTree.fromstring(made.urdf or expand_xacro(file, source.arguments, source.package_path))
+    root = fromstring(made.urdf or expand_xacro(file, source.arguments, source.package_path))
     keep_stated_limits(root, file)
     names = [joint.get("name", "") for joint in root.findall("joint")]
     tightened, tables = dict[str, dict[str, list[str]]](), list[PositionTable]()
@@ -184,7 +183,7 @@ def _apply_limits(made: ConvertedModel, file: Path, source: Source) -> Converted
         return made
     assumed, text = (
         (*made.assumed, *assumed_limits(tightened)),
-        ElementTree.tostring(root, encoding="unicode"),
+        tostring(root, encoding="unicode"),
     )
     return replace(made, urdf=text, assumed=assumed, by_position=tuple(tables))
 
@@ -218,7 +217,6 @@ def expand_xacro(path: Path, arguments: Mapping[str, str], package_path: tuple[P
     """URDF text of a URDF or xacro file, its mesh paths absolute where the files are found.
 
     Args:
-        path: the file.
         arguments: of the xacro file, by name.
         package_path: folders in which packages lie.
 
@@ -237,12 +235,10 @@ def expand_xacro(path: Path, arguments: Mapping[str, str], package_path: tuple[P
         found = find_mesh(name, path) or _in_packages(name, package_path)
         if found is not None:
             mesh.set("filename", str(found))
-    return "" if root is None else ElementTree.tostring(root, encoding="unicode")
+    return "" if root is None else tostring(root, encoding="unicode")
 
 
-def _expanded_root(
-    path: Path, arguments: Mapping[str, str], package_path: tuple[Path, ...]
-) -> ElementTree.Element:
+def _expanded_root(path: Path, arguments: Mapping[str, str], package_path: tuple[Path, ...]) -> Element:
     # In a process of its own: xacro evaluates what a file says as Python, which need not end.
     text = in_child(
         f"{__name__}:_expand_xacro",
@@ -257,7 +253,7 @@ def _expanded_root(
             "find the ${…} that takes so long, or expand it with xacro and give the URDF",
         ),
     )
-    root = ElementTree.fromstring(text)
+    root = fromstring(text)
     if root.find("link") is None:
         macros = [str(one.get("name")) for one in _xacro_elements(path, "macro")]
         if not macros:
@@ -269,11 +265,11 @@ def _expanded_root(
     return root
 
 
-def _xacro_elements(path: Path, kind: str) -> list[ElementTree.Element]:
+def _xacro_elements(path: Path, kind: str) -> list[Element]:
     return [one for one in read_xml(path).iter() if one.tag.endswith(f"/xacro}}{kind}")]
 
 
-def _without_xacro(path: Path) -> ElementTree.Element | None:
+def _without_xacro(path: Path) -> Element | None:
     """A file called a URDF without elements of xacro that were left over in it; None where it needs xacro.
 
     It does where nothing moves without them, or a value is to be evaluated.
@@ -379,9 +375,7 @@ def convert_sdf(root: Element, path: Path) -> str:
             f"holds {len(models)} models{f', {names}' if names else ''}",
             "give a file with the robot's model alone",
         )
-    return ElementTree.tostring(
-        _Conversion(models[0], root.get("version", "1.7"), path).build_urdf(), "unicode"
-    )
+    return tostring(_Conversion(models[0], root.get("version", "1.7"), path).build_urdf(), "unicode")
 
 
 class _Conversion:
@@ -393,11 +387,18 @@ class _Conversion:
                 raise self._error_at(
                     f"holds another model (<{tag}>)", "model", "give the file with that resolved"
                 )
-        self._links = {link.get("name", ""): link for link in model.findall("link")}
-        self._joints = {joint.get("name", ""): joint for joint in model.findall("joint")}
-        self._frames = {frame.get("name", ""): frame for frame in model.findall("frame")}
-        self._parents = {name: _text_of(joint, "parent") for name, joint in self._joints.items()}
-        self._children = {name: _text_of(joint, "child") for name, joint in self._joints.items()}
+        self._links, self._joints, frames = (
+            {one.get("name", ""): one for one in model.findall(tag)} for tag in ("link", "joint", "frame")
+        )
+        self._parents, self._children = (
+            {name: _text_of(joint, end) for name, joint in self._joints.items()}
+            for end in ("parent", "child")
+        )
+        self._attached = {name: frame.get("attached_to") or _MODEL for name, frame in frames.items()}
+        # What has a pose, and what that is relative to where it does not say.
+        self._placed = {name: (frame, self._attached[name]) for name, frame in frames.items()}
+        self._placed |= {name: (joint, self._children[name]) for name, joint in self._joints.items()}
+        self._placed |= {name: (link, _MODEL) for name, link in self._links.items()}
         # A link's frame in URDF is its joint's.
         self._carriers = {self._carrying_link(child): name for name, child in self._children.items()}
 
@@ -406,7 +407,17 @@ class _Conversion:
         if _WORLD in self._parents.values():
             SubElement(robot, "link", name=_WORLD)
         for name, link in self._links.items():
-            self._write_link(SubElement(robot, "link", name=name), name, link)
+            out = SubElement(robot, "link", name=name)
+            moved = self._link_pose(name).actInv(self._read_pose(name))
+            inertial = link.find("inertial")
+            holder = Element("inertial") if inertial is None else inertial
+            # What is left out is 1 kg and 1 kg·m² about each axis.
+            mass, about = self._read_numbers(holder, "mass", 1, "1"), holder.find("inertia")
+            moments = [self._read_numbers(about, key, 1, "1" if key[1] == key[2] else "0") for key in MOMENTS]
+            add_inertial(out, moved * self._own_pose(holder), mass, moments)
+            for kind in GEOMETRY:
+                for shape in link.findall(kind):
+                    self._write_shape(out, kind, shape, moved * self._own_pose(shape))
         for name, joint in self._joints.items():
             self._write_joint(robot, name, joint)
         return robot
@@ -436,7 +447,9 @@ class _Conversion:
         """Pose of a link, joint or frame in the model."""
         if name in {_MODEL, _WORLD}:
             return pin.SE3.Identity()
-        element, default = self._find_element(name)
+        if name not in self._placed:
+            raise self._error_at("is not in the model", f"frame {name!r}", "name a link, a joint or a frame")
+        element, default = self._placed[name]
         pose = element.find("pose")
         base = default if pose is None else pose.get("relative_to") or pose.get("frame") or default
         if name in seen:
@@ -445,42 +458,20 @@ class _Conversion:
             )
         return self._read_pose(base, (*seen, name)) * self._own_pose(element)
 
-    def _find_element(self, name: str) -> tuple[Element, str]:
-        if name in self._links:
-            return self._links[name], _MODEL
-        if name in self._joints:
-            return self._joints[name], self._children[name]
-        if name in self._frames:
-            return self._frames[name], self._frames[name].get("attached_to") or _MODEL
-        raise self._error_at("is not in the model", f"frame {name!r}", "name a link, a joint or a frame")
-
     def _link_pose(self, name: str) -> pin.SE3:
         """Pose in the model of the frame that a link has in the URDF."""
         return self._read_pose(self._carriers.get(name, name))
 
     def _carrying_link(self, name: str) -> str:
         """The link that a joint's parent or child is, or is a frame of."""
-        seen: set[str] = set()
-        while name in self._frames and name not in seen:
-            seen.add(name)
-            name = self._frames[name].get("attached_to") or ""
+        # No way from frame to frame is longer than there are frames.
+        for _ in self._attached:
+            name = self._attached.get(name, name)
         if name not in self._links and name != _WORLD:
             raise self._error_at(
                 "is no link of the model", f"link {name!r}", "name links, and frames attached to them"
             )
         return name
-
-    def _write_link(self, out: Element, name: str, link: Element) -> None:
-        moved = self._link_pose(name).actInv(self._read_pose(name))
-        inertial = link.find("inertial")
-        holder = Element("inertial") if inertial is None else inertial
-        # What is left out is 1 kg and 1 kg·m² about each axis.
-        mass, about = self._read_numbers(holder, "mass", 1, "1"), holder.find("inertia")
-        moments = [self._read_numbers(about, key, 1, "1" if key[1] == key[2] else "0") for key in MOMENTS]
-        add_inertial(out, moved * self._own_pose(holder), mass, moments)
-        for kind in GEOMETRY:
-            for shape in link.findall(kind):
-                self._write_shape(out, kind, shape, moved * self._own_pose(shape))
 
     def _write_shape(self, out: Element, kind: str, shape: Element, pose: pin.SE3) -> None:
         for solid in (solid for solid in shape.iterfind("geometry/*") if solid.tag in LENGTHS):

@@ -6,7 +6,7 @@ import itertools
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 import numpy as np
 import pinocchio as pin
@@ -53,7 +53,7 @@ class JointGuess:
     jerk: float | None
 
 
-def guess_joints(joints: dict[str, ElementTree.Element], path: Path) -> tuple[JointGuess, ...]:
+def guess_joints(joints: dict[str, Element], path: Path) -> tuple[JointGuess, ...]:
     """Moving joints of a URDF with the limits that it states."""
     guesses = []
     for name, joint in joints.items():
@@ -152,8 +152,8 @@ class Held:
 
 
 def held_joints(
-    root: ElementTree.Element,
-    joints: dict[str, ElementTree.Element],
+    root: Element,
+    joints: dict[str, Element],
     guesses: tuple[JointGuess, ...],
     tied: frozenset[str] = frozenset(),
     closing: frozenset[str] = frozenset(),
@@ -169,7 +169,12 @@ def held_joints(
         for name in tree.above(link.get("name", "")):
             masses[name] += link_mass(link)
     of_hands, rolling = _of_hands(joints, masses), _planar_base(root, joints)
-    driven = _with_drives(root) & set(joints)
+    # Names of joints that the file gives a drive: by a transmission, or by a command of ros2_control.
+    # A torque limit of zero alone does not tell joints without one. It is what the springs of Cassie and the rods of
+    # Digit state, but also driven joints of the Vega (lift), the RM75 (six of seven) and the Dex5 (16 of 20).
+    moved = {str(joint.get("name")) for joint in root.iterfind("transmission/joint")}
+    commanded = root.iterfind("ros2_control/joint[command_interface]")
+    driven = (moved | {str(joint.get("name")) for joint in commanded}) & set(joints)
     hard: dict[str, Held] = {}
     soft: dict[str, Held] = {}
     for guess in guesses:
@@ -201,18 +206,7 @@ def held_joints(
     return hard if all(g.name in soft for g in moving) else {**hard, **soft}
 
 
-def _with_drives(root: ElementTree.Element) -> set[str]:
-    """Names of joints that the file gives a drive: by a transmission, or by a command of ros2_control.
-
-    A torque limit of zero alone does not tell joints without one. It is what the springs of Cassie and the rods of
-    Digit state, but also driven joints of the Vega (lift), the RM75 (six of seven) and the Dex5 (16 of 20).
-    """
-    moved = {str(joint.get("name")) for joint in root.iterfind("transmission/joint")}
-    commanded = root.iterfind("ros2_control/joint[command_interface]")
-    return moved | {str(joint.get("name")) for joint in commanded}
-
-
-def _planar_base(root: ElementTree.Element, joints: dict[str, ElementTree.Element]) -> set[str]:
+def _planar_base(root: Element, joints: dict[str, Element]) -> set[str]:
     """Joints between the root and the first link with geometry that stand for a base's wheels.
 
     They are a hinge and one or two slides across its axis, with links in between of which nothing is seen or touched.
@@ -241,7 +235,7 @@ def _planar_base(root: ElementTree.Element, joints: dict[str, ElementTree.Elemen
     return found
 
 
-def _of_hands(joints: dict[str, ElementTree.Element], masses: dict[str, float]) -> set[str]:
+def _of_hands(joints: dict[str, Element], masses: dict[str, float]) -> set[str]:
     """Joints beyond a link of little mass at which limbs part that have three or more ends."""
     moving = {name for name, joint in joints.items() if joint.get("type") in MOVING}
     tree, whole = LinkTree(joints), max((masses[name] for name in moving), default=0.0)

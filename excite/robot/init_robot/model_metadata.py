@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 import numpy as np
 import pinocchio as pin
@@ -28,7 +28,7 @@ _WORDS = {"arm", "kind", "model"}
 # Masses in place of those that a model does not state: its links' geometry at the density of robots.
 
 
-def weigh_links(root: ElementTree.Element, path: Path) -> tuple[Assumed | None, dict[str, Any]]:
+def weigh_links(root: Element, path: Path) -> tuple[Assumed | None, dict[str, Any]]:
     """Give a URDF masses from its geometry; not where it states some, or has no geometry that can be read.
 
     Args:
@@ -54,7 +54,19 @@ def weigh_links(root: ElementTree.Element, path: Path) -> tuple[Assumed | None, 
         masses.append(inertia.mass)
     if not masses:
         return None, {}
-    widths = _published_widths(float(np.mean(masses)))
+    # Widths about bodies of one density by published_arms.csv; mass is the mean of a link so weighed [kg].
+    # Size did not tell density there: a slope over hulls of 0.02 to 41 l took 2 % of its spread. Kinds differ in their
+    # medians, 470 kg/m³ of servos and 1440 of cobots, by too few arms each for widths of their own. Centres and moments
+    # are as far off as in the median arm, since in a set all of its bodies are so at once.
+    rows = read_rows(__file__, "published_arms.csv")
+    column = {name: np.array([float(row[name]) for row in rows]) for name in rows[0] if name not in _WORDS}
+    off = np.abs(1e3 * column["mass_kg"] / column["hull_litres"] / DENSITY - 1.0)
+    wide = {
+        "mass": float(np.quantile(off, _SHARE)),
+        "com": float(np.median(column["com_share"]) * np.cbrt(float(np.mean(masses)) / DENSITY)),
+        "inertia": float(np.median(column["inertia_share"])),
+    }
+    widths = {name: round(value, 3) for name, value in wide.items()} | {"source": "published arms"}
     told = {"mass": sum(masses), "density": DENSITY, "share": _SHARE, "width": widths["mass"]}
     return assume("masses", **told), widths
 
@@ -63,31 +75,13 @@ def weigh_links(root: ElementTree.Element, path: Path) -> tuple[Assumed | None, 
 _SHARE = 0.9
 
 
-def _published_widths(mass: float) -> dict[str, Any]:
-    """Widths about bodies of one density by ``published_arms.csv``; ``mass`` is the mean of a link so weighed [kg].
-
-    Size did not tell density there: a slope over hulls of 0.02 to 41 l took 2 % of its spread. Kinds differ in their
-    medians, 470 kg/m³ of servos and 1440 of cobots, by too few arms each for widths of their own. Centres and
-    moments are as far off as in the median arm, since in a set all of its bodies are so at once.
-    """
-    rows = read_rows(__file__, "published_arms.csv")
-    column = {name: np.array([float(row[name]) for row in rows]) for name in rows[0] if name not in _WORDS}
-    off = np.abs(1e3 * column["mass_kg"] / column["hull_litres"] / DENSITY - 1.0)
-    wide = {
-        "mass": float(np.quantile(off, _SHARE)),
-        "com": float(np.median(column["com_share"]) * np.cbrt(mass / DENSITY)),
-        "inertia": float(np.median(column["inertia_share"])),
-    }
-    return {name: round(value, 3) for name, value in wide.items()} | {"source": "published arms"}
-
-
-def states_mass(root: ElementTree.Element) -> bool:
+def states_mass(root: Element) -> bool:
     """Whether any link of a URDF has a mass, or what is no number in its place."""
     # What is none is refused, with its place, where inertials are checked.
     return any(link_mass(link, math.nan) != 0.0 for link in root.findall("link"))
 
 
-def link_mass(link: ElementTree.Element, otherwise: float = 0.0) -> float:
+def link_mass(link: Element, otherwise: float = 0.0) -> float:
     """A link's mass [kg], 0 without one; ``otherwise`` of what is no number."""
     mass = link.find("inertial/mass")
     try:
@@ -96,7 +90,7 @@ def link_mass(link: ElementTree.Element, otherwise: float = 0.0) -> float:
         return otherwise
 
 
-def _of_geometry(link: ElementTree.Element, path: Path) -> pin.Inertia | None:
+def _of_geometry(link: Element, path: Path) -> pin.Inertia | None:
     """Inertia of a link full of robot, in its own frame: of what it collides with, else of what is seen of it."""
     for kind in GEOMETRY:
         parts = [part for element in link.findall(kind) if (part := _of_element(element, path)) is not None]
@@ -105,7 +99,7 @@ def _of_geometry(link: ElementTree.Element, path: Path) -> pin.Inertia | None:
     return None
 
 
-def _of_element(element: ElementTree.Element, path: Path) -> pin.Inertia | None:
+def _of_element(element: Element, path: Path) -> pin.Inertia | None:
     solid, points = next(element.iterfind("geometry/*"), None), None
     try:
         if solid is not None and solid.tag == "mesh":

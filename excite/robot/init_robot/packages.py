@@ -27,7 +27,6 @@ def package_folder(name: str, package_path: Iterable[Path], above: Iterable[Path
     of an arm's maker whose torso is another package. Then come folders called so, which say no other name.
 
     Args:
-        name: of the package.
         package_path: packages, or folders in which packages lie.
         above: folders above the file that needs it, the nearest first, of which each may be the package, or hold it
             under its name.

@@ -85,7 +85,8 @@ def find_rest(figure: Figure, wanted: Array, said: Said, rng: np.random.Generato
     touching = postures.touching_pairs(q, 1e-3)
     if touching:
         notes.append(assume("touching", names=", ".join(f"{a} and {b}" for a, b in touching[:5])))
-    notes += _unknown_links(figure.model, said)
+    unknown = sorted(link for link in {*chain(*said.ignored)} if not figure.model.existBodyName(link))
+    notes += [assume("unknown pairs", names=", ".join(unknown))] if unknown else []
     stated = {pair for a, b in said.ignored for pair in ((a, b), (b, a))} & set(search.pairs)
     ignored = tuple(dict.fromkeys((*review.never, *(p for p in search.pairs if p in stated))))
     near = _near_pairs(search, q, postures.margin, (*review.at_rest, *review.always, *touching), stated)
@@ -98,12 +99,6 @@ def find_rest(figure: Figure, wanted: Array, said: Said, rng: np.random.Generato
         notes.insert(0, assume(f"{base} base"))
     legs = tuple(postures.legs) if base == "floating" else ()
     return Rest(base, q, legs, feet, ignored, near, source, tuple(notes))
-
-
-def _unknown_links(model: pin.Model, said: Said) -> list[Assumed]:
-    """What to say of links in pairs that may touch which the model does not have, if there are any."""
-    unknown = sorted(link for link in {*chain(*said.ignored)} if not model.existBodyName(link))
-    return [assume("unknown pairs", names=", ".join(unknown))] if unknown else []
 
 
 def _near_pairs(

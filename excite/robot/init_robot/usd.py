@@ -80,7 +80,11 @@ def convert_usd(path: Path) -> ConvertedModel:
     cache = UsdGeom.XformCache()
     scales = {name: length * _body_scale(cache, prim) for name, prim in bodies.items()}
     joints, loops = _order_joints(path, prims, bodies, scales)
-    names = _name_links(bodies)
+    own = [prim.GetName() for prim in bodies.values()]
+    names = {
+        path: prim.GetName() if own.count(prim.GetName()) == 1 else path.strip("/").replace("/", "_")
+        for path, prim in bodies.items()
+    }
     shifts = {joint.child: joint.inner for joint in joints}
     roots = [name for name in bodies if name not in {joint.child for joint in joints}]
     floating = not any(joint.parent == "" for joint in joints)
@@ -164,15 +168,6 @@ def _body_scale(cache: Any, prim: Any) -> float:
     """By how much a body's own lengths are larger in the stage."""
     whole = np.array(cache.GetLocalToWorldTransform(prim))[:3, :3]
     return float(abs(np.linalg.det(whole)) ** (1.0 / 3.0))
-
-
-def _name_links(bodies: dict[str, Any]) -> dict[str, str]:
-    """Names of links by path: the prim's own, its whole path where two have the same."""
-    own = [prim.GetName() for prim in bodies.values()]
-    return {
-        path: prim.GetName() if own.count(prim.GetName()) == 1 else path.strip("/").replace("/", "_")
-        for path, prim in bodies.items()
-    }
 
 
 def _write_inertial(

@@ -20,9 +20,9 @@ from excite.arrays import Array
 from excite.errors import RobotError
 from excite.finding import Finding
 from excite.robot.shapes.collision import turn_upright
-from excite.robot.shapes.link_shapes import solid_shape
+from excite.robot.shapes.link_shapes import hull_faces, solid_shape
 from excite.robot.shapes.mesh_files import read_meshes
-from excite.robot.shapes.shape import outline_points, place_points
+from excite.robot.shapes.shape import Shape, coal_geometry, outline_points, place_points
 from excite.robot.urdf.inertia import WEIGHTLESS, Inertial, read_inertial
 from excite.robot.urdf.numbers import read_number, read_numbers, read_origin
 from excite.robot.urdf.reading import absolute_meshes
@@ -54,17 +54,11 @@ class Solid:
     @cached_property
     def spread(self) -> Array:
         """Covariance ``(3, 3)`` [m²] of a body of even density in it."""
-        from scipy.spatial import ConvexHull
-
-        hull = ConvexHull(self.points)
-        corners = self.points[hull.simplices] - self.points.mean(axis=0)
-        volumes = np.abs(np.linalg.det(corners)) / 6.0
-        sums = corners.sum(axis=1)
-        centre = (volumes[:, None] * sums).sum(axis=0) / 4.0 / volumes.sum()
-        # Second moments of a tetrahedron with one corner at the origin: ΣΣ (xᵢxⱼᵀ)(1 + δᵢⱼ) V / 20.
-        squares = np.einsum("t,tki,tkj->ij", volumes, corners, corners)
-        squares += np.einsum("t,ti,tj->ij", volumes, sums, sums)
-        return np.asarray(squares / 20.0 / volumes.sum() - np.outer(centre, centre))
+        used, faces = hull_faces(self.points)
+        hull = Shape("", "", 0, pin.SE3.Identity(), "convex", vertices=self.points[used], faces=faces)
+        body = coal_geometry(hull)
+        moments = np.asarray(body.computeMomentofInertiaRelatedToCOM()) / body.computeVolume()
+        return np.asarray(0.5 * np.trace(moments) * np.eye(3) - moments)
 
     def distance_outside(self, point: Array) -> float:
         """How far outside a point is, at least [m]; negative inside."""

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal, TypeVar
-from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 import numpy as np
 import pinocchio as pin
@@ -316,7 +316,7 @@ class TransmissionBlock(Block):
         return self
 
 
-def add_motors(root: ElementTree.Element, blocks: tuple[TransmissionBlock, ...], path: Path) -> None:
+def add_motors(root: Element, blocks: tuple[TransmissionBlock, ...], path: Path) -> None:
     """Give motors a joint and a link each in a ``robot`` element.
 
     Raises:
@@ -334,7 +334,7 @@ def add_motors(root: ElementTree.Element, blocks: tuple[TransmissionBlock, ...],
             _add_motor(root, motor)
 
 
-def _add_motor(root: ElementTree.Element, motor: MotorBlock) -> None:
+def _add_motor(root: Element, motor: MotorBlock) -> None:
     link, place = add_element(root, "link", name=crank_link(motor)), pin.SE3(np.eye(3), np.array(motor.xyz))
     add_inertial(link, pin.SE3.Identity(), _MASS, _INERTIA * np.eye(3)[np.triu_indices(3)])
     joint = add_joint(root, motor.name, "revolute", motor.link, crank_link(motor), place)

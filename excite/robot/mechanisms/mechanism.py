@@ -205,7 +205,21 @@ class Mechanism:
         for i in range(len(q)):
             pin.computeJointJacobians(self.model, data, q[i])
             jacobian = self._closure_jacobian(q[i], data)
-            inverse = self._invert_passive(jacobian, i)
+            # Pseudo-inverse of the passive joints' part, (n_passive, n_equations), once it determines them all.
+            sample = i
+            own = jacobian[:, self.passive]
+            u, s, vt = np.linalg.svd(own, full_matrices=False)
+            rank = int((s > SINGULAR * max(float(s.max(initial=0.0)), 1e-300)).sum())
+            if rank < len(self.passive):
+                loose = int(np.argmax(np.abs(np.linalg.svd(own)[2][-1])))
+                where = list(self.model.idx_vs).index(int(self.passive[loose]), 1)
+                raise MotionError(
+                    f"does not follow from the motors at sample {sample}: {len(self.passive)} passive joints, and the"
+                    f" loops determine {rank}",
+                    field=f"joint {self.model.names[where]!r}",
+                    remedy="state the loop that is missing, or keep away from its singular position",
+                )
+            inverse = np.asarray((vt.T / s) @ u.T)
             yield data, inverse, -inverse @ jacobian[:, driven]
 
     def on_motors(self, q: Array, forces: Array) -> Array:
@@ -267,22 +281,6 @@ class Mechanism:
             if np.linalg.matrix_rank(jacobian[:, more], tol=SINGULAR * np.abs(jacobian).max()) == len(more):
                 passive = more
         return replace(self, passive=passive) if len(passive) == len(self.passive) else self
-
-    def _invert_passive(self, jacobian: Array, sample: int) -> Array:
-        """Pseudo-inverse of the passive joints' part, ``(n_passive, n_equations)``, once it determines them all."""
-        own = jacobian[:, self.passive]
-        u, s, vt = np.linalg.svd(own, full_matrices=False)
-        rank = int((s > SINGULAR * max(float(s.max(initial=0.0)), 1e-300)).sum())
-        if rank < len(self.passive):
-            loose = int(np.argmax(np.abs(np.linalg.svd(own)[2][-1])))
-            where = list(self.model.idx_vs).index(int(self.passive[loose]), 1)
-            raise MotionError(
-                f"does not follow from the motors at sample {sample}: {len(self.passive)} passive joints, and the"
-                f" loops determine {rank}",
-                field=f"joint {self.model.names[where]!r}",
-                remedy="state the loop that is missing, or keep away from its singular position",
-            )
-        return np.asarray((vt.T / s) @ u.T)
 
 
 # Couplings of constant ratios, such as a hand's fingers have: all samples at once, without Newton's method.

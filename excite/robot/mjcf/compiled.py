@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from xml.etree import ElementTree
+from xml.etree.ElementTree import tostring
 
 import mujoco
 import numpy as np
@@ -72,7 +72,7 @@ def compile_mjcf(path: Path) -> ConvertedModel:
     rotors = {joint: float(model.dof_armature[model.jnt_dofadr[joint]]) for joint in single_joints(model)}
     return ConvertedModel(
         floating=root != 0,
-        urdf='<?xml version="1.0"?>\n' + ElementTree.tostring(robot, encoding="unicode") + "\n",
+        urdf='<?xml version="1.0"?>\n' + tostring(robot, encoding="unicode") + "\n",
         meshes=writer.meshes,
         notes=(*notes, *writer.notes),
         posture=_rest_keyframe(model, writer),

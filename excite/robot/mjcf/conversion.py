@@ -202,9 +202,6 @@ def convert_mjcf(path: Path) -> ConvertedModel:
     joint, and other equalities loops and couplings of a ``robot.yaml``, where their joints without a motor follow
     from those with one; else these are held still, as are all joints that no motor drives where others have one.
 
-    Args:
-        path: the MJCF file.
-
     Returns:
         The conversion.
 

@@ -158,18 +158,16 @@ class UrdfWriter:
             for end in (-size[1], size[1]) if kind == kinds.mjGEOM_CAPSULE else ():
                 yield end, "sphere", {"radius": size[0]}
         elif kind == kinds.mjGEOM_MESH:
-            yield 0.0, "mesh", {"filename": self._place_mesh(int(self.model.geom_dataid[geom]))}
-
-    def _place_mesh(self, mesh: int) -> str:
-        """Relative path of a mesh's file."""
-        model, called = self.model, self.model.mesh(mesh).name.replace("/", "_")
-        # File systems take 255 bytes, of which a letter may need four.
-        if not called or len(called) > 60 or not called.isprintable():
-            called = f"mesh_{mesh}"
-        vertices = model.mesh_vert[model.mesh_vertadr[mesh] :][: model.mesh_vertnum[mesh]]
-        faces = model.mesh_face[model.mesh_faceadr[mesh] :][: model.mesh_facenum[mesh]]
-        self.meshes.setdefault(f"meshes/{called}.stl", binary_stl(vertices[faces]))
-        return f"meshes/{called}.stl"
+            # Relative path of a mesh's file.
+            mesh = int(self.model.geom_dataid[geom])
+            model, called = self.model, self.model.mesh(mesh).name.replace("/", "_")
+            # File systems take 255 bytes, of which a letter may need four.
+            if not called or len(called) > 60 or not called.isprintable():
+                called = f"mesh_{mesh}"
+            vertices = model.mesh_vert[model.mesh_vertadr[mesh] :][: model.mesh_vertnum[mesh]]
+            faces = model.mesh_face[model.mesh_faceadr[mesh] :][: model.mesh_facenum[mesh]]
+            self.meshes.setdefault(f"meshes/{called}.stl", binary_stl(vertices[faces]))
+            yield 0.0, "mesh", {"filename": f"meshes/{called}.stl"}
 
 
 def pose_of(position: Array, quaternion: Array) -> pin.SE3:

@@ -7,7 +7,6 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -268,9 +267,7 @@ def cell_walls(robot: Robot) -> tuple[Shape, ...]:
 _UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 
 
-def turn_upright(
-    links: list[ElementTree.Element], kind: str, points: Mapping[Path, Array]
-) -> Mapping[Path, Array]:
+def turn_upright(links: list[Element], kind: str, points: Mapping[Path, Array]) -> Mapping[Path, Array]:
     """Corners of meshes by file, those with y up turned upright where the links' centres of mass say so.
 
     RViz and pinocchio read such files as they are, other viewers turn them, and models are drawn for one or the other.
@@ -298,9 +295,7 @@ def _y_up(path: Path) -> bool:
         return b"Y_UP" in stream.read(16_384)
 
 
-def _axis_vote(
-    link: ElementTree.Element, kind: str, points: Mapping[Path, Array], turned: Mapping[Path, Array]
-) -> int:
+def _axis_vote(link: Element, kind: str, points: Mapping[Path, Array], turned: Mapping[Path, Array]) -> int:
     """1 of a link whose centre of mass speaks for turned meshes, -1 for meshes as they are, 0 if it says nothing."""
     inertial, off = link.find("inertial"), list[float]()
     meshes = [
@@ -349,7 +344,6 @@ def ground_height(model: pin.Model, shapes: Sequence[Shape], rest: Array, *, hel
 
     Args:
         model: the robot's, base fixed.
-        shapes: its shapes.
         rest: its posture of rest ``(n_joints,)``.
         held_up: whether it has legs that shall swing free of the ground.
     """
@@ -371,7 +365,6 @@ def robot_reach(model: pin.Model, shapes: Sequence[Shape], *, from_base: bool) -
 
     Args:
         model: the robot's, base fixed.
-        shapes: its shapes.
         from_base: measured from the base's frame, else from the limb's own first joint.
     """
     length = np.zeros(model.njoints)

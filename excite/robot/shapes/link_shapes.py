@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 from hashlib import blake2b
 from pathlib import Path
-from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 import numpy as np
 import pinocchio as pin
@@ -35,9 +35,7 @@ _PRIMITIVES: dict[str, Kind] = {
 }
 
 
-def links_by_kind(
-    links: Sequence[ElementTree.Element], geometry: str
-) -> dict[str, list[ElementTree.Element]]:
+def links_by_kind(links: Sequence[Element], geometry: str) -> dict[str, list[Element]]:
     """Links by the kind of element that gives them shape.
 
     Of ``either`` it is ``visual`` where they have no ``collision`` whose files are there, if its own are: pictures are
@@ -45,7 +43,7 @@ def links_by_kind(
     """
     if geometry != "either":
         return {geometry: list(links)}
-    kinds: dict[str, list[ElementTree.Element]] = {"collision": [], "visual": []}
+    kinds: dict[str, list[Element]] = {"collision": [], "visual": []}
     for link in links:
         solid = link.find("collision") is not None
         if solid and _is_there(link, "collision"):
@@ -57,18 +55,16 @@ def links_by_kind(
     return kinds
 
 
-def _is_there(link: ElementTree.Element, kind: str) -> bool:
+def _is_there(link: Element, kind: str) -> bool:
     return all(Path(mesh.get("filename", "")).is_file() for mesh in link.iterfind(f"{kind}/geometry/mesh"))
 
 
 def link_shapes(
-    robot: Robot, link: ElementTree.Element, kind: str, meshes: Mapping[Path, Array], *, partial: bool = False
+    robot: Robot, link: Element, kind: str, meshes: Mapping[Path, Array], *, partial: bool = False
 ) -> list[Shape]:
     """Shapes of a link from its elements of a kind (``collision`` or ``visual``).
 
     Args:
-        robot: whose link.
-        link: its element.
         kind: of its elements.
         meshes: corners of mesh files.
         partial: whether meshes that are not among these, or are flat, are passed over.
@@ -100,7 +96,7 @@ def link_shapes(
 
 
 def solid_shape(
-    solid: ElementTree.Element, points: Array | None, source: Path, where: str, corners: int = _CORNERS
+    solid: Element, points: Array | None, source: Path, where: str, corners: int = _CORNERS
 ) -> Shape:
     """The solid of a ``geometry`` element in its own frame, of no link yet.
 
@@ -226,7 +222,14 @@ def convex_hull(points: Array, max_vertices: int = 96, slack: float = 0.01) -> H
     corners = (corners - centre) @ axes.T
     if len(corners) <= max_vertices:
         return _build_polyhedron(corners, np.ones(3), axes, centre)
-    chosen = _extreme_corners(corners)
+    # Indices of the corners farthest along axes and diagonals, at most 28, not all in one plane.
+    directions = np.array(
+        [[x, y, z] for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if x or y or z]
+    )
+    index = np.unique((corners / np.ptp(corners, axis=0) @ directions.T).argmax(axis=0))
+    flattest = np.linalg.svd(corners[index] - corners[index].mean(axis=0))[2][2]
+    heights = corners @ flattest
+    chosen = np.union1d(index, [heights.argmin(), heights.argmax()])
     # Growth is about a point inside the first few corners, hence inside all that follow.
     inside = corners[chosen].mean(axis=0)
     corners, centre = corners - inside, centre + inside @ axes
@@ -257,17 +260,6 @@ def _stretch_factors(corners: Array, planes: Array, factor: float) -> Array:
         needed = terms[axis][outward] / room[outward]
         stretch[axis] = max(1.0, float(needed.max(initial=1.0))) * (1.0 + 1e-9)
     return stretch
-
-
-def _extreme_corners(corners: Array) -> Faces:
-    """Indices of the corners farthest along axes and diagonals, at most 28, not all in one plane."""
-    directions = np.array(
-        [[x, y, z] for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if x or y or z]
-    )
-    index = np.unique((corners / np.ptp(corners, axis=0) @ directions.T).argmax(axis=0))
-    flattest = np.linalg.svd(corners[index] - corners[index].mean(axis=0))[2][2]
-    heights = corners @ flattest
-    return np.union1d(index, [heights.argmin(), heights.argmax()])
 
 
 def _build_polyhedron(corners: Array, stretch: Array, axes: Array, centre: Array) -> Hull:

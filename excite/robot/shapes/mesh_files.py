@@ -31,7 +31,6 @@ def read_meshes(paths: Iterable[Path], faults: dict[Path, RobotError] | None = N
     crashes does not say at which of them.
 
     Args:
-        paths: the files.
         faults: gets the errors of files that cannot be read, which are then left out; None raises the first.
 
     Raises:

@@ -113,10 +113,6 @@ def box_shapes(robot: Robot, links: Collection[str]) -> list[dict[str, Any]]:
 
     Left out are links without mass that are not drawn, or that hold no joint beside others of their body that have
     shapes.
-
-    Args:
-        robot: theirs.
-        links: their names.
     """
     root, boxes = fromstring(robot.urdf), list[dict[str, Any]]()
     shaped = {shape.joint for shape in _own_shapes(robot)}

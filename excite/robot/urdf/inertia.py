@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
-from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 import numpy as np
 import pinocchio as pin
@@ -63,8 +63,8 @@ class Inertial:
 
 
 def check_inertials(
-    root: ElementTree.Element,
-    joints: dict[str, ElementTree.Element],
+    root: Element,
+    joints: dict[str, Element],
     floating: bool,
     acknowledged: Mapping[str, str],
     path: Path,
@@ -100,7 +100,7 @@ def check_inertials(
 
 
 def inertial_faults(
-    root: ElementTree.Element, joints: dict[str, ElementTree.Element], floating: bool, path: Path
+    root: Element, joints: dict[str, Element], floating: bool, path: Path
 ) -> dict[str, RobotError]:
     """Links whose inertial is missing or impossible and may be acknowledged, with the error each would raise.
 
@@ -148,7 +148,7 @@ def inertial_faults(
     return faults
 
 
-def _known_inertials(root: ElementTree.Element, path: Path) -> dict[str, Inertial]:
+def _known_inertials(root: Element, path: Path) -> dict[str, Inertial]:
     """Inertials by link, of links that state one; raises RobotError for negative mass."""
     found = {}
     for link in root.findall("link"):
@@ -161,9 +161,7 @@ def _known_inertials(root: ElementTree.Element, path: Path) -> dict[str, Inertia
     return found
 
 
-def resting_faults(
-    root: ElementTree.Element, joints: dict[str, ElementTree.Element], path: Path
-) -> tuple[str, ...]:
+def resting_faults(root: Element, joints: dict[str, Element], path: Path) -> tuple[str, ...]:
     """Links with an impossible inertial that no joint moves on a fixed base: their inertia acts on nothing.
 
     Arguments as for :func:`check_inertials`.
@@ -173,7 +171,7 @@ def resting_faults(
     return tuple(sorted(inertial_faults(root, joints, False, path).keys() - set(moved), key=links.index))
 
 
-def read_inertial(link: ElementTree.Element, path: Path) -> Inertial | None:
+def read_inertial(link: Element, path: Path) -> Inertial | None:
     """What a link says of its mass; None where it says nothing or is a frame without any; raises RobotError."""
     elements = link.findall("inertial")
     where = f"link {link.get('name')!r}/inertial"
@@ -219,9 +217,7 @@ def _describe_impossible(moments: Array, *, strict: bool) -> str | None:
     return None
 
 
-def _moving_bodies(
-    root: ElementTree.Element, joints: dict[str, ElementTree.Element], floating: bool
-) -> dict[str, list[str]]:
+def _moving_bodies(root: Element, joints: dict[str, Element], floating: bool) -> dict[str, list[str]]:
     """Links of each moving rigid body, by the link that its joint carries."""
     carriers = {joint.find("child").get("link"): joint for joint in joints.values()}  # type: ignore[union-attr]
     members: dict[str, list[str]] = {}
@@ -247,7 +243,7 @@ LENGTHS: dict[str, tuple[tuple[str, int, str | None], ...]] = {
 }
 
 
-def check_geometry(link: ElementTree.Element, name: str, path: Path) -> None:
+def check_geometry(link: Element, name: str, path: Path) -> None:
     """Raise RobotError unless the solids of a link have places and sizes."""
     for kind in GEOMETRY:
         for number, element in enumerate(link.findall(kind)):
@@ -257,7 +253,7 @@ def check_geometry(link: ElementTree.Element, name: str, path: Path) -> None:
                 _check_solid(solid, where, path)
 
 
-def drop_points(root: ElementTree.Element) -> None:
+def drop_points(root: Element) -> None:
     """Take out solids all of whose lengths are zero, which stand for none in many models: they take no room.
 
     A link that is left without geometry is named where a first description says what nothing checks.
@@ -268,7 +264,7 @@ def drop_points(root: ElementTree.Element) -> None:
                 link.remove(element)
 
 
-def _is_point(solid: ElementTree.Element) -> bool:
+def _is_point(solid: Element) -> bool:
     lengths = " ".join(solid.get(attribute, "none") for attribute, _, _ in LENGTHS.get(solid.tag, ()))
     try:
         return solid.tag != "mesh" and lengths != "" and not any(float(length) for length in lengths.split())
@@ -276,7 +272,7 @@ def _is_point(solid: ElementTree.Element) -> bool:
         return False
 
 
-def _check_solid(solid: ElementTree.Element, where: str, path: Path) -> None:
+def _check_solid(solid: Element, where: str, path: Path) -> None:
     where = f"{where}/{solid.tag}"
     if solid.tag == "mesh" and not solid.get("filename", "").strip():
         raise robot_error(path, f"{where}@filename", "is missing", "name the mesh file")

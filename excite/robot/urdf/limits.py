@@ -219,7 +219,6 @@ def read_limits_file(file: Path, names: Sequence[str], *, given: bool = True) ->
     nodes and groups of parameters may stand around ``joint_limits``, as in files of ROS parameters.
 
     Args:
-        file: the file.
         names: of the robot's joints; limits of others do not count.
         given: whether a person named the file, which then has to be of the robot.
 

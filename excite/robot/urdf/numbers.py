@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from pathlib import Path
-from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 import numpy as np
 import pinocchio as pin
@@ -41,7 +41,7 @@ _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 
 
 def read_numbers(
-    element: ElementTree.Element,
+    element: Element,
     attribute: str,
     count: int,
     source: Path,
@@ -52,8 +52,6 @@ def read_numbers(
     """The finite numbers in an attribute.
 
     Args:
-        element: the XML element.
-        attribute: its attribute.
         count: how many numbers it must hold.
         source: file, for the error.
         where: element's path in words, for the error.
@@ -81,13 +79,13 @@ def read_numbers(
 
 
 def read_number(
-    element: ElementTree.Element, attribute: str, source: Path, where: str, *, default: str | None = None
+    element: Element, attribute: str, source: Path, where: str, *, default: str | None = None
 ) -> float:
     """The one finite number in an attribute; arguments and errors as for :func:`read_numbers`."""
     return read_numbers(element, attribute, 1, source, where, default=default)[0]
 
 
-def read_origin(element: ElementTree.Element, source: Path = Path(), where: str = "") -> pin.SE3:
+def read_origin(element: Element, source: Path = Path(), where: str = "") -> pin.SE3:
     """The pose that the ``<origin>`` below an element states, none where it has none; raises RobotError."""
     origin = element.find("origin")
     if origin is None:

@@ -10,8 +10,9 @@ import os
 import sysconfig
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
-from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement, tostring
 
 import numpy as np
 import pinocchio as pin
@@ -71,13 +72,13 @@ class CheckedUrdf:
         tightened: joints by what was tightened of their limits, by the element of the file that says it.
     """
 
-    root: ElementTree.Element
+    root: Element
     tightened: dict[str, dict[str, list[str]]]
 
     @property
     def text(self) -> str:
         """The URDF as text."""
-        return ElementTree.tostring(self.root, encoding="unicode")
+        return tostring(self.root, encoding="unicode")
 
 
 @raised_as(RobotError)
@@ -90,7 +91,6 @@ def read_urdf(path: Path, stated: Stated | None = None) -> CheckedUrdf:
     ``stated`` or the file gives, so that each joint has one coordinate.
 
     Args:
-        path: the URDF file.
         stated: what the robot's description says; by default a fixed base and nothing else.
 
     Raises:
@@ -109,7 +109,7 @@ def read_urdf(path: Path, stated: Stated | None = None) -> CheckedUrdf:
 
 
 @raised_as(RobotError)
-def parse_urdf(path: Path) -> ElementTree.Element:
+def parse_urdf(path: Path) -> Element:
     """The ``robot`` element of a URDF file as :func:`prepare_urdf` leaves it.
 
     Raises:
@@ -120,7 +120,7 @@ def parse_urdf(path: Path) -> ElementTree.Element:
     return root
 
 
-def prepare_urdf(root: ElementTree.Element, path: Path) -> dict[str, dict[str, list[str]]]:
+def prepare_urdf(root: Element, path: Path) -> dict[str, dict[str, list[str]]]:
     """Make the ``robot`` element of a file one without solids that are points and a free root, with its world.
 
     Continuous joints that state a range are revolute in it, limits that stand elsewhere in the file hold where they are
@@ -145,7 +145,7 @@ def prepare_urdf(root: ElementTree.Element, path: Path) -> dict[str, dict[str, l
     return keep_stated_limits(root, path)
 
 
-def _lock_joints(joints: dict[str, ElementTree.Element], stated: Stated, path: Path) -> None:
+def _lock_joints(joints: dict[str, Element], stated: Stated, path: Path) -> None:
     values = dict(stated.locked)
     for name, value in values.items():
         if name not in joints:
@@ -156,27 +156,25 @@ def _lock_joints(joints: dict[str, ElementTree.Element], stated: Stated, path: P
     followers = {}
     for name, joint in joints.items():
         mimic = joint.find("mimic")
-        if mimic is not None and joint.get("type") != "fixed":
-            if name in values:
-                joint.remove(mimic)
-            else:
-                followers[name] = mimic, read_mimic(mimic, path, f"joint {name!r}/mimic")
-    while held := [name for name, (mimic, _) in followers.items() if mimic.get("joint", "") in values]:
+        if mimic is not None and joint.get("type") != "fixed" and name not in values:
+            followers[name] = mimic.get("joint", ""), *read_mimic(mimic, path, f"joint {name!r}/mimic")
+    while held := [name for name, (master, *_) in followers.items() if master in values]:
         for name in held:
-            mimic, (factor, offset) = followers.pop(name)
-            values[name] = factor * values[mimic.get("joint", "")] + offset
-            joints[name].remove(mimic)
+            master, factor, offset = followers.pop(name)
+            values[name] = factor * values[master] + offset
     for name, value in values.items():
+        for mimic in joints[name].findall("mimic"):
+            joints[name].remove(mimic)
         _fix_joint(joints[name], value, path)
 
 
-def read_mimic(mimic: ElementTree.Element, path: Path, where: str) -> tuple[float, float]:
+def read_mimic(mimic: Element, path: Path, where: str) -> tuple[float, float]:
     """Multiplier and offset of a ``<mimic>``; raises RobotError."""
     factor = read_number(mimic, "multiplier", path, where, default="1")
     return factor, read_number(mimic, "offset", path, where, default="0")
 
 
-def _fix_joint(joint: ElementTree.Element, value: float, path: Path) -> None:
+def _fix_joint(joint: Element, value: float, path: Path) -> None:
     """Turn a moving joint into a fixed one at ``value``."""
     where = f"joint {joint.get('name')!r}"
     if joint.get("type") == "fixed":
@@ -192,7 +190,7 @@ def _fix_joint(joint: ElementTree.Element, value: float, path: Path) -> None:
     joint.set("type", "fixed")
 
 
-def _one_coordinate(joint: ElementTree.Element, stated: Stated, path: Path) -> None:
+def _one_coordinate(joint: Element, stated: Stated, path: Path) -> None:
     """Make a continuous joint revolute and give every moving joint a complete ``limit`` element."""
     name, kind, limit = joint.get("name", ""), joint.get("type"), joint.find("limit")
     if kind not in MOVING:
@@ -205,7 +203,7 @@ def _one_coordinate(joint: ElementTree.Element, stated: Stated, path: Path) -> N
         what = "turns without end" if kind == "continuous" else "has no position limits"
         raise robot_error(path, where, what, f"state limits.position.joints.{name} in robot.yaml")
     if limit is None:
-        limit = ElementTree.SubElement(joint, "limit")
+        limit = SubElement(joint, "limit")
     joint.set("type", "revolute" if kind == "continuous" else str(kind))
     lower, upper = stated.limits.get(name) or (
         read_number(limit, side, path, where) for side in ("lower", "upper")
@@ -215,7 +213,11 @@ def _one_coordinate(joint: ElementTree.Element, stated: Stated, path: Path) -> N
     limit.attrib.update(lower=repr(lower), upper=repr(upper), **largest)
 
 
-def absolute_meshes(root: ElementTree.Element, path: Path) -> list[str]:
+# What wheels of ROS packages brought along.
+_WHEELS = Path(sysconfig.get_paths()["purelib"]) / "cmeel.prefix"
+
+
+def absolute_meshes(root: Element, path: Path) -> list[str]:
     """Give meshes below an element their whole path where they are found; the names of those that are not there."""
     lost = []
     for mesh in root.iter("mesh"):
@@ -242,16 +244,15 @@ def find_mesh(name: str, urdf: Path) -> Path | None:
         return file.resolve() if name and os.path.exists(file) else None
     package, *inside = Path(name.removeprefix("package://").lstrip("/")).parts or ("",)
     above = (folder, *folder.parents)
-    places: list[Path] = []
-    for root in (*above, *_package_folders()):
-        # $ROS_PACKAGE_PATH may name the package's own folder.
-        places += [
-            root.joinpath(package, *inside),
-            *([root.joinpath(*inside)] if root.name == package else []),
-        ]
+    # $ROS_PACKAGE_PATH may name the package's own folder.
+    places = (
+        root.joinpath(*own, *inside)
+        for root in (*above, *_package_folders())
+        for own in ([package], *([[]] if root.name == package else []))
+    )
     # A package that was copied under another name; one file's name alone may be anything's.
-    places += [root.joinpath(*inside) for root in above if len(inside) > 1]
-    return next((place.resolve() for place in places if os.path.isfile(place)), None)
+    renamed = (root.joinpath(*inside) for root in above if len(inside) > 1)
+    return next((place.resolve() for place in chain(places, renamed) if os.path.isfile(place)), None)
 
 
 def _package_folders() -> list[Path]:
@@ -260,8 +261,7 @@ def _package_folders() -> list[Path]:
         [Path(entry) for entry in os.environ.get(variable, "").split(os.pathsep) if entry]
         for variable in ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")
     )
-    prefixes.append(Path(sysconfig.get_paths()["purelib"]) / "cmeel.prefix")
-    return [*packages, *(prefix / "share" for prefix in prefixes)]
+    return [*packages, *(prefix / "share" for prefix in (*prefixes, _WHEELS))]
 
 
 # The pinocchio model of a URDF that was checked, built from what is dynamics in it.
@@ -274,7 +274,7 @@ _KEPT = {
 }
 
 
-def urdf_model(root: ElementTree.Element, path: Path, *, floating: bool = False) -> pin.Model:
+def urdf_model(root: Element, path: Path, *, floating: bool = False) -> pin.Model:
     """The model of a ``robot`` element that passed :func:`~excite.robot.urdf.tree.check_tree`.
 
     Args:
@@ -288,26 +288,20 @@ def urdf_model(root: ElementTree.Element, path: Path, *, floating: bool = False)
     if floating and any(joint.get("name") == "root_joint" for joint in root.findall("joint")):
         what, remedy = "is called as readers call a free base's joint", "rename the joint"
         raise robot_error(path, "joint 'root_joint'", what, remedy)
-    text = ElementTree.tostring(_dynamics_only(root), encoding="unicode")
-    try:
-        if floating:
-            return pin.buildModelFromXML(text, pin.JointModelFreeFlyer())
-        return pin.buildModelFromXML(text)
-    except (RuntimeError, ValueError) as error:
-        what = f"pinocchio refuses it ({' '.join(str(error).split())})"
-        raise robot_error(path, None, what, "check the file with check_urdf") from error
-
-
-def _dynamics_only(root: ElementTree.Element) -> ElementTree.Element:
-    model = ElementTree.Element("robot", name=root.get("name", ""))
+    model = Element("robot", name=root.get("name", ""))
     for element in root:
         if element.tag not in _KEPT:
             continue
-        copy = ElementTree.SubElement(model, element.tag, element.attrib)
+        copy = SubElement(model, element.tag, element.attrib)
         for tag in _KEPT[element.tag]:
             found = element.find(tag)
             if found is not None:
                 # The parser refuses a whole model for a limit without effort or velocity.
                 stated = {"effort": "0", "velocity": "0", **found.attrib}
-                copy.append(ElementTree.Element("limit", stated) if tag == "limit" else found)
-    return model
+                copy.append(Element("limit", stated) if tag == "limit" else found)
+    text, base = tostring(model, encoding="unicode"), [pin.JointModelFreeFlyer()] * floating
+    try:
+        return pin.buildModelFromXML(text, *base)
+    except (RuntimeError, ValueError) as error:
+        what = f"pinocchio refuses it ({' '.join(str(error).split())})"
+        raise robot_error(path, None, what, "check the file with check_urdf") from error

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from xml.etree import ElementTree
+from typing import NamedTuple
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
@@ -31,7 +32,7 @@ _ONCE = {
 }
 
 
-def check_tree(root: ElementTree.Element, path: Path) -> dict[str, ElementTree.Element]:
+def check_tree(root: Element, path: Path) -> dict[str, Element]:
     """Check links and joints of a ``robot`` element.
 
     Returns:
@@ -50,7 +51,7 @@ def check_tree(root: ElementTree.Element, path: Path) -> dict[str, ElementTree.E
         raise robot_error(path, "robot", "has no <link>", "describe at least one")
     for element in (*links.values(), *joints.values()):
         _check_once(element, f"{element.tag} {element.get('name')!r}", path)
-    carriers: dict[str, ElementTree.Element] = {}
+    carriers: dict[str, Element] = {}
     for name, joint in joints.items():
         for end in ("parent", "child"):
             where, link = f"joint {name!r}/{end}", link_at(joint, end)
@@ -72,7 +73,7 @@ def check_tree(root: ElementTree.Element, path: Path) -> dict[str, ElementTree.E
     return joints
 
 
-def _check_counts(root: ElementTree.Element, path: Path) -> None:
+def _check_counts(root: Element, path: Path) -> None:
     moving = sum(joint.get("type") in MOVING for joint in root.findall("joint"))
     counts = {
         # The largest known, a mobile robot with two arms and hands, has 101 and 112; every solid is compared with every
@@ -85,7 +86,7 @@ def _check_counts(root: ElementTree.Element, path: Path) -> None:
             raise robot_error(path, "robot", f"has {number} {what}, more than {most}", "reduce the model")
 
 
-def link_at(joint: ElementTree.Element, end: str) -> str:
+def link_at(joint: Element, end: str) -> str:
     """Name of the link at a joint's ``end``, ``parent`` or ``child``; empty where the joint names none."""
     element = joint.find(end)
     return "" if element is None else element.get("link", "")
@@ -102,7 +103,7 @@ class LinkTree:
         carriers: the joint that carries a link, by link.
     """
 
-    def __init__(self, joints: Mapping[str, ElementTree.Element]) -> None:
+    def __init__(self, joints: Mapping[str, Element]) -> None:
         self.ends = {name: (link_at(one, "parent"), link_at(one, "child")) for name, one in joints.items()}
         self.carriers = {child: name for name, (_, child) in self.ends.items()}
 
@@ -123,8 +124,8 @@ class LinkTree:
         return [name for name, (parent, _) in self.ends.items() if parent == link]
 
 
-def _named_elements(root: ElementTree.Element, tag: str, path: Path) -> dict[str, ElementTree.Element]:
-    found: dict[str, ElementTree.Element] = {}
+def _named_elements(root: Element, tag: str, path: Path) -> dict[str, Element]:
+    found: dict[str, Element] = {}
     for number, element in enumerate(root.findall(tag)):
         name = element.get("name", "")
         if not name.strip():
@@ -149,7 +150,7 @@ def _check_name(name: str, where: str, path: Path) -> None:
         raise robot_error(path, where, f"has the name {shorten_text(name)!r}", remedy)
 
 
-def _check_once(element: ElementTree.Element, where: str, path: Path) -> None:
+def _check_once(element: Element, where: str, path: Path) -> None:
     for tag in _ONCE.get(element.tag, ()):
         # Published models of real arms have a mount with two: where that stands changes no torque.
         mount = tag == "origin" and element.tag == "joint" and element.get("type") == "fixed"
@@ -163,7 +164,7 @@ def _check_once(element: ElementTree.Element, where: str, path: Path) -> None:
             raise robot_error(path, f"{where}/geometry", what, remedy)
 
 
-def _check_joint(joint: ElementTree.Element, where: str, path: Path) -> None:
+def _check_joint(joint: Element, where: str, path: Path) -> None:
     kind = joint.get("type")
     if kind in {"floating", "planar"}:
         what = f"is {kind}; only joints with one coordinate are modelled"
@@ -189,7 +190,7 @@ def _check_joint(joint: ElementTree.Element, where: str, path: Path) -> None:
         _check_limit(joint, limit, f"{where}/limit", path)
 
 
-def _check_limit(joint: ElementTree.Element, limit: ElementTree.Element, where: str, path: Path) -> None:
+def _check_limit(joint: Element, limit: Element, where: str, path: Path) -> None:
     for attribute in ("effort", "velocity"):
         value = read_number(limit, attribute, path, where, default="0")
         if 0.0 < value < 1.0 / MAX_STAND_IN:
@@ -244,49 +245,39 @@ def _check_roots(links: list[str], tree: LinkTree, path: Path) -> None:
 WORLD = "world"
 
 
-def free_root(root: ElementTree.Element) -> tuple[ElementTree.Element, ElementTree.Element] | None:
-    """The floating joint that carries the whole robot, and the bare link that it hangs on; None where there is none.
+class RootJoint(NamedTuple):
+    """A joint that carries the whole robot, and the bare link that it hangs on."""
 
-    Args:
-        root: the ``robot`` element.
-    """
-    return _carrying_joint(root, "floating")
+    joint: Element
+    link: Element
 
 
-def planar_root(root: ElementTree.Element) -> ElementTree.Element | None:
-    """The planar joint on which the whole robot slides and turns, from a bare link; None where there is none."""
-    found = _carrying_joint(root, "planar")
-    return None if found is None else found[0]
-
-
-def _carrying_joint(
-    root: ElementTree.Element, kind: str
-) -> tuple[ElementTree.Element, ElementTree.Element] | None:
-    """The joint of a type that carries the whole robot, and the bare link that it hangs on."""
+def root_joint(root: Element, kind: str) -> RootJoint | None:
+    """The joint of a type, ``floating`` or ``planar``, that carries the whole robot; None where there is none."""
     joints = root.findall("joint")
     for joint in (one for one in joints if one.get("type") == kind):
         above = link_at(joint, "parent")
         ends = {link_at(one, end) for one in joints if one is not joint for end in ("parent", "child")}
         links = [link for link in root.findall("link") if link.get("name") == above]
-        if above not in ends and len(links) == 1:
-            if all(links[0].find(part) is None for part in ("inertial", *GEOMETRY)):
-                return joint, links[0]
+        bare = all(link.find(part) is None for link in links for part in ("inertial", *GEOMETRY))
+        if above not in ends and len(links) == 1 and bare:
+            return RootJoint(joint, links[0])
     return None
 
 
-def settle_root(root: ElementTree.Element) -> None:
+def settle_root(root: Element) -> None:
     """Take a free base's joint and its bare link out, which is for a ``robot.yaml`` to say, and fix a planar joint.
 
     That stands for wheels, which are held still as others are.
     """
-    for element in free_root(root) or ():
+    for element in root_joint(root, "floating") or ():
         root.remove(element)
-    joint = planar_root(root)
-    if joint is not None:
-        joint.set("type", "fixed")
+    planar = root_joint(root, "planar")
+    if planar is not None:
+        planar.joint.set("type", "fixed")
 
 
-def declare_world(root: ElementTree.Element) -> bool:
+def declare_world(root: Element) -> bool:
     """Declare the link ``world`` where a robot is fixed to it and the file lacks it: Drake knows it by its name.
 
     Returns:
@@ -295,5 +286,5 @@ def declare_world(root: ElementTree.Element) -> bool:
     ends = {link_at(joint, "parent") for joint in root.findall("joint") if joint.get("type") == "fixed"}
     lacking = WORLD in ends and root.find(f"link[@name='{WORLD}']") is None
     if lacking:
-        root.insert(0, ElementTree.Element("link", name=WORLD))
+        root.insert(0, Element("link", name=WORLD))
     return lacking

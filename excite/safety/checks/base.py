@@ -12,7 +12,7 @@ from excite.arrays import Array, Flags
 from excite.robot.prismatic import sliding_joints
 from excite.robot.robot import Robot
 from excite.safety.checks.sweep import Sweep
-from excite.safety.verdict import Nearest, Violation, unit_of
+from excite.safety.verdict import Margins, Nearest, Violation, unit_of
 
 
 @dataclass(frozen=True)
@@ -51,6 +51,19 @@ class Check(ABC):
     @abstractmethod
     def judge(self, sweep: Sweep) -> CheckResult:
         """Judge a motion; quantities that several checks need are computed once, in the sweep."""
+
+    def mistake_in(self, method: str, result: CheckResult, *_: object) -> str:
+        """What is wrong with what a derived class's method returns; empty for nothing."""
+        if method != "judge" or result.margin is None:
+            return ""
+        if self.margin_field is not None and self.margin_field not in Margins.__dataclass_fields__:
+            known = ", ".join(Margins.__dataclass_fields__)
+            return f"fills the margin {self.margin_field!r} where one of {known} is expected"
+        return (
+            ""
+            if np.isfinite(result.margin)
+            else f"has the margin {result.margin} where a finite one is expected"
+        )
 
 
 def first_violations(
