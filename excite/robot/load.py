@@ -44,12 +44,12 @@ def load_robot(name_or_path: str | Path, source: Source | None = None) -> Robot:
         UnknownNameError: neither a file nor a bundled robot.
     """
     path, source = find_model(name_or_path, source or model_source())
+    described = None if path.suffix in MODEL_SUFFIXES else load_described(path)
+    if described is not None and source.limits is None:
+        return described
     # A model's path tells it from others of its name, and may be longer than a name of a folder.
     folder = _temporary_folder().path / sha256(f"{os.path.realpath(path)}{source}".encode()).hexdigest()
-    if path.suffix not in MODEL_SUFFIXES:
-        described = load_described(path)
-        if source.limits is None:
-            return described
+    if described is not None and source.limits is not None:
         text = limited_description(described, source.limits)
         return load_described(write_text(folder / "robot.yaml", text))
     from excite.robot.init_robot.files import write_scaffold  # lazy: scipy

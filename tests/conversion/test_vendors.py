@@ -116,13 +116,30 @@ def full_states(file: Path, names: list[str], rows: np.ndarray, states: np.ndarr
     return file.with_suffix(".npy")
 
 
+def joint_by_joint(channel: str, name: str, first: int) -> dict[str, str]:
+    return {f"{channel}.{joint}": f"{name}[{first + k}]" for k, joint in enumerate(JOINTS)}
+
+
+# Columns without names are asked about; by form, what a map says of them.
+NAMELESS = {
+    sensors_in_a_row: {"time": "time"}
+    | joint_by_joint("q", "sensordata", 0)
+    | joint_by_joint("v", "sensordata", 3)
+    | joint_by_joint("tau", "sensordata", 6),
+    full_states: {"time": "run[0]"} | joint_by_joint("q", "run", 1) | joint_by_joint("v", "run", 4),
+}
+
+
 @pytest.mark.parametrize("write", [sensors_by_name, sensors_in_a_row, full_states])
 def test_what_mujoco_measures(write: Callable[..., Path], tmp_path):
     names, rows, states = simulated()
-    source = write(tmp_path / "run", names, rows, states)
-    trial = excite.convert(
-        [source], written.arm_urdf(tmp_path / "arm.urdf"), tmp_path / "log", WHOLE
-    ).log.trials[0]
+    source, urdf = write(tmp_path / "run", names, rows, states), written.arm_urdf(tmp_path / "arm.urdf")
+    stated = WHOLE
+    if write in NAMELESS:
+        with pytest.raises(excite.ExciteError, match="no columns of joint positions"):
+            excite.convert([source], urdf, tmp_path / "log", WHOLE)
+        stated = WHOLE.model_copy(update={"columns": NAMELESS[write]})
+    trial = excite.convert([source], urdf, tmp_path / "log", stated).log.trials[0]
     np.testing.assert_allclose(trial.time - trial.time[0], states[:, 0] - states[0, 0], atol=1e-9)
     np.testing.assert_allclose(trial.q, states[:, 1:4], atol=1e-9)
     np.testing.assert_allclose(trial.v, states[:, 4:7], atol=1e-9)

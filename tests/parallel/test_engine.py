@@ -177,6 +177,7 @@ def _every_error() -> list[ExciteError]:
         "OtherRobotError": errors.OtherRobotError("g1", "ur10", "a.parquet"),
         "LogError": errors.LogError("is 1", source="log"),
         "NothingThereError": errors.NothingThereError("no columns of numbers", source="notes.txt"),
+        "PlugInError": errors.PlugInError("returned 1", source="effect mine", remedy="mend it"),
         "UnknownNameError": errors.UnknownNameError("joint", "elbow", ["knee", "hip"]),
         "IllLogError": errors.IllLogError("no torques", source="log.yaml", findings=["bad"]),
         "NothingSafeError": errors.NothingSafeError("none is safe", best={"refused": 3}, remedy="more room"),
