@@ -29,6 +29,7 @@ from excite.diagnosis.effects.form import Context
 from excite.diagnosis.equations.noise_floor import repeat_floor
 from excite.diagnosis.equations.own_columns import CONSTANT, COULOMB, VISCOUS, own_rows
 from excite.diagnosis.equations.units import at_joint, force_unit
+from excite.diagnosis.selection.settling import predictive_nats
 from excite.diagnosis.selection.shapes import shape_changes
 from excite.finding import Finding
 from excite.progress import step
@@ -180,7 +181,7 @@ def budget_of(found: GapModel, floor: Array, scale: Array) -> Budget:
             i,
             float(shares.value[i] @ weight),
             float(np.maximum(shares.low[i], 0.0) @ weight),
-            is_significant(shares, i),
+            is_significant(shares, i) and _predicts_blocks(found, i),
         )
         for i, term in enumerate(model.terms)
         if not term.effect.nameless
@@ -238,6 +239,13 @@ def is_significant(shares: Shares, i: int) -> bool:
     """
     sure = (shares.low[i] > 0.0) | (shares.lost[i] > shares.unsure[i])
     return bool((sure & (shares.lost[i] >= THRESHOLDS.trifle)).any())
+
+
+def _predicts_blocks(found: GapModel, i: int) -> bool:
+    """Whether blocks left out of the fit are predicted better by an effect, surely so of as many as were tried."""
+    model = found.model
+    without = fit_model(model.design, [k for k in model.chosen if k != model.chosen[i]], model.weight)
+    return predictive_nats(model, without) > np.log(THRESHOLDS.odds * found.tried)
 
 
 def _named_effect(found: GapModel, i: int, share: float, surely: float, clear: bool) -> Named:
