@@ -145,7 +145,8 @@ class _RosBag(Bag):
         logged, k = np.array([time for _, time in run]), 0
         while k < len(run):
             try:
-                fixed = _AlikeMessages(self._bag, rows[k:]).read(kind)[1]
+                # The first says which bytes are no numbers.
+                fixed = _AlikeMessages(self._bag, rows[k : k + 1]).read(kind)[1]
                 n = int(np.argmin(np.append((rows[k:, fixed] == rows[k, fixed]).all(axis=1), False)))
                 yield Message(
                     topic, kind, _AlikeMessages(self._bag, rows[k : k + n]).read(kind)[0], logged[k : k + n]

@@ -51,7 +51,8 @@ from excite.progress import step
 
 # By turn: factor of the noise's variance, and white part of its spectrum.
 _TURNS = ((16.0, 10.0), (4.0, 3.0), (1.0, 1.0))
-# Sweeps of a turn, those that do not count, and how many times more the last one has.
+# Sweeps of a turn, those that do not count, and how many times more the last one has. With 60 a scaled position planted
+# in an xMate's record is named by one of three seeds, with 150 by none; longer runs were not tried.
 _SWEEPS, _BURNT, _LONGER = 150, 30, 2
 # How often an ascent begins again without what its sizes deny, and what that loses.
 _BANS, _BANNED = 6, 1e4

@@ -35,7 +35,8 @@ Indices = NDArray[np.int64]
 
 # Most columns of a model, and of an atom.
 _MOST, _WIDEST = 400, 24
-# Sweeps after which a model is built anew: what rounding adds to its inverse goes.
+# Sweeps after which a model is built anew, so that rounding does not add up: on ten problems of two machines, with up
+# to 80 columns in, the draws are those of building it anew at every sweep, inclusions equal to 2e-13.
 _UNTIL_RENEWED = 10
 # What an atom that breaks a bound loses: it never enters.
 _NEVER = 1e4
