@@ -41,6 +41,23 @@ def test_a_motor_that_turns_with_the_joint_before_it_is_named(tmp_path: Path) ->
     assert np.allclose(model.tendon_damping[0].reshape(-1)[0], VISCOUS[1], rtol=0.3)
 
 
+@pytest.mark.parametrize("rotor", [-0.004, -0.002, 0.003])
+def test_a_coupled_motor_is_named_with_a_rotor_and_where_links_turn_more_easily(
+    rotor: float, tmp_path: Path
+) -> None:
+    """Links that are a little lighter to turn than modelled make a rotor less than none: no reason to hide friction."""
+
+    def turned(trial: Trial) -> Trial:
+        rate = np.gradient(np.gradient(trial.q @ COUPLING[1], trial.time), trial.time)
+        return replace(trial, tau=trial.tau @ COUPLING + rotor * rate[:, None] * COUPLING[1])
+
+    found = diagnosed(turned, COUPLING, tmp_path)
+    assert (found.verdict, found.effect, found.location) == ("effect", "coupled_drive", "second")
+    sizes = found.effects[0].parameters
+    assert sizes["coulomb"].value == pytest.approx(COULOMB[1], rel=0.02)
+    assert ("inertia" in sizes) is (rotor > 0.0)
+
+
 @pytest.mark.parametrize(
     ("effect", "parameter", "size", "change"),
     [

@@ -47,10 +47,10 @@ class TorqueCrosstalk(Effect):
 
 
 class CoupledDrive(Effect):
-    """A joint's motor turns with ``u = v_j + c v_{j−1}``: its friction and rotor act along both joints.
+    """A joint's motor turns with ``u = v_j + c v_{j−1}``: its friction acts along both joints.
 
-    ``φ = f_c sign(u) + f_v u + I_a u̇`` is added to joint j and ``c φ`` to the joint before it. Wrists whose motors sit
-    before the joint that carries them are built so: Stäubli's TX with c = 1.
+    ``φ = f_c sign(u) + f_v u`` is added to joint j and ``c φ`` to the joint before it. Wrists whose motors sit before
+    the joint that carries them are built so: Stäubli's TX with c = 1.
     """
 
     name = "coupled_drive"
@@ -58,7 +58,6 @@ class CoupledDrive(Effect):
     linear: ClassVar[tuple[Parameter, ...]] = (
         Parameter("coulomb", "N·m", 0.0),
         Parameter("viscous", "N·m·s/rad"),
-        Parameter("inertia", "kg·m²", 0.0),
     )
     searched: ClassVar[tuple[Parameter, ...]] = (Parameter("ratio", "1", -3.0, 3.0),)
     confusable_with = ("torque_crosstalk", "coulomb_friction", "viscous_friction")
@@ -66,6 +65,10 @@ class CoupledDrive(Effect):
     mujoco = "a tendon of both joints with dry friction, damping and armature"
     own_joint = False
     reaches_others = True
+
+    @property
+    def variant_forms(self) -> tuple[Effect, ...]:
+        return (CoupledRotor(),)
 
     def locations(self, context: Context) -> tuple[str, ...]:
         return context.joints[1:]
@@ -77,13 +80,14 @@ class CoupledDrive(Effect):
         j, ratio = context.row(location), theta[0]
         speed, rate = self._motor_motion(context, location, theta)
         columns = np.column_stack([of_velocity(speed, context.baseline.signs[j]), speed, rate])
+        columns = columns[:, : len(self.linear)]
         return Shape({j - 1: ratio * columns, j: columns})
 
     def is_admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
-        # Small next to the dry friction, the others may come out below zero: friction as a whole brakes.
+        # Small next to the dry friction, the viscous one may come out below zero: friction as a whole brakes.
         speed, _ = self._motor_motion(context, location, theta)
         brakes = float(beta[0] * np.abs(speed).mean() + beta[1] * (speed**2).mean()) > 0.0
-        return brakes and self.in_bounds(beta, np.array([0.0, 0.0, np.inf]))
+        return brakes and self.in_bounds(beta, np.zeros(len(beta)))
 
     def _motor_motion(self, context: Context, location: str, theta: Theta) -> tuple[Array, Array]:
         """Speed and acceleration of the motor, in turns of its joint, each ``(n_samples,)``."""
@@ -106,3 +110,16 @@ class CoupledDrive(Effect):
             tendon.wrap_joint(before, item.value_of("ratio"))
 
         return Form(elements=add_coupling_tendon)
+
+
+class CoupledRotor(CoupledDrive):
+    """The same with the motor's rotor, ``φ = f_c sign(u) + f_v u + I_a u̇``.
+
+    Links that are a little lighter to turn than modelled make a rotor less than none, which hides no friction.
+    """
+
+    linear = (*CoupledDrive.linear, Parameter("inertia", "kg·m²", 0.0))
+
+    @property
+    def variant_forms(self) -> tuple[Effect, ...]:
+        return ()
