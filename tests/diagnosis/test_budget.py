@@ -16,7 +16,7 @@ from excite.diagnosis.answer.gap import Budget, ChannelBudget, EffectShare, Name
 from excite.diagnosis.arm.diagnose import find_changed_sizes, find_joints_in_unison, independent_joints
 from excite.diagnosis.arm.read import is_gap_explained
 from excite.diagnosis.budget.fit.joint_fit import effective_share
-from excite.diagnosis.budget.made import budget_of, is_missed
+from excite.diagnosis.budget.made import budget_of, is_significant
 from excite.diagnosis.budget.record import GapModel, fit_initial_baseline
 from excite.diagnosis.budget.shares import Shares
 from excite.diagnosis.diagnose import diagnose
@@ -359,16 +359,16 @@ def shares(value: list[float], lost: list[float]) -> Shares:
     """What one effect takes of two joints, known to a tenth."""
     row, tenth = np.array([value]), np.full((1, 2), 0.1)
     one = np.ones(2)
-    return Shares(one, one, one, one, row, row - tenth, row + tenth, np.array([lost]))
+    return Shares(one, one, one, one, row, row - tenth, row + tenth, np.array([lost]), tenth)
 
 
-def test_an_effect_that_shares_what_another_takes_is_not_missed() -> None:
+def test_an_effect_that_shares_what_another_takes_is_not_clear() -> None:
     """Let in alone it takes a part of what the other one takes; without it next to nothing is lost."""
-    assert is_missed(shares([0.5, 0.0], [0.9, 0.0]), 0)
-    assert not is_missed(shares([0.5, 0.0], [0.001, 0.0]), 0)
+    assert is_significant(shares([0.5, 0.0], [0.9, 0.0]), 0)
+    assert not is_significant(shares([0.5, 0.0], [0.001, 0.0]), 0)
 
 
-def test_an_effect_is_missed_where_another_joint_has_the_gap_without_it() -> None:
+def test_an_effect_is_clear_where_another_joint_has_the_gap_without_it() -> None:
     """A servo too weak at the last joint: without it the link is lighter, and the joints before have the gap."""
-    assert is_missed(shares([0.0, 0.998], [721.0, 0.014]), 0)
-    assert not is_missed(shares([0.0, 0.0], [0.09, 0.09]), 0)
+    assert is_significant(shares([0.0, 0.998], [721.0, 0.014]), 0)
+    assert not is_significant(shares([0.0, 0.0], [0.09, 0.09]), 0)

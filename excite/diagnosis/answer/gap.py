@@ -443,8 +443,8 @@ class Named:
         rivals: what else would score alike in the company of all others.
         chances: by position in ``rivals``, their probabilities.
         surely: what it surely takes of the whole gap, the lower ends of its intervals.
-        clear: whether what is left of some joint is clearly more without it, and blocks left out of the fit are surely
-            predicted by it.
+        clear: whether what is left of some joint is clearly more without it, it surely is there, and blocks left out of
+            the fit are surely predicted by it.
     """
 
     effect: str

@@ -74,7 +74,7 @@ class BudgetVerdict:
         return self._judge_named_effects(kept, accepted, whole=whole) if kept else self._judge_unnamed_gap()
 
     def _has_share_at_place(self, item: Named) -> bool:
-        """Whether an effect takes some of the gap of its own joint, and no less there than what has no name.
+        """Whether an effect surely takes some of the gap of its own joint, and no less there than what has no name.
 
         Of what acts on several joints: of any of them. It is no trifle there, or its size is known to a tenth.
         """
@@ -84,7 +84,7 @@ class BudgetVerdict:
         least = 0.0 if known else THRESHOLDS.trifle
         own = None if term.own is None else list(self.budget.channels.values())[term.own]
         return any(
-            share.share > 0.0 and share.share >= max([least, *(u.share for u in channel.unnamed)])
+            share.interval90[0] > 0.0 and share.share >= max([least, *(u.share for u in channel.unnamed)])
             for channel, share in self._shares_of(item)
             if own is None or channel is own
         )

@@ -181,7 +181,7 @@ def budget_of(found: GapModel, floor: Array, scale: Array) -> Budget:
             i,
             float(shares.value[i] @ weight),
             float(np.maximum(shares.low[i], 0.0) @ weight),
-            is_missed(shares, i) and _predicts_blocks(found, i),
+            is_significant(shares, i) and _predicts_blocks(found, i),
         )
         for i, term in enumerate(model.terms)
         if not term.effect.nameless
@@ -227,18 +227,18 @@ def _channel_budget(
     return ChannelBudget(level, gap, tuple(effects), tuple(unnamed), rest, weight, unit)
 
 
-def is_missed(shares: Shares, i: int) -> bool:
-    """Whether what is left of a joint is clearly more without an effect.
+def is_significant(shares: Shares, i: int) -> bool:
+    """Whether an effect surely takes something of a joint's gap, and what is left there is clearly more without it.
 
     At any joint: without the gain of a finger's last joint the last link is fitted lighter, and that leaves too much at
-    the joints before it, which had no gap. How sure that is blocks left out say better than intervals of shares, which
-    are wide where few blocks judge: a wrist's gain that is known to a tenth takes -0.8 to 1.9 of its joint's gap.
+    the joints before it, which had no gap.
 
     Args:
         shares: of all effects.
         i: which effect.
     """
-    return bool((shares.lost[i] >= THRESHOLDS.trifle).any())
+    sure = (shares.low[i] > 0.0) | (shares.lost[i] > shares.unsure[i])
+    return bool((sure & (shares.lost[i] >= THRESHOLDS.trifle)).any())
 
 
 def _predicts_blocks(found: GapModel, i: int) -> bool:

@@ -99,6 +99,7 @@ class Shares:
         low: ``(n_terms, n_joints)`` lower ends of the 90 % intervals.
         high: ``(n_terms, n_joints)`` upper ends.
         lost: ``(n_terms, n_joints)`` by how much more is left without each alone, as a share of what is left with all.
+        unsure: ``(n_terms, n_joints)`` half widths of the 90 % intervals of that.
     """
 
     level: Array
@@ -109,6 +110,7 @@ class Shares:
     low: Array
     high: Array
     lost: Array
+    unsure: Array
 
 
 def shares_of(model: Model, floor: Array) -> Shares:
@@ -132,7 +134,7 @@ def shares_of(model: Model, floor: Array) -> Shares:
             everything, -1.0
         )
         alone = nothing.add_multiple(judged_power(design, (k,)), -1.0)
-        lost.append(last.mean)
+        lost.append(last)
         others = {i: x for i, x in sizes.items() if i != k}
         without = judged_power(design, tuple(others), model.weight, others)
         only = judged_power(design, (k,), model.weight, {k: sizes[k]})
@@ -143,7 +145,17 @@ def shares_of(model: Model, floor: Array) -> Shares:
     room = np.where(nothing.mean - level > _NOTHING * level, nothing.mean - level, 0.0)
     if not taken:
         empty = np.zeros((0, len(floor)))
-        return Shares(level, room, nothing.mean, everything.mean, empty, empty, empty, empty)
+        return Shares(
+            level,
+            room,
+            nothing.mean,
+            everything.mean,
+            empty,
+            empty,
+            empty,
+            empty,
+            empty,
+        )
     value = _normalise_shares(np.array(sized), nothing.mean, everything.mean, level)
     value = np.where(room > 0.0, value, 0.0)
     # Shares are those of these trials, whatever others would have: what is unsure is the fit.
@@ -153,8 +165,10 @@ def shares_of(model: Model, floor: Array) -> Shares:
     wide = float(stdtrit(freedom, 0.95))
     low, high = (np.where(room > 0.0, end, 0.0) for end in _share_interval(value, spread, wide))
     left = np.maximum(everything.mean, 1e-300)
-    more = np.array(lost) / left
-    return Shares(level, room, nothing.mean, everything.mean, value, low, high, more)
+    more = np.array([item.mean for item in lost]) / left
+    deviations = [np.hypot(jackknife_std(item.blocks), jackknife_std(item.fits)) for item in lost]
+    unsure = wide * np.array(deviations) / left
+    return Shares(level, room, nothing.mean, everything.mean, value, low, high, more, unsure)
 
 
 def _share_interval(share: Array, spread: Array, wide: float) -> tuple[Array, Array]:

@@ -148,7 +148,9 @@ class _Search:
             self.noise = replace(self.noise, anneal=anneal, white=white)
             posterior = self._draw_posterior(self._collect_atoms(found, searched=turn >= 2), keys, rng)
             found, keys = self._new_terms(posterior, turn)
-            model = self._fit_named(keys, posterior)
+            model = self._fit_named(
+                _terms_with_share(choose_bodies(keys, self.full, self.rows), posterior, self.rows)
+            )
             # The full power is the rule: models of the same names ask for no other.
             if (
                 best is None
@@ -159,22 +161,13 @@ class _Search:
                 ends.append((replace(self), found, keys))
         search, found, keys = ends[-1]
         atoms = search._collect_atoms(found, searched=True)
-        learned = search._draw_posterior(atoms, keys, rng)
+        terms = search._draw_posterior(atoms, keys, rng).best_terms
         gram = Gram.of_rows(search.rows, search.discrepancy, atoms, search.noise)
-        draws = _sample_models(gram, learned.best_terms, _LONGER * _SWEEPS, rng)
-        last = EffectPosterior(search.full, gram, draws, search.noise, search.slab.gap)
-        return last if search._predicts_more(last, learned) else learned
+        draws = _sample_models(gram, terms, _LONGER * _SWEEPS, rng)
+        return EffectPosterior(search.full, gram, draws, search.noise, search.slab.gap)
 
-    def _predicts_more(self, posterior: EffectPosterior, other: EffectPosterior) -> bool:
-        """Whether what a posterior would name predicts blocks left out better than another would, or is the same."""
-        if _forms_of(posterior.best_terms) == _forms_of(other.best_terms):
-            return True
-        model, without = (self._fit_named(made.best_terms, made) for made in (posterior, other))
-        return _forms_of(model.terms) == _forms_of(without.terms) or predictive_nats(model, without) > 0.0
-
-    def _fit_named(self, terms: Sequence[Term], posterior: EffectPosterior) -> Model:
-        """What would be named of terms, beside all that a model may begin with: that says nothing of effects."""
-        named = _terms_with_share(choose_bodies(terms, self.full, self.rows), posterior, self.rows)
+    def _fit_named(self, named: Sequence[Term]) -> Model:
+        """Terms fitted beside all that a model may begin with: what of that is there says nothing of effects."""
         groups = {group_of(term) for term in named}
         begun = [term for term in self.initial_terms if group_of(term) not in groups]
         return fit_model(Design(self.rows, (*named, *begun)), range(len(named) + len(begun)))
