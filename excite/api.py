@@ -20,7 +20,6 @@ SPACES: dict[str, dict[str, str]] = {
         "Chart": "excite.doctor.examine",
         "Toss": "excite.diagnosis.tosses",
         "diagnose_tosses": "excite.diagnosis.tosses",
-        "estimate_torque_delay": "excite.identification.torque_delay",
     },
     "methods": {
         "EstimatorSettings": "excite.identification.estimators.settings",

@@ -36,6 +36,10 @@ CHANGES: tuple[dict[str, Any], ...] = (
     {"rounds": 8},
     {"iterations": 18},
     {"iterations": 72},
+    {"coarse": 1.0},
+    {"reach": 0.2},
+    {"enough": 0.0},
+    {"weight": 1.0},
     {"growth": 3.0},
     {"growth": 8.0},
 )

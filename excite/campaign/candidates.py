@@ -10,13 +10,13 @@ from typing import TypeAlias
 
 import numpy as np
 
-from excite.campaign.expected import TARGET_RSD
+from excite.arrays import Array
+from excite.campaign.expected import TARGET_RSD, filtered_noise
 from excite.campaign.optimised_series import Asked
 from excite.campaign.pool import Keeper, OnDisk, Pool, write_value
 from excite.campaign.searches import MIXTURE, SEARCHES
 from excite.errors import NoSolutionError, NothingSafeError, UnknownNameError
 from excite.excitation.conditioning import MotionFactor, motion_factor
-from excite.excitation.precision import row_noise
 from excite.excitation.selection import (
     Candidates,
     Selection,
@@ -376,7 +376,10 @@ def selection_candidates(robot: Robot, pool: Pool, base: BaseParameters, rule: R
     """What a rule of selection chooses from, within its bounds."""
 
     def weighted() -> tuple[Sequence[MotionFactor], Sequence[MotionFactor]]:
-        noise, motions = row_noise(robot), pool.motions
+        motions, kept = pool.motions, pool.folder.path / "noise"
+        if not kept.exists():
+            write_value(filtered_noise(robot, motions), kept)
+        noise = OnDisk[Array]((kept,), pool.folder)[0]
         files = tuple(pool.folder.path / f"{name}.weighted" for name in pool.names)
         for index, path in enumerate(files):
             # A choice without those that fell finds the others' there.

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from excite.arrays import Array
-from excite.excitation.precision import determined_columns, excitable_parameters, nominal_values
+from excite.excitation.precision import determined_columns, excitable_parameters, nominal_values, row_noise
 from excite.finding import list_names
 from excite.formats.number import check_number
 from excite.identification.judgement import ParameterOutlook, said_rsd
@@ -77,12 +77,43 @@ def predict_statistics(robot: Robot, motions: Sequence[Motion]) -> PredictedStat
         InputError: an arm whose description does not state the noise of its torques.
         LogError: the motions leave no rows.
     """
+    return _compute_statistics(*_planned_equations(robot, motions))
+
+
+# Motions that the noise of all is predicted from: the sensors' own decides it.
+_NOISE_MOTIONS = 3
+
+
+@one_blas_thread
+def filtered_noise(robot: Robot, motions: Sequence[Motion]) -> Array:
+    """Standard deviation of the noise in each of a sample's rows once identification has filtered the log.
+
+    Filters take most of a sensor's noise, and the base's pose adds its own.
+
+    Args:
+        robot: the robot; noise and rate of its sensors are those of ``robot.yaml``.
+        motions: as they will be run; the first of them are looked at.
+
+    Returns:
+        As of :func:`~excite.excitation.precision.row_noise`, which it is where identification takes other rows.
+
+    Raises:
+        InputError: an arm whose description does not state the noise of its torques.
+        LogError: the motions leave no rows.
+    """
+    stated = row_noise(robot)
+    found = _planned_equations(robot, list(motions[:_NOISE_MOTIONS]))[1].channel_std()
+    return found if found.shape == stated.shape else stated
+
+
+def _planned_equations(
+    robot: Robot, motions: Sequence[Motion]
+) -> tuple[IdentificationProblem, EquationNoise]:
     settings = ProblemSettings()
     problem = build_problem(robot, _planned_log(robot, motions, settings), settings)
     grids = trial_grids(problem)
     named = {motion.name: motion for motion in motions}
-    noise = equation_noise(robot, problem, grids, named, robot.description.sensors.rate_hz)
-    return _compute_statistics(problem, noise)
+    return problem, equation_noise(robot, problem, grids, named, robot.description.sensors.rate_hz)
 
 
 def _compute_statistics(problem: IdentificationProblem, noise: EquationNoise) -> PredictedStatistics:

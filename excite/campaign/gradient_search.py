@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from excite.arrays import Array
+from excite.campaign.expected import filtered_noise
 from excite.campaign.optimised_series import Asked, CandidateSearch
 from excite.errors import InputError, NoSolutionError
 from excite.excitation.design_rows import SEARCH_HZ, DesignRows, design_rows
@@ -61,7 +62,6 @@ class GradientDesign(CandidateSearch):
         robot = asked.robot
         # What is chosen is rehearsed with a load on the robot's back.
         members = [loaded_robot(robot).truth.phi] if can_fall(robot) else []
-        rows = design_rows(robot, members)
         mix = {"aimed" if asked.targets else "random_joint": 1.0}
         if robot.floating:
             mix = usual_mix(robot, aimed=bool(asked.targets))
@@ -76,6 +76,7 @@ class GradientDesign(CandidateSearch):
                 f"no random motion of {robot.name} is safe, from which one could be designed",
                 remedy="ask for more candidates",
             )
+        rows = design_rows(robot, members, filtered_noise(robot, kept))
         known = first_information(rows, kept) + sum(map(rows.of_motion, asked.before))
         criterion = _criterion(rows, asked)
         sets, others = sets_within(kept, asked.budget_s), list[Motion]()

@@ -42,7 +42,6 @@ def identify_robot(
     drives: bool = False,
     force: bool = False,
     template: Path | None = None,
-    align: bool = False,
     sessions: bool = False,
     *,
     call: Call,
@@ -62,9 +61,6 @@ def identify_robot(
     read = [excite.load_log(log, loaded) for log in logs]
     log = excite.join_logs(read)
     settings = excite.ProblemSettings(cutoff_hz=cutoff_hz)
-    lag = excite.estimate_torque_delay(loaded, log, settings) if align else None
-    if lag is not None:
-        settings = replace(settings, torque_delay_s=lag.lag_s)
     estimator = segment_settings(method, asymmetric, mass_range, total_mass=total_mass, bounds=stated)
     try:
         with progress_bars() as progress:
@@ -77,9 +73,6 @@ def identify_robot(
         _show_best(error, error.best, call)
         raise
     document, summary = result.to_json(), result.summary()
-    if lag is not None:
-        document["torque_delay"] = {"value_s": lag.lag_s, "std_s": lag.std_s}
-        summary += f"\naligned: {lag.summary()}"
     pooled = (
         excite.identify_sessions(loaded, excite.split_sessions(read), problem_settings=settings)
         if sessions

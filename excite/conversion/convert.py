@@ -102,9 +102,6 @@ def _convert_recordings(
         if settled is not None:
             return _convert_recordings(sources, robot, out, settled.mapping, capture, because=settled.because)
         raise UnclearError(weigh_question(found.questions, tried, stated), recordings[0].source)
-    said = {
-        name: role for recording in recordings for name, role in dict(recording.said.get("roles", {})).items()
-    }
     sheet = None if capture is None else read_capture(Path(capture))
     # A long recording is not held as read, as joined and as written at once.
     tables: list[Table] = []
@@ -113,7 +110,7 @@ def _convert_recordings(
         recordings[k] = replace(recordings[k], streams=())
     compared: list[str] = []
     if sheet is None:
-        cuts = list(cut_trials(tables, stated.trials, said))
+        cuts = list(cut_trials(tables, stated.trials))
     else:
         of_sheet, differs = by_sheet(tables, stated.trials, sheet)
         cuts, compared = list(of_sheet), differs or ["as the capture sheet asks"]

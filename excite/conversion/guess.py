@@ -553,12 +553,23 @@ def _ask_for_motion(state: Guessing) -> None:
             there=there,
             joint=next(iter(state.joints), "JOINT"),
         )
-    stated = (
-        i for i in found.mapped if i.stated and i.channel in TARGETS.values() and i.joint in state.joints
+    stated = {
+        i.joint: i.source
+        for i in found.mapped
+        if i.stated and i.channel in TARGETS.values() and i.joint in state.joints
+    }
+    forces = {
+        joint: column
+        for target in ("tau", "i")
+        if target in state.chosen
+        for joint, column in state.chosen[target].placed.columns.items()
+        if column in state.live
+    }
+    lacking = (
+        next((one for one in {**stated, **forces}.items() if one[0] not in known), None) if known else None
     )
-    lacking = next((item for item in stated if item.joint not in known), None) if known else None
     if lacking is not None:
-        found.ask("no position of a stated joint", target=lacking.target, joint=lacking.joint)
+        found.ask("no position of a joint", joint=lacking[0], column=lacking[1])
 
 
 def _ask_for_torques(state: Guessing) -> None:
@@ -625,7 +636,7 @@ def _name_unused(state: Guessing) -> None:
     known = {item.joint for item in found.of("q")}
     absent = [joint for joint in state.joints if joint not in known]
     if known and absent:
-        found.note("held still", joints=", ".join(absent))
+        found.note("joints without positions", joints=", ".join(absent))
     found.unused = [name for name in state.values if name not in state.used]
     found.lost = [c for c in found.unused if c in state.live and c in clues and is_of_joints(clues[c])]
 

@@ -83,6 +83,10 @@ def source_files(source: Path) -> list[Path]:
     """What a source stands for: itself, or the files in it of a folder that is no recording; none of those below it."""
     if not source.is_dir() or recognised(source) is not None:
         return [source]
+    if (source / "log.yaml").is_file():
+        raise LogError(
+            "is a log already", source=source, remedy="give it to excite doctor, identify or diagnose"
+        )
     files = [file for file in sorted(source.iterdir()) if recognised_recording(file)]
     # Descriptions beside recordings are JSON, too.
     return [file for file in files if file.suffix.lower() != ".json"] or files

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array, is_whole
 from excite.conversion.columns.clock import FEWEST_ROWS, Table, find_restarts, is_clock
-from excite.conversion.columns.words import read_clue
 from excite.conversion.recording import Column, Recording, Stream, nothing_there
 from excite.conversion.sources.unitree import name_motors_of_tables
+from excite.errors import LogError
 from excite.finding import first_names
 
 # More names than a humanoid with hands has joints are no names of joints; texts of a row each are more.
@@ -24,7 +24,7 @@ _ARRAY = re.compile(r"\s*(?:(?:np\.|torch\.)?(?:array|tensor)\()?\s*[\[(]")
 # Not the 64 of np.float64(0.5), as numpy writes the numbers of a list.
 _NUMBER = re.compile(r"(?<![A-Za-z\d.])[+-]?(?:\d+\.?\d*(?:[eE][+-]?\d+)?|\.\d+(?:[eE][+-]?\d+)?|nan|inf)")
 _NUMBERED = re.compile(r"(.*?)[\[_.]?(\d+)\]?$")
-_OF_JOINTS = frozenset("joint joints name motor motors id axis actuator servo dof".split())
+_OF_JOINTS = frozenset("joint joints motor motors axis actuator servo dof".split())
 _OF_TRIALS = frozenset(
     "episode episodes ep trial trials run runs demo rollout traj trajectory experiment exp test recording "
     "take session sequence motion segment repetition rep versuch essai".split()
@@ -32,30 +32,18 @@ _OF_TRIALS = frozenset(
 _BESIDE = frozenset("index idx id nr no num number name label".split())
 
 
-class Shape(NamedTuple):
-    """One way in which a table may be shaped.
-
-    Attributes:
-        name: of the rule.
-        finds: what it finds, and what it makes of it, in words.
-        change: the streams that a stream is then, and a note; the stream itself and no note where it is not so shaped.
-    """
-
-    name: str
-    finds: str
-    change: Callable[[Stream], tuple[list[Stream], str]]
-
-
 def reshape_recording(recording: Recording) -> list[Recording]:
-    """The recording with a row a sample and a column a channel: the rules of :data:`SHAPES`; one for each trial in it.
+    """The recording with a column a number, names of joints and one clock; one for each trial in it.
 
     Raises:
-        LogError: it holds words only.
+        LogError: it holds words only, or rows of one joint each.
     """
     streams, notes = list(recording.streams), list(recording.notes)
-    for shape in SHAPES:
-        changed = [shape.change(stream) for stream in streams]
-        streams = [stream for several, _ in changed for stream in several]
+    for stream in streams:
+        _refuse_shape(stream, recording.source)
+    for change in (_unpack_cells, _apply_labels, _join_stamps, _leave_out_empty):
+        changed = [change(stream) for stream in streams]
+        streams = [stream for stream, _ in changed]
         notes += [note for _, note in changed if note]
     if not any(stream.columns for stream in streams):
         raise nothing_there(recording.source)
@@ -66,7 +54,7 @@ def reshape_recording(recording: Recording) -> list[Recording]:
     )
 
 
-def _unpack_cells(stream: Stream) -> tuple[list[Stream], str]:
+def _unpack_cells(stream: Stream) -> tuple[Stream, str]:
     """The stream with ``NAME[0] … NAME[k-1]`` for a column whose cells hold ``k`` numbers each.
 
     Cells that hold words, as names of joints, are words of ``NAME[0]`` and so on.
@@ -92,54 +80,29 @@ def _unpack_cells(stream: Stream) -> tuple[list[Stream], str]:
             del words[name]
             done.append(name)
     note = f"cells of {', '.join(done)} hold arrays, a column each here" if done else ""
-    return [replace(stream, columns=tuple(columns), words=words)], note
+    return replace(stream, columns=tuple(columns), words=words), note
 
 
-def _widen(stream: Stream) -> tuple[list[Stream], str]:
-    """The stream with a column for each joint of ``position`` … where a column names the joint of its row."""
-    keys = dict(stream.words) | {
-        column.name: np.array([f"{value:g}" for value in column.values], object)
-        for column in stream.columns
-        if _is_called(column.name, _OF_JOINTS) and _is_count(column.values) and np.ptp(column.values) <= _MOST
-    }
-    for name, cells in keys.items():
-        text = np.array([str(cell) for cell in cells])
-        labels = list(dict.fromkeys(text[: 10 * _MOST].tolist()))
-        each = [np.flatnonzero(text == label) for label in labels]
-        counts = np.array([len(found) for found in each])
-        round_all = counts.sum() == len(text) and np.ptp(counts) <= max(1.0, 0.02 * counts.max())
-        known = _is_called(name, _OF_JOINTS) and not re.search(r"\d", name)
-        if not (known and 1 < len(labels) <= _MOST and len(text) >= 10 * len(labels) and round_all):
-            continue
-        rows = np.array([found[: counts.min()] for found in each])
-        columns: list[Column] = []
-        for column in stream.columns:
-            table = column.values[rows]
-            if column.name == name:
-                continue
-            if (table == table[0]).all() or all(is_clock(values) for values in table):
-                columns.append(replace(column, values=table[0]))
-            else:
-                columns += [
-                    replace(column, name=f"{column.name}.{label}", values=values, label=label)
-                    for label, values in zip(labels, table, strict=True)
-                ]
-        time = None if stream.time is None else stream.time[rows[0]]
-        note = f"{name} names the joint of each row: {len(labels)} rows a sample, a column a joint here"
-        return [replace(stream, columns=tuple(columns), words={}, time=time)], note
-    return [stream], ""
+def _refuse_shape(stream: Stream, source: str) -> None:
+    """Raise LogError for rows that are of one joint each."""
+    counts = {column.name: column.values for column in stream.columns if _is_count(column.values)}
+    for name, cells in {**counts, **stream.words}.items():
+        if _is_called(name, _OF_JOINTS | _BESIDE) and _is_called(name, _OF_JOINTS, some=True):
+            if 1 < len(set(cells.tolist())) <= _MOST and (cells[1:] != cells[:-1]).mean() > 0.5:
+                remedy = "write a row a sample and a column a joint (pandas: pivot by time and this column)"
+                raise LogError("says whose joint each row is", source=source, field=name, remedy=remedy)
 
 
-def _apply_labels(stream: Stream) -> tuple[list[Stream], str]:
+def _apply_labels(stream: Stream) -> tuple[Stream, str]:
     """The stream with labels on its numbered columns where other columns name as many joints, the same in every row."""
     names: dict[str, list[str]] = {}
     for name, cells in stream.words.items():
         if cells[0] and (cells == cells[0]).all():
             names.setdefault(_stem(name), []).append(str(cells[0]))
-    return [with_labels(stream, names)], ""
+    return with_labels(stream, names), ""
 
 
-def _join_stamps(stream: Stream) -> tuple[list[Stream], str]:
+def _join_stamps(stream: Stream) -> tuple[Stream, str]:
     """The stream with one clock for every pair of columns that are whole seconds and parts of them."""
     columns: list[Column] = []
     done = []
@@ -152,7 +115,7 @@ def _join_stamps(stream: Stream) -> tuple[list[Stream], str]:
         columns[-1] = Column(f"{before.name}+{column.name}", whole, channel="time", unit="s")
         done.append(columns[-1].name)
     note = f"{', '.join(done)}: seconds and parts of a second are one time" if done else ""
-    return [replace(stream, columns=tuple(columns))], note
+    return replace(stream, columns=tuple(columns)), note
 
 
 def _whole_stamps(seconds: Array, parts: Array) -> Array | None:
@@ -176,23 +139,14 @@ def _whole_stamps(seconds: Array, parts: Array) -> Array | None:
     return whole if is_clock(whole) else None
 
 
-def _leave_out_empty(stream: Stream) -> tuple[list[Stream], str]:
+def _leave_out_empty(stream: Stream) -> tuple[Stream, str]:
     """Without columns in which no row has a number."""
     kept = [np.isfinite(column.values).any() for column in stream.columns]
     if all(kept):
-        return [stream], ""
+        return stream, ""
     empty = [column.name for column, some in zip(stream.columns, kept, strict=True) if not some]
     columns = tuple(column for column, some in zip(stream.columns, kept, strict=True) if some)
-    return [replace(stream, columns=columns)], f"no row has a number in {first_names(empty, 3)}: left out"
-
-
-SHAPES = (
-    Shape("cells", "arrays in cells: a column each", _unpack_cells),
-    Shape("long", "a row a joint and sample: a column a joint", _widen),
-    Shape("names", "names of joints beside their numbers: labels", _apply_labels),
-    Shape("stamps", "seconds and parts of seconds: one clock", _join_stamps),
-    Shape("empty", "columns without any number: left out", _leave_out_empty),
-)
+    return replace(stream, columns=columns), f"no row has a number in {first_names(empty, 3)}: left out"
 
 
 def _by_episode(recording: Recording) -> list[Recording]:
@@ -275,12 +229,6 @@ def stream_of_arrays(name: str, arrays: Mapping[str, Any]) -> list[Stream]:
             found.append(Column(key, array))
         else:
             found += [Column(f"{key}[{k}]", array[:, k]) for k in range(array.shape[1])]
-    for n in sorted(lengths, reverse=True):
-        # Optimal control has a control between two states: xs of 101 rows, us of 100; the last row is not known.
-        fewer = lengths.get(n - 1, []) if n > _MOST else []
-        if fewer and not any(read_clue(column.name, ()).quantity == "time" for column in fewer):
-            lengths[n] += [replace(column, values=np.append(column.values, np.nan)) for column in fewer]
-            del lengths[n - 1]
     names = {key: _word_list(values) for key, values in arrays.items()}
     return [
         with_labels(Stream(name, tuple(columns), words=words.get(n, {})), names)

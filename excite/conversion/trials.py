@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 
@@ -58,13 +58,15 @@ class Cut:
     because: str
 
 
-def cut_trials(tables: Sequence[Table], rules: TrialRules, roles: dict[str, Role]) -> tuple[Cut, ...]:
+def cut_trials(
+    tables: Sequence[Table], rules: TrialRules, roles: Mapping[str, Role] | None = None
+) -> tuple[Cut, ...]:
     """Trials of recordings.
 
     Args:
         tables: the recordings, joined.
         rules: what a map says of trials.
-        roles: what recordings or a plan say of roles, by trial.
+        roles: what a plan says of roles, by trial.
 
     Returns:
         Trials with roles; at least one is for identification.
@@ -81,7 +83,7 @@ def cut_trials(tables: Sequence[Table], rules: TrialRules, roles: dict[str, Role
             )
             pieces.append(Cut(name, columns, "identification", None, table.name, because))
     pieces = _with_repeats(pieces, rules)
-    return tuple(_with_roles(pieces, rules, roles))
+    return tuple(_with_roles(pieces, rules, roles or {}))
 
 
 def _window(table: Table, rules: TrialRules) -> Table:
@@ -197,7 +199,7 @@ def _alike(a: dict[str, Array], b: dict[str, Array], prefix: str, share: float) 
     return rest < share * spread
 
 
-def _with_roles(pieces: list[Cut], rules: TrialRules, roles: dict[str, Role]) -> list[Cut]:
+def _with_roles(pieces: list[Cut], rules: TrialRules, roles: Mapping[str, Role]) -> list[Cut]:
     """The pieces, those that validate chosen in the first way that tells them.
 
     Raises:
@@ -219,7 +221,7 @@ def _with_roles(pieces: list[Cut], rules: TrialRules, roles: dict[str, Role]) ->
     ways = (
         ("as stated in the map", set[str]().union(*found.values())),
         (
-            "as its source says",
+            "as the plan says",
             {p.name for p in pieces if roles.get(p.name, roles.get(p.source)) == "validation"},
         ),
         ("by its name", {name for name in names if not _VALIDATION.isdisjoint(name_tokens(name))}),

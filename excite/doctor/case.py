@@ -77,6 +77,11 @@ class Case:
         return tuple(np.array(self.log.header.joints)[chosen])
 
     @property
+    def is_strange(self) -> bool:
+        """Whether the size of torques, or the model's bodies, are in doubt: nothing is told by either then."""
+        return Doubt.SIZE in self.doubts or any(found.kind == "other_model" for found in self.findings)
+
+    @property
     def columns(self) -> list[int]:
         """Indices of the log's joints among those of the robot."""
         return [self.robot.joint_index(name) for name in self.log.header.joints]

@@ -97,7 +97,9 @@ def misreadings(
         gainable = float(left.counts @ spare) + left.cost > STRONG_ODDS
         # Those that are believed come before those that only surprise.
         chosen: list[tuple[bool, float, Correction, Mistake, Judgement]] = []
-        tried, promising = _promising(samples, reading, [m for m in mistakes if gainable or m.may_surprise])
+        tried, promising = find_promising(
+            samples, reading, [m for m in mistakes if gainable or m.may_surprise]
+        )
         for mistake, correction in promising:
             then = samples.judged(correction.reading, left.counts)
             merit = left.posterior(then, tried=tried, changes=correction.changes)
@@ -157,7 +159,7 @@ def refine_zeros(
     return reading, rest
 
 
-def _promising(
+def find_promising(
     samples: Samples, reading: Reading, mistakes: Sequence[Mistake]
 ) -> tuple[int, list[tuple[Mistake, Correction]]]:
     """How many corrections there are, and the best of each mistake by the nominal bodies alone, which are quick."""

@@ -59,7 +59,8 @@ class TorqueSamples(Samples):
         q: ``(n, nq)`` filtered; ``v``, ``a`` ``(n, nv)``.
         stated_hz: the rate that the log's header says.
         speeds: whether every trial has logged velocities, with which the clock agrees by now.
-        within: share of the rows in which each torque is not at an end of its range, ``(n_torques,)``.
+        ends: share of the rows in which each torque is at the lower and at the upper end of its range,
+            ``(2, n_torques)``; nought where these rows are not among the samples.
         carried: ``(10·n_segments,)`` inertial parameters that are added to the model's; None for none.
     """
 
@@ -71,7 +72,7 @@ class TorqueSamples(Samples):
     a: Array
     stated_hz: float
     speeds: bool
-    within: Array
+    ends: Array
     carried: Array | None = None
 
     @property
@@ -273,14 +274,22 @@ def torque_samples(robot: Robot, log: Log) -> TorqueSamples | None:
     if found is None:
         return None
     (motion,), fields = found
-    joints, kind = log.header.joints, "i" if log.header.torque == "current" else "tau"
-    names = [f"{kind}.{joint}" for joint in log.header.torque_joints]
-    cut = np.array([sum(trial.cleaning.clipped.get(name, 0) for trial in trials) for name in names])
+    joints = log.header.joints
+    measured = np.array([joints.index(name) for name in log.header.torque_joints])
+    ends = np.zeros((2, len(measured)))
+    for trial in () if share else trials:
+        values = trial.tau if trial.tau is not None else trial.current
+        if values is not None and trial.beyond is not None:
+            at, upper = (
+                trial.beyond[:, measured],
+                (2.0 * values > values.max(axis=0) + values.min(axis=0))[:, measured],
+            )
+            ends += [(at & ~upper).sum(axis=0), (at & upper).sum(axis=0)]
     return TorqueSamples(
         **fields,
         **motion._asdict(),
-        measured=np.array([joints.index(name) for name in log.header.torque_joints]),
+        measured=measured,
         stated_hz=log.header.rate_hz,
         speeds=all(trial.v is not None for trial in log.trials),
-        within=np.ones(len(names)) if share else 1.0 - np.minimum(cut, n - 1) / n,
+        ends=ends / max(n, 1),
     )

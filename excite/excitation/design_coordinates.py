@@ -23,8 +23,9 @@ from excite.regressor.kernels import Placements, forward_kinematics
 from excite.regressor.tree import PRISMATIC, KinematicTree, read_tree
 from excite.robot.robot import Robot
 
-# Unit of the base's coordinates, where that of joints is 1 [m or rad].
-_BASE_UNIT = 0.1
+# What counts as much of a base's position, velocity, acceleration and jerk as limits do of a joint's [m or rad, s]:
+# what the ground bears is found in the search.
+_BASE_LIMITS = np.array([[0.1], [0.3], [1.0], [np.inf]])
 # Newton's steps for legs, the largest of them, and the one after which nothing is left to gain [rad].
 _STEPS, _LARGEST, _ARRIVED = 12, 0.3, 1e-10
 
@@ -44,9 +45,11 @@ class JointCoordinates:
     motion: Motion
 
     @property
-    def units(self) -> Array:
-        """Of the coordinates, ``(k,)`` [rad or m]; joints' are the last ones."""
-        return np.ones(len(self.own))
+    def limits(self) -> Array:
+        """Of position from its middle, velocity, acceleration and jerk, ``(4, k)``; joints' are the last ones."""
+        limits = self.robot.limits
+        half = 0.5 * (limits.position_upper - limits.position_lower)
+        return np.array([half, limits.velocity, limits.acceleration, limits.jerk])[:, self.own]
 
     def states(self, added: Sequence[Array]) -> Moved:
         """q, v and a for what is added to the coordinates and to their first and second derivatives, ``(n, k)``."""
@@ -69,9 +72,9 @@ class FeetCoordinates(JointCoordinates):
     """
 
     @property
-    def units(self) -> Array:
-        """Of the coordinates, ``(k,)`` [rad or m]; joints' are the last ones."""
-        return np.concatenate([np.full(6, _BASE_UNIT), super().units])
+    def limits(self) -> Array:
+        """See :class:`JointCoordinates`; the base's are what counts as much."""
+        return np.hstack([np.repeat(_BASE_LIMITS, 6, axis=1), super().limits])
 
     @cached_property
     def _tree(self) -> KinematicTree:

@@ -23,7 +23,6 @@ from excite.excitation.precision import nominal_values, row_noise
 from excite.excitation.targets import NEGLIGIBLE
 from excite.motion.generators.generator import free_upper_body, upper_body
 from excite.motion.motion import Motion
-from excite.regressor.adjoint import regressor_gradient
 from excite.regressor.base_parameters import BaseParameters, structural_base_parameters
 from excite.regressor.columns import DRIVE_TERMS, measured_columns
 from excite.regressor.kernels import (
@@ -32,7 +31,7 @@ from excite.regressor.kernels import (
     inverse_dynamics,
     joint_torque_regressor,
 )
-from excite.regressor.tree import KinematicTree, read_tree
+from excite.regressor.tree import PRISMATIC, KinematicTree, read_tree
 from excite.robot.joint_values import per_joint
 from excite.robot.legs import TORQUE_SHARE
 from excite.robot.robot import Robot
@@ -82,14 +81,16 @@ class DesignRows(ABC):
     Attributes:
         robot: the robot.
         terms: of each joint's drive that count as parameters, where sensors see them.
-        is_weighted: whether rows are divided by the noise that the description states.
+        is_weighted: whether rows are divided by their noise.
         chosen: columns that stand for the base parameters; the first independent ones if None.
+        noise: standard deviations of the rows' noise, ``(n_rows,)``; those that the description states if None.
     """
 
     robot: Robot
     terms: tuple[str, ...] = DRIVE_TERMS
     is_weighted: bool = True
     chosen: Indices | None = None
+    noise: Array | None = None
 
     @cached_property
     def base(self) -> BaseParameters:
@@ -113,7 +114,9 @@ class DesignRows(ABC):
 
     @cached_property
     def _weights(self) -> Array:
-        return 1.0 / row_noise(self.robot) if self.is_weighted else np.ones(self.robot.n_equations)
+        if not self.is_weighted:
+            return np.ones(self.robot.n_equations)
+        return 1.0 / (row_noise(self.robot) if self.noise is None else self.noise)
 
     @cached_property
     def _inertial(self) -> Indices:
@@ -357,7 +360,7 @@ class GroundForces:
         self._parameters = stated_parameters(robot)
         self._set = RowsOfSet(robot, self._parameters)
         self._members = [rows.tree.phi, *rows.members]
-        self._legs = LegTorques(rows, sweep, self._set)
+        self._legs, self._weight = LegTorques(rows, sweep, self._set), Weight(rows)
         # Where the source leaves less on the same feet, a design leaves as much to the same robots.
         state = Moved(sampled.q, sampled.v, sampled.a)
         full = rows.regressor(*state)
@@ -370,33 +373,22 @@ class GroundForces:
 
     def values(self, full: Array, state: Moved, sign: Array) -> Array:
         """Shares that are used, 1 at the limits: of planes' room, of edges' at standstill, of the legs' torques."""
-        none = np.zeros_like(state.v)
         self._forms = _in_base(self._world[self._at_samples, self._near], state.q)
         self._wrenches = self._worst @ full.transpose(0, 2, 1)
-        # A robot that is stopped there acts below its centre of mass.
-        self._still = inverse_dynamics(self._tree, state.q, none, none)[:, None, :6]
-        self._still_forms = _in_base(self._edges, state.q)
-        used = [
-            (forms * wrenches).sum(axis=2)
-            for forms, wrenches in ((self._forms, self._wrenches), (self._still_forms, self._still))
-        ]
+        used = [(self._forms * self._wrenches).sum(axis=2), self._weight.values(self._edges, state.q)]
         return np.hstack([np.maximum(1.0 + np.hstack(used), 0.0), self._legs.values(full, state, sign)])
 
     def pulled(self, slope: Array, full: Array, state: Moved, sign_slope: Array) -> Pulled:
         """Gradients of a sum of shares times ``slope``, where :meth:`values` was asked last."""
-        none, n_near = np.zeros_like(state.v), self._near.shape[1]
+        n_near = self._near.shape[1]
         by_plane, by_edge, by_torque = np.split(slope, [n_near, n_near + self._edges.shape[1]], axis=1)
         legs, by_wrench = self._legs.pulled(by_torque, state, sign_slope)
-        pulls = np.concatenate([by_plane[:, :, None] * self._forms, _in_base(by_wrench, state.q)], axis=1)
-        phi = np.concatenate(
-            [self._worst, np.broadcast_to(self._tree.phi, (len(slope), 1, self._tree.phi.size))], axis=1
-        )
-        _pull_base(pulls, phi @ full.transpose(0, 2, 1), state.q, legs.q)
-        own = pulls.transpose(0, 2, 1) @ phi
-        still = (by_edge[:, :, None] * self._still_forms).sum(axis=1, keepdims=True)
-        _pull_base(still, self._still, state.q, legs.q)
-        at_rest = still[:, 0, :, None] * self._tree.phi
-        legs.q[:] += regressor_gradient(self._tree, state.q, none, none, at_rest).q
+        by_near, by_own = by_plane[:, :, None] * self._forms, _in_base(by_wrench, state.q)
+        pulls = np.concatenate([by_near, by_own], axis=1)
+        wrenches = np.concatenate([self._wrenches, (full @ self._tree.phi)[:, None]], axis=1)
+        _pull_base(pulls, wrenches, state.q, legs.q)
+        own = by_near.transpose(0, 2, 1) @ self._worst + by_own[:, 0, :, None] * self._tree.phi
+        self._weight.pull((by_edge[:, :, None] * self._edges).sum(axis=1), state.q, legs.q)
         return legs._replace(weights=np.concatenate([own, legs.weights], axis=1))
 
     def watch(self, full: Array, state: Moved) -> Array:
@@ -447,6 +439,48 @@ def _pull_base(by_wrench: Array, wrench: Array, q: Array, by_q: Array) -> None:
     force, moment = np.split(wrench, 2, axis=2)
     by_q[:, :3] += Rotation.from_quat(q[:, 3:7]).apply(np.cross(force, by_moment).sum(axis=1))
     by_q[:, 3:6] += (np.cross(force, by_force) + np.cross(moment, by_moment)).sum(axis=1)
+
+
+class Weight:
+    """The wrench about the world's origin of a robot that is stopped where it is: it acts below its centre of mass.
+
+    Args:
+        rows: of the robot.
+    """
+
+    def __init__(self, rows: StandingRows) -> None:
+        self._tree, n = rows.tree, rows.tree.n_segments
+        bodies = rows.tree.phi.reshape(n, 10)
+        self._masses, self._moments = bodies[:, 0], bodies[:, 1:4]
+        supports = rows.robot.model.supports
+        self._carried = np.array(
+            [[i + 1 in supports[j + 1] for j in range(n)] for i in range(n)], dtype=float
+        )
+        self._force = -self._masses.sum() * rows.robot.model.gravity.linear
+
+    def values(self, forms: Array, q: Array) -> Array:
+        """Of forms of wrenches about the world's origin ``(n, k, 6)``, ``(n, k)``."""
+        self._poses = forward_kinematics(self._tree, q)
+        place, turned = self._poses.translation[:, 1:], self._poses.rotation[:, 1:]
+        moments = self._masses[:, None] * place + np.einsum("nbij,bj->nbi", turned, self._moments)
+        self._levers = np.einsum("jb,nbi->nji", self._carried, moments)
+        centre = self._levers[:, 0] / self._masses.sum()
+        wrench = np.hstack([np.broadcast_to(self._force, centre.shape), np.cross(centre, self._force)])
+        return np.asarray(np.einsum("nkw,nw->nk", forms, wrench))
+
+    def pull(self, form: Array, q: Array, by_q: Array) -> None:
+        """Add gradients of a form ``(n, 6)`` in the positions, where :meth:`values` was asked last."""
+        joints, mass = np.arange(2, self._tree.n_segments + 1), self._masses.sum()
+        by_centre = np.cross(self._force, form[:, 3:])
+        by_q[:, :3] += by_centre
+        about = np.cross(self._levers[:, 0] / mass - q[:, :3], by_centre)
+        by_q[:, 3:6] += Rotation.from_quat(q[:, 3:7]).inv().apply(about)
+        axis = np.einsum("njab,jb->nja", self._poses.rotation[:, joints], self._tree.axes[joints])
+        carried = (self._carried @ self._masses)[joints - 1, None]
+        arms = np.cross(axis, self._levers[:, joints - 1] - carried * self._poses.translation[:, joints])
+        slides = self._tree.kinds[joints] == PRISMATIC
+        arms[:, slides] = (carried * axis)[:, slides]
+        by_q[:, joints + 4] += np.einsum("nji,ni->nj", arms, by_centre) / mass
 
 
 class LegTorques:
@@ -550,14 +584,19 @@ def stated_drives(robot: Robot) -> Array:
     return np.array([per_joint(block, robot.joint_names, nothing) for block in blocks])
 
 
-def design_rows(robot: Robot, members: Sequence[Array] = ()) -> DesignRows:
+def design_rows(robot: Robot, members: Sequence[Array] = (), noise: Array | None = None) -> DesignRows:
     """Rows to design a robot's motions with; raises InputError where it has none.
 
     Args:
         robot: the robot.
         members: parameters of robots that have to stand too, ``(10·n_segments,)`` each.
+        noise: as of :class:`DesignRows`.
     """
-    return StandingRows(robot, members=tuple(members)) if robot.floating else ArmRows(robot)
+    return (
+        StandingRows(robot, noise=noise, members=tuple(members))
+        if robot.floating
+        else ArmRows(robot, noise=noise)
+    )
 
 
 def can_design(robot: Robot) -> bool:

@@ -40,26 +40,34 @@ class DesignSettings:
 
     Attributes:
         knot_s: distance of the splines' knots [s].
-        rate_hz: samples that limits and criterion are looked at [Hz].
+        rate_hz: samples that limits and criterion are looked at in the last rounds [Hz].
+        coarse: share of that rate in the rounds before.
+        reach: root mean square of what a round adds at most, as a share of the limits.
         velocity: share of the velocities that is used at the samples: between them motions go beyond.
         acceleration: the same of the accelerations.
         near_m: bodies nearer than this beyond their margin are watched [m].
         extra_m: distance beyond the margin, for what happens between the samples [m].
         rounds: of the search, before each of which nearest points are found anew.
-        more_rounds: at most, while no step is safe: what little is known pulls harder than the first weights.
+        more_rounds: at most, while safe steps are short: what little is known pulls harder than the first weights.
+        enough: part of the way that is not short.
         iterations: in each round.
-        growth: of the weight of squared violations from round to round, from 1.
+        weight: of squared violations in the first round.
+        growth: of that weight from round to round.
     """
 
     knot_s: float = 0.25
     rate_hz: float = SEARCH_HZ
+    coarse: float = 0.5
+    reach: float = 0.3
     velocity: float = 0.98
     acceleration: float = 0.94
     near_m: float = 0.06
     extra_m: float = 0.01
-    rounds: int = 3
+    rounds: int = 4
     more_rounds: int = 2
-    iterations: int = 50
+    enough: float = 0.9
+    iterations: int = 35
+    weight: float = 0.2
     growth: float = 5.0
 
 
@@ -90,6 +98,7 @@ class DesignProgram:
         prior: information so far, ``(n_base, n_base)``, of samples at the search's rate.
         criterion: what to make large.
         settings: of the search.
+        rate_hz: samples that are looked at [Hz]; the settings' own if None.
     """
 
     def __init__(
@@ -99,7 +108,9 @@ class DesignProgram:
         prior: Array,
         criterion: Criterion,
         settings: DesignSettings = _USUAL,
+        rate_hz: float | None = None,
     ) -> None:
+        rate_hz = rate_hz or settings.rate_hz
         # A copy that was sent to another process lies otherwise in memory, and sums of it would round otherwise.
         self._rows, self._prior, self._criterion = rows, np.ascontiguousarray(prior), criterion
         self.source, self._settings = source, settings
@@ -112,20 +123,20 @@ class DesignProgram:
         self._knots = np.r_[
             np.zeros(_DEGREE), np.linspace(0.0, source.duration, n + 1), np.full(_DEGREE, source.duration)
         ]
-        time = np.linspace(0.0, source.duration, max(8, round(source.duration * settings.rate_hz)) + 1)
+        time = np.linspace(0.0, source.duration, max(8, round(source.duration * rate_hz)) + 1)
         self._bases = self._basis(time)
         nominal = interpolate_motion(source, robot, source.time[0] + time)
         self._coordinates: JointCoordinates = rows.coordinates(nominal)
-        self._units = self._settings.knot_s * self._coordinates.units
+        self._whitening = self._whiten(np.linspace(0.0, source.duration, 8 * n + 1))
         # Jerks jump at knots of the source: they are looked at between the samples too.
         fine = np.linspace(0.0, source.duration, 8 * len(time))
         own = self._coordinates.own
         between = interpolate_motion(source, robot, source.time[0] + fine).a[:, robot.n_base_v + own]
         rates = np.diff(between, axis=0) / fine[1]
-        self._share = SEARCH_HZ / settings.rate_hz
+        self._share = SEARCH_HZ / rate_hz
         self._jerk, self._jerk_basis = rates, self._basis(fine[:-1] + 0.5 * fine[1])[3]
         self._most_jerk = limits.jerk[own]
-        self.size = self._bases[0].shape[1] * len(self._units)
+        self.size = self._whitening[:, 0].size
         self._tree = rows.tree
         self._half = 0.5 * (limits.position_upper - limits.position_lower)[moved]
         self._middle = limits.position_lower[moved] + self._half
@@ -141,9 +152,20 @@ class DesignProgram:
         values = ((spline.derivative(d) if d else spline)(inside)[:, 3:-3] for d in range(4))
         return tuple(np.ascontiguousarray(basis) for basis in values)
 
+    def _whiten(self, time: Array) -> Array:
+        """Units of the coefficients in which what is added takes the same share of its limits in all directions.
+
+        Curvatures of criterion and penalties go with the squares of accelerations: without it a search of few steps
+        leaves the slow parts as they are.
+        """
+        bases, limits = self._basis(time), self._coordinates.limits
+        squared = np.array([basis.T @ basis for basis in bases]) * bases[0].shape[1] / len(time)
+        shares = np.einsum("dc,dij->cij", 1.0 / np.maximum(limits, 1e-6) ** 2, squared)
+        return self._settings.reach * np.linalg.inv(np.linalg.cholesky(shares)).transpose(0, 2, 1)
+
     def _table(self, x: Array) -> Array:
         """Coefficients of the splines, ``(k, n_coordinates)``."""
-        return self._units * x.reshape(-1, len(self._units))
+        return (self._whitening @ x.reshape(len(self._whitening), -1, 1))[:, :, 0].T
 
     def states(self, x: Array) -> Moved:
         """q ``(n, nq)``, v and a ``(n, nv)`` of coefficients ``(size,)``."""
@@ -206,7 +228,7 @@ class DesignProgram:
         )
         found = np.array(found)
         found[:, own] += self._jerk_basis.T @ parts[4]
-        return value + weight * penalty, (self._units * found).ravel()
+        return value + weight * penalty, (found.T[:, None] @ self._whitening).ravel()
 
     def watch(self, x: Array) -> None:
         """Find the nearest points of bodies that are near each other, and what else is found once a round."""
@@ -265,8 +287,9 @@ def design_motion(
     """The motion near a safe one that adds most to the information so far.
 
     Coefficients are those of B-splines of degree four that leave both ends at rest. Squared violations of the limits
-    and of distances at coal's witness points are penalties of growing weight; L-BFGS-B minimises. The step is then
-    shortened until the independent check finds the motion safe; with none left it is the source itself.
+    and of distances at coal's witness points are penalties of growing weight; L-BFGS-B minimises, on fewer samples
+    until the last rounds. The step is then shortened until the independent check finds the motion safe; with none left
+    it is the source itself.
 
     Args:
         rows: of the robot.
@@ -277,24 +300,31 @@ def design_motion(
             robot's design leaves them no less than its source in any case.
         settings: of the search.
     """
-    program = DesignProgram(rows, source, prior, criterion, settings)
+    rates = (settings.coarse * settings.rate_hz, settings.rate_hz)
+    first, program = (DesignProgram(rows, source, prior, criterion, settings, rate) for rate in rates)
     keeps_margins = rows.robot.floating and not robust
     parameters = stated_parameters(rows.robot) if keeps_margins else None
     least = _least_margins(check_motion(rows.robot, source, parameters=parameters)) if keeps_margins else {}
     x = np.zeros(program.size)
+    best = Design(source, program.information(x), 0.0)
     for k in range(settings.rounds + settings.more_rounds):
-        program.watch(x)
+        looked = program if k + 1 >= settings.rounds else first
+        looked.watch(x)
         found = minimize(
-            program.evaluate, x, args=(settings.growth**k,), jac=True, method="L-BFGS-B",
-            bounds=np.stack([x - 2.0, x + 2.0], axis=1), options={"maxiter": settings.iterations, "maxcor": 15},
+            looked.evaluate, x, args=(settings.weight * settings.growth**k,), jac=True, method="L-BFGS-B",
+            bounds=np.stack([x - 1.0, x + 1.0], axis=1), options={"maxiter": settings.iterations, "maxcor": 15},
         )  # fmt: skip
         x = np.asarray(found.x)
         # Each time twice as much is taken off the step.
         for step in (1.0, *(1.0 - 0.01 * 2**i for i in range(7))) if k + 1 >= settings.rounds else ():
             motion = program.motion(step * x)
             if _is_safe(rows.robot, motion, parameters, robust=robust, least=least) and stands(motion):
-                return Design(motion, program.information(step * x), step)
-    return Design(source, program.information(0.0 * x), 0.0)
+                safe = Design(motion, program.information(step * x), step)
+                best = max(best, safe, key=lambda one: criterion.value(prior + one.information))
+                break
+        if best.step >= settings.enough:
+            break
+    return best
 
 
 def design_motions(
@@ -307,7 +337,7 @@ def design_motions(
     stands: Callable[[Motion], bool] = lambda _: True,
     settings: DesignSettings = _USUAL,
 ) -> list[Design]:
-    """Designs of motions that are run together, each for what those before it lack.
+    """Designs of motions that are run together, each for what those before it, as designed, and those after it lack.
 
     Args:
         rows: of the robot.
@@ -319,14 +349,14 @@ def design_motions(
         settings: of the search.
     """
     made: list[Design] = []
-    information = start
-    for source in sources:
+    own = [rows.of_motion(source) for source in sources]
+    information = start + sum(own)
+    for source, its in zip(sources, own, strict=True):
+        before = information - its
         made.append(
-            design_motion(
-                rows, source, information, criterion, robust=robust, stands=stands, settings=settings
-            )
+            design_motion(rows, source, before, criterion, robust=robust, stands=stands, settings=settings)
         )
-        information = information + made[-1].information
+        information = before + made[-1].information
     return made
 
 

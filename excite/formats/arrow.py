@@ -1,4 +1,4 @@
-"""Apache Parquet and Feather: tables of Arrow as numpy arrays."""
+"""Apache Parquet: tables of Arrow as numpy arrays."""
 
 from __future__ import annotations
 
@@ -11,15 +11,11 @@ import pyarrow as pa
 import pyarrow.parquet
 from numpy.typing import NDArray
 
-from excite.formats.file import check_size, check_unique, first_bytes, unreadable
+from excite.formats.file import check_size, check_unique, unreadable
 from excite.formats.format import ColumnFormat, Content
 
 # Numbers that are laid out for writing at once, 80 MB: a long recording is not held a second time for it.
 _GROUP = 10_000_000
-# What files of Arrow's own format, the second of Feather, begin with.
-_FEATHER = b"ARRO"
-ARROW = (b"PAR1", _FEATHER)
-"""How files begin that :func:`read_arrow` reads."""
 
 
 def open_parquet(path: Path) -> pa.parquet.ParquetFile:
@@ -127,14 +123,10 @@ class ParquetFormat(ColumnFormat):
 # Tables of any making: lists of numbers in rows, records, texts.
 
 
-def read_arrow(path: Path) -> dict[str, Any]:
-    """Columns of Parquet or Feather as :func:`table_arrays` has them; raises InputError."""
-    with unreadable(path, "a table of Arrow"):
-        if first_bytes(path, 4) == _FEATHER:
-            with pa.ipc.open_file(str(path)) as file:
-                table = file.read_all()
-        else:
-            table = read_parquet(path)
+def parquet_arrays(path: Path) -> dict[str, Any]:
+    """Columns of Parquet as :func:`table_arrays` has them; raises InputError."""
+    with unreadable(path, "a Parquet file"):
+        table = read_parquet(path)
         check_size(table.num_rows * table.num_columns, 0, path)
         return table_arrays(table)
 

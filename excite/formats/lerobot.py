@@ -14,7 +14,7 @@ import pyarrow.parquet
 from numpy.typing import NDArray
 
 from excite.errors import InputError
-from excite.formats.arrow import read_arrow
+from excite.formats.arrow import parquet_arrays
 from excite.formats.documents import read_json
 from excite.formats.file import MAX_FILE_BYTES, check_file
 
@@ -64,7 +64,7 @@ class DataSet:
     def episodes(self) -> Iterator[tuple[int, dict[str, NDArray[Any]]]]:
         """Number and rows of each episode: ``(n,)`` or ``(n, k)`` by feature, and ``time`` [s] where it is known."""
         for file in self.files:
-            arrays = read_arrow(check_file(file, limit=MAX_FILE_BYTES))
+            arrays = parquet_arrays(check_file(file, limit=MAX_FILE_BYTES))
             n = max((len(values) for values in arrays.values()), default=0)
             index = arrays.get("episode_index", np.zeros(n)).astype(int)
             for episode in np.unique(index):

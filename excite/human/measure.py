@@ -55,7 +55,6 @@ from excite.human.segments import (
     base_pose,
     frame_turn,
     joint_angles,
-    near_singular,
     place_segments,
 )
 from excite.human.trial_poses import Calibration, TrialPoses, calibrate_body, trial_poses
@@ -728,5 +727,4 @@ def measured_trial(
         marker_rms_m=dict(poses.marker_rms),
         plates=tuple(StoodOn(r.name, r.foot, r.distance) for r in readings),
     )
-    singular = near_singular(joint_angles(poses.pose), name)
-    return Measured(trial, report, (*poses.findings, *odd, *held.findings, *singular))
+    return Measured(trial, report, (*poses.findings, *odd, *held.findings))

@@ -69,12 +69,14 @@ _LEVER_UNITS = {
     1.3558179483314: "pound-feet",
     0.1129848290276: "pound-inches",
     0.3048: "made of levers in feet",
+    0.2248089430997105: "N·m beside forces in pounds-force",
     0.0254: "made of levers in inches",
     1e2: "a hundred times too small beside the forces",
     1e1: "ten times too small beside the forces",
     1e-1: "ten times too large beside the forces",
     1e-2: "a hundred times too large beside the forces, as with levers in centimetres",
 }
+_MOMENTS_ARE = "moments of {} are "
 # The centre of pressure of somebody who stands still moves by some millimetres: by less it moves under nobody [m].
 _LEAST_SWAY = 5e-4
 _SHARED = 0.15
@@ -292,14 +294,24 @@ class _Plates:
         while balance.carried.any() and len(self.plates) <= 4:
             first = least = misfit(self.plates)
             limit, chosen = max(NEAR, typical_miss(self.plates)), None
-            # More is taken to be wrong only where that halves what is left.
+            # More is taken to be wrong only where that halves what is left; of units, which are few, its power.
             for _, alike in groupby(
                 sorted(_changed_poses(self.plates, balance), key=_Change.size), _Change.size
             ):
                 possible = [one for one in alike if typical_miss(one.plates) < limit]
                 best = min(possible, key=lambda one: misfit(one.plates), default=None)
-                if best is not None and misfit(best.plates) < 0.5 * least:
-                    chosen, least = best, misfit(best.plates)
+                if best is None or misfit(best.plates) >= best.bound * least:
+                    continue
+                least = misfit(best.plates)
+                # Units that are next to each other are not told apart: a body's own moments are known to some tenths.
+                near = [
+                    one.fault.removeprefix(_MOMENTS_ARE)
+                    for one in possible
+                    if one is not best
+                    and (one.kind, one.names) == (best.kind, best.names) == ("units", best.names)
+                    and best.bound * misfit(one.plates) < least
+                ]
+                chosen = replace(best, fault=", or ".join([best.fault, *near]))
             if chosen is None:
                 return
             self.plates = chosen.plates
@@ -423,6 +435,11 @@ class _Change:
         kind, fault, cure = words
         return cls(plates, tuple(own[i].name for i in changed), kind, fault, cure, fitted)
 
+    @property
+    def bound(self) -> float:
+        """Share of the misfit that it may leave, to be believed."""
+        return float(np.sqrt(0.5)) if self.kind == "units" else 0.5
+
     def size(self) -> int:
         """How much is changed."""
         return len(self.names) + self.fitted
@@ -462,7 +479,7 @@ def _changed_poses(own: Sequence[PlateRecording], balance: _Balance) -> Iterator
     for which in list(product((False, True), repeat=n))[1:]:
         for factor, fault, cure in (
             (-1.0, "{} with moments that count the other way", "turned round"),
-            *((factor, f"moments of {{}} are {unit}", "converted") for factor, unit in _LEVER_UNITS.items()),
+            *((factor, _MOMENTS_ARE + unit, "converted") for factor, unit in _LEVER_UNITS.items()),
         ):
             # Moments are about the laboratory's origin where the file has no plate's place.
             scaled = {

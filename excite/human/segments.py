@@ -15,7 +15,6 @@ from scipy.spatial.transform import Rotation
 
 from excite.arrays import Array, Indices
 from excite.errors import InputError
-from excite.finding import Finding, list_names
 from excite.logs.signals.base_pose import continuous_quaternions
 from excite.results import ADDED, Positive, Stated
 
@@ -302,21 +301,3 @@ def base_pose(pose: Pose) -> Array:
     """The pelvis' pose ``(n, 7)``: x y z [m], qx qy qz qw, signs continuous."""
     quaternion = Rotation.from_matrix(pose.rotation[:, 0]).as_quat()
     return np.hstack([pose.position, continuous_quaternions(quaternion)])
-
-
-def near_singular(angles: Array, source: str) -> tuple[Finding, ...]:
-    """A finding where a middle angle of a spherical joint comes near 90°, where its outer two are ill defined."""
-    joints = []
-    for segment in SEGMENTS:
-        if len(segment.axes) == 3:
-            name = f"{segment.joint}_{segment.axes[1].name}"
-            worst = np.abs(angles[:, JOINT_NAMES.index(name)]).max()
-            if worst > np.radians(80.0):
-                joints.append(name)
-    if not joints:
-        return ()
-    text = (
-        f"{source}: {list_names(joints)} come within 10° of the posture in which a joint's angles are not unique; "
-        "accelerations there are poor"
-    )
-    return (Finding("near_singular", text, {}, tuple(joints)),)

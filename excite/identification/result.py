@@ -90,19 +90,6 @@ class SegmentParameters(Inertial):
     determined: Inertial | None = field(default=None, metadata=LEFT_OUT)
 
 
-@dataclass(frozen=True)
-class TorqueDelay(Stated):
-    """How late torques were logged.
-
-    Attributes:
-        value_s: delay against the positions [s].
-        std_s: its standard deviation [s].
-    """
-
-    value_s: Unbounded
-    std_s: UnboundedPositive | None = None
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class Identification(Tabled, Stated):
     """Identified parameters, their quality, and how well they predict.
@@ -129,7 +116,6 @@ class Identification(Tabled, Stated):
         bounds: stated bounds against the parameters, null where none were stated.
         findings: what a careful reader should know, with figures.
         sessions: null where no sessions were pooled.
-        torque_delay: null where it was not looked for.
         robot_file: robot.yaml or model of a robot of one's own, relative to this document's folder.
         log_file: the log, or the first of several, relative to this document's folder.
     """
@@ -157,7 +143,6 @@ class Identification(Tabled, Stated):
     bounds: BoundsReport | None = None
     findings: tuple[Finding, ...] = ()
     sessions: Sessions | None = field(default=None, metadata=LEFT_OUT)
-    torque_delay: TorqueDelay | None = field(default=None, metadata=LEFT_OUT)
     robot_file: FilePath | None = field(default=None, metadata=LEFT_OUT)
     log_file: FilePath | None = field(default=None, metadata=LEFT_OUT)
 

@@ -312,13 +312,15 @@ _LEAST, _SHARE = 8, 0.002
 _DEEP, _DEEPER = 4.0, 4.0
 # Rows that an approach takes from the first depth.
 _ROWS = 2
+# Share of the usual pace from row to row above which noise is seen; curves of a tenth of the rate have half of that.
+_NOISY = 0.2
 
 
 def clipped_samples(values: Array, step: float, noise: float, moving: Flags) -> int:
     """Samples at the largest or smallest value of a channel, where that is the end of its range.
 
-    A clipped channel is at its extreme much more often than next to it, and arrives there at speed. One that turns
-    back is there as often as its resolution makes it, and one that comes to rest arrives slowly.
+    A clipped channel is at its extreme much more often than next to it, and arrives there at speed, or its noise stops
+    there. One that turns back is there as often as its resolution makes it, and one that comes to rest arrives slowly.
 
     Args:
         values: ``(n,)``.
@@ -331,11 +333,27 @@ def clipped_samples(values: Array, step: float, noise: float, moving: Flags) -> 
     """
     if values.max() == values.min():
         return 0
-    depth = _DEEP * max(step, noise)
-    return sum(_at_the_top(sign * values, step, depth, moving) for sign in (1.0, -1.0))
+    depth, noisy = _DEEP * max(step, noise), step == 0.0 and _is_noisy(values)
+    return sum(_at_the_top(sign * values, step, depth, moving, noisy) for sign in (1.0, -1.0))
 
 
-def _at_the_top(values: Array, step: float, depth: float, moving: Flags) -> int:
+def _is_noisy(values: Array) -> bool:
+    """Whether noise is seen in each row that is not at an extreme, so that no value is met twice in a row."""
+    top, bottom = values == values.max(), values == values.min()
+    inside = ~(top | bottom)
+    # Noise that is wider than the range goes from one end to the other from row to row.
+    if inside.sum() >= _LEAST <= np.sum((top[:-1] & bottom[1:]) | (bottom[:-1] & top[1:])):
+        return True
+    four = inside[:-3] & inside[1:-2] & inside[2:-1] & inside[3:]
+    if four.sum() < _LEAST:
+        return False
+    # A third difference holds the noise of its rows with 1, 3, 3, 1, and next to nothing of a smooth curve.
+    noise = np.median(np.abs(np.diff(values, 3)[four])) / np.sqrt(20.0)
+    paces = np.abs(np.diff(values)[inside[:-1] & inside[1:]])
+    return bool(paces.min() > 0.0 and noise > _NOISY * np.median(paces))
+
+
+def _at_the_top(values: Array, step: float, depth: float, moving: Flags, noisy: bool) -> int:
     below = values.max() - values
     at = (below < 0.5 * step) if step else (below == 0.0)
     count = int(np.sum(at & moving))
@@ -343,6 +361,8 @@ def _at_the_top(values: Array, step: float, depth: float, moving: Flags) -> int:
     # at most 2.4 times as often as the next.
     if count < max(_LEAST, _SHARE * len(values)) or count < 4.0 * _share_beside_extreme(below[moving], step):
         return 0
+    if noisy and np.sum(at[:-1] & at[1:] & moving[1:]) > 0.5 * count:
+        return count
     ways = [way for direction in (1, -1) for way in _ways_out(below[::direction], at[::direction])]
     starts = [way[_ROWS] for way in ways if len(way) > _ROWS]
     depth = max(depth, float(np.median(starts))) if starts else depth

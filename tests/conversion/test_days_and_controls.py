@@ -1,4 +1,4 @@
-"""Clocks of days, as spreadsheets and MATLAB count them, and optimisers' controls, one less than their states."""
+"""Clocks of days, as spreadsheets and MATLAB count them, and arrays of one row less than others."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from excite.conversion.guesses import UnclearError
-from tests.conversion import written
 from tests.conversion.written import JOINTS, whole
 
 pytestmark = pytest.mark.usefixtures("unexamined")
@@ -36,15 +35,6 @@ def test_days_that_are_no_date_are_asked_about_and_may_be_stated(data, arm, tmp_
         whole(source, arm, tmp_path)
     trial = whole(source, arm, tmp_path, units={"time": "d"}).log.trials[0]
     np.testing.assert_allclose(trial.time - trial.time[0], data["time"], atol=1e-6)
-
-
-def test_controls_between_states_are_torques(data, arm, tmp_path):
-    """The last state of optimal control has no control."""
-    np.savez(tmp_path / "a.npz", q=data["q"], v=data["v"], tau=data["tau"][:-1], dt=1.0 / written.RATE)
-    found = whole(tmp_path / "a.npz", arm, tmp_path).log
-    assert found.header.torque != "none"
-    np.testing.assert_allclose(found.trials[0].tau, data["tau"][:-1], atol=1e-9)
-    np.testing.assert_allclose(found.trials[0].q, data["q"][:-1], atol=1e-9)
 
 
 def test_arrays_of_one_row_less_with_a_clock_of_their_own_stay_apart(data, arm, tmp_path):

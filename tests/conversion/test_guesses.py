@@ -192,6 +192,14 @@ def test_a_header_is_written_for_trials_and_is_valid(arm, tmp_path):
         excite.write_header(folder)
 
 
+def test_a_log_is_not_converted_again(arm, tmp_path):
+    data = written.motion()
+    columns = {"time": data["time"]} | named(data, q="q{n}")
+    log = excite.convert([table(tmp_path / "a.csv", columns)], arm, tmp_path / "log").folder
+    with pytest.raises(LogError, match="is a log already; give it to excite doctor"):
+        excite.convert([log], arm, tmp_path / "again")
+
+
 def test_all_missing_fields_of_a_header_come_at_once(tmp_path):
     (tmp_path / "log.yaml").write_text("schema: excite.log/1\nbase: fixed\n")
     with pytest.raises(LogError) as error:

@@ -102,6 +102,19 @@ def test_plural_names_of_arrays(data, arm, tmp_path):
     check(excite.convert([file], arm, tmp_path / "log", WHOLE), data, "q", "v", "tau")
 
 
+@pytest.mark.parametrize("joint", ["joint", "motor_id"])
+def test_a_table_with_a_row_a_joint_is_refused(joint, data, arm, tmp_path):
+    names = list(JOINTS[::-1]) if joint == "joint" else [1, 2, 3]
+    columns = {
+        "time": np.repeat(data["time"], 3),
+        joint: names * 600,
+        "position": data["q"][:, ::-1].ravel(),
+        "effort": data["tau"][:, ::-1].ravel(),
+    }
+    with pytest.raises(LogError, match=f"{joint}: says whose joint each row is; write .* a column a joint"):
+        excite.convert([table(tmp_path / "long.csv", columns)], arm, tmp_path / "log")
+
+
 @pytest.mark.parametrize(("brackets", "between"), [("[]", " "), ("()", ", "), ("[]", "\n ")])
 def test_arrays_in_cells(brackets, between, data, arm, tmp_path):
     def cells(values):
@@ -110,17 +123,6 @@ def test_arrays_in_cells(brackets, between, data, arm, tmp_path):
 
     columns = {"time": data["time"]} | {key: [cells(row) for row in data[key]] for key in ("q", "tau")}
     file = table(tmp_path / "frame.csv", columns)
-    check(excite.convert([file], arm, tmp_path / "log", WHOLE), data, "q", "tau")
-
-
-def test_a_long_table_has_a_row_a_joint(data, arm, tmp_path):
-    columns = {
-        "time": np.repeat(data["time"], 3),
-        "joint": list(JOINTS[::-1]) * 600,
-        "position": data["q"][:, ::-1].ravel(),
-        "effort": data["tau"][:, ::-1].ravel(),
-    }
-    file = table(tmp_path / "long.csv", columns)
     check(excite.convert([file], arm, tmp_path / "log", WHOLE), data, "q", "tau")
 
 
@@ -327,7 +329,13 @@ def test_a_motion_that_begins_at_zero_is_whole(data, arm, tmp_path):
 
 @pytest.mark.parametrize(
     ("name", "reason"),
-    [("a.joblib", "joblib"), ("a.pkl", "is a pickle"), ("a.xlsx", "workbook"), ("a.zip", "unpack")],
+    [
+        ("a.joblib", "joblib"),
+        ("a.pkl", "is a pickle"),
+        ("a.xlsx", "workbook"),
+        ("a.feather", "to_parquet"),
+        ("a.zip", "unpack"),
+    ],
 )
 def test_files_that_are_not_opened_are_refused_with_what_to_do(name, reason, arm, tmp_path):
     (tmp_path / name).write_bytes(b"\x80\x04\x00PK")
@@ -448,14 +456,24 @@ def test_a_field_of_the_log_in_the_map_is_told_its_place(tmp_path):
         read_map(tmp_path / "map.yaml")
 
 
-def test_a_joint_without_a_column_is_said_to_stand_still(data, arm, tmp_path):
+def test_a_joint_without_a_column_is_said_to_be_nobody_knows_where(data, arm, tmp_path):
     columns = {
         k: v for k, v in columns_of(data, q="q_{joint}", tau="tau_{joint}").items() if JOINTS[-1] not in k
     }
     file = table(tmp_path / "log.csv", columns)
     conversion = excite.convert([file], robot=arm, out=tmp_path / "log", mapping=WHOLE)
     said = {row.what: row for row in conversion.log.header.guessed}
-    assert JOINTS[-1] in str(said["joints held still"])
+    assert JOINTS[-1] in str(said["joints without positions"])
+    # What has a torque may move.
+    columns[f"tau_{JOINTS[-1]}"] = data["tau"][:, len(JOINTS) - 1]
+    file = table(tmp_path / "forced.csv", columns)
+    with pytest.raises(LogError, match=f"no position of that joint was found.*q.{JOINTS[-1]}"):
+        excite.convert([file], robot=arm, out=tmp_path / "forced", mapping=WHOLE)
+    left = WHOLE.model_copy(update={"ignore": (f"tau_{JOINTS[-1]}",)})
+    assert (
+        len(excite.convert([file], robot=arm, out=tmp_path / "forced", mapping=left).log.header.joints)
+        == len(JOINTS) - 1
+    )
 
 
 def test_more_names_than_cells_are_not_believed_and_said(data, arm, tmp_path):

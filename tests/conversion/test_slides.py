@@ -146,22 +146,6 @@ def test_a_second_signal_of_some_joints_takes_no_place_of_another(tmp_path):
     np.testing.assert_allclose(tau, data["tau"], atol=1e-6)
 
 
-@pytest.mark.parametrize("both", ["deg_mm", "mm_deg"])
-def test_of_two_units_in_a_name_each_is_of_the_joints_that_have_it(both, tmp_path):
-    arm, data = lifted(tmp_path), lift_motion()
-    units = np.array([1e3, *np.degrees([1.0, 1.0])])
-    logged = data | {name: data[name] * units for name in ("q", "q_cmd")}
-    columns = named(
-        logged, q=f"AxisPosition_{both}[{{n}}]", q_cmd=f"AxisSetpoint_{both}[{{n}}]", tau="AxisTorque_Nm[{n}]"
-    )
-    file = table(tmp_path / "run.csv", {"time_s": data["time"]} | columns)
-    found = excite.convert([file], arm, tmp_path / "log")
-    again = excite.convert([file], arm, tmp_path / "again", tmp_path / "log" / "map.yaml")
-    for log in (found.log, again.log):
-        np.testing.assert_allclose(np.concatenate([t.q for t in log.trials]), data["q"], atol=1e-6)
-        np.testing.assert_allclose(np.concatenate([t.q_cmd for t in log.trials]), data["q_cmd"], atol=1e-6)
-
-
 @pytest.mark.parametrize(("unit", "line"), [("mm", "deg"), ("deg", "mm")])
 def test_a_unit_that_joints_cannot_have_is_asked_about(unit, line, tmp_path):
     arm, data = lifted(tmp_path), lift_motion()

@@ -107,21 +107,6 @@ def test_parts_of_a_simulators_forces_are_no_rivals(data, arm, tmp_path):
         check(found, data, "q", "tau")
 
 
-@pytest.mark.parametrize(
-    "stamp",
-    [
-        lambda t: f"{int(58 + t // 60):02d}:{t % 60:06.3f}",
-        lambda t: f"3/4/2024 {'11:59' if t < 3 else '12:00'}:{(57 + t) % 60:06.3f} {'AM' if t < 3 else 'PM'}",
-    ],
-)
-def test_stop_watches_and_american_dates(data, arm, tmp_path, stamp):
-    columns = columns_of(data, q="q{n}", tau="tau{n}")
-    columns["time"] = [stamp(t) for t in data["time"]]
-    check(
-        excite.convert([table(tmp_path / "a.csv", columns)], arm, tmp_path / "log", WHOLE), data, "q", "tau"
-    )
-
-
 def test_measurements_of_labview(data, arm, tmp_path):
     """Two headers, a line of numbers in the second one, decimal commas, a name for remarks that rows leave away."""
     head = (

@@ -6,9 +6,6 @@ import json
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.feather
-import pyarrow.parquet
 import pytest
 
 import excite
@@ -72,29 +69,6 @@ def test_a_counter_of_rows_is_no_clock(data, arm, tmp_path):
     holds(whole(said, arm, tmp_path), data)
     with pytest.raises(UnclearError, match="rate_hz"):
         whole(table(tmp_path / "b.csv", names, *columns), arm, tmp_path)
-
-
-def test_the_file_format_that_pandas_calls_feather(data, arm, tmp_path):
-    columns = {"time": data["time"]}
-    columns |= {f"{name}_{j}": data[name][:, k] for name in ("q", "tau") for k, j in enumerate(JOINTS)}
-    pa.feather.write_feather(pa.table(columns), str(tmp_path / "run.feather"))
-    holds(whole(tmp_path / "run.feather", arm, tmp_path), data)
-    cut = tmp_path / "cut.feather"
-    cut.write_bytes((tmp_path / "run.feather").read_bytes()[:-200])
-    with pytest.raises(LogError):
-        whole(cut, arm, tmp_path)
-
-
-def test_joints_of_a_long_table_as_categories(data, arm, tmp_path):
-    """A row a joint and sample, the joint as pandas' categories, the time as a date."""
-    rows = {
-        "ts": pa.array((np.repeat(data["time"], 3) * 1e6).round().astype("int64"), pa.timestamp("us")),
-        "joint_name": pa.array(list(JOINTS) * N).dictionary_encode(),
-        "angle_deg": np.degrees(data["q"]).ravel(),
-        "torque_nm": data["tau"].ravel(),
-    }
-    pa.parquet.write_table(pa.table(rows), tmp_path / "long.parquet")
-    holds(whole(tmp_path / "long.parquet", arm, tmp_path), data)
 
 
 def test_records_in_hdf5(data, arm, tmp_path):

@@ -53,3 +53,23 @@ def test_a_torque_that_is_clipped_now_and_then_is_in_no_other_unit(gap_dir: Path
         assert np.array_equal(trial.tau, before.tau)
         at = np.abs(before.tau[:, 0]) == most
         assert np.array_equal(at, np.zeros_like(at) if trial.beyond is None else trial.beyond[:, 0])
+
+
+@pytest.mark.parametrize(("joint", "ends"), [(1, (0.45, 0.52)), (1, (0.1, 0.35)), (2, (0.3, 0.6))])
+def test_noise_stops_at_the_ends_of_a_narrow_range(
+    joint: int, ends: tuple[float, float], tmp_path: Path
+) -> None:
+    """Neither a unit, nor friction that is missing, is read from a torque that hardly leaves its ends."""
+    robot = load_robot("ur10")
+    log = arm_log(robot, 5, duration=10.0)
+    low, high = np.quantile(np.concatenate([t.tau[:, joint] for t in log.trials]), ends)
+    trials = []
+    for trial in log.trials:
+        tau = np.array(trial.tau)
+        tau[:, joint] = np.clip(tau[:, joint], low, high)
+        trials.append(replace(trial, tau=tau))
+    ill = load_log(
+        save_log(replace(log, trials=tuple(trials), robot_text=robot.urdf), tmp_path / "log"), robot
+    )
+    chart = examine(robot, ill)
+    assert {finding.kind for finding in chart.findings} - {"quantised"} == {"clipped"}

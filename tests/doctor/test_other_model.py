@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -13,6 +14,7 @@ from excite.doctor.examine import examine
 from excite.doctor.mistakes.torques import left_by_any_bodies
 from excite.doctor.torque_samples import torque_samples
 from excite.logs.log import Log
+from excite.robot.load import as_robot
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from tests.identification.practice_log import arm_log, changed
@@ -117,3 +119,22 @@ def test_limits_that_a_mistake_explains_are_no_other_robots(arm: Robot, log: Log
     ill = changed(recorded, lambda t: replace(t, q=t.q * counted, tau=t.tau * counted, q_cmd=None))
     kinds = {one.kind for one in examine(uneven, ill).findings if one.severity == "spoils"}
     assert kinds == {"direction"}
+
+
+@pytest.mark.parametrize("model", ["rokae_xmate3pro/rokae_xmate3pro.urdf", "kuka_lbr_med/lbr_med.urdf"])
+def test_a_load_that_explains_half_is_no_reason_to_believe_in_another_arms_bodies(
+    data_dir: Path, model: str
+) -> None:
+    robot = as_robot(data_dir / model)
+    assert "other_model" in {one.kind for one in examine(robot, read_with("panda", robot)).findings}
+
+
+def test_a_zero_a_quarter_turn_off_is_no_load_beyond_the_arms_reach(arm: Robot, log: Log) -> None:
+    """Bodies beyond it, turned as it is, explain most; what alone explains all is named beside them."""
+    by = np.array([0.0, 0.0, np.pi / 2, 0.0, 0.0, 0.0])
+    (found,) = (
+        one
+        for one in examine(arm, changed(log, lambda t: replace(t, q=t.q + by, q_cmd=None))).findings
+        if one.kind in {"other_model", "zero_position"}
+    )
+    assert "-90° to elbow_joint" in found.text

@@ -117,6 +117,8 @@ def test_a_file_above_its_limit_is_refused_and_one_at_it_is_read(tmp_path: Path)
 
 def test_a_native_reader_that_crashes_hangs_or_eats_memory_is_one_line(tmp_path: Path) -> None:
     assert in_child("operator:add", 1, 2, source=tmp_path) == 3
+    # A processor that others keep busy is no reader without an end.
+    assert in_child("time:sleep", 1.2, source=tmp_path, seconds=0.5) is None
     for call, line in (
         ((("os:abort",), {}), "SIGABRT"),
         ((("time:sleep", 30), {"seconds": 1.0}), "more than 1 s"),

@@ -199,6 +199,7 @@ def mistaken(session, index: int, force: float = 1.0, lever: float = 1.0):
         (0.01, 1.0, "units", "hundreds of newtons"),
         (1.0, 0.1, "units", "ten times too small"),
         (1.0, 100.0, "units", "a hundred times too large"),
+        (1.0 / 4.4482216152605, 4.4482216152605, "units", "N·m beside forces in pounds-force"),
         (-1.0, 1.0, "reaction_sign", "turned round"),
     ],
 )
@@ -213,6 +214,20 @@ def test_each_plate_is_judged_on_its_own(session, person, index, force, lever, k
     for a, b in zip(found.log.trials, person.log.trials, strict=True):
         for name, wrench in a.wrenches.items():
             np.testing.assert_allclose(wrench, b.wrenches[name], rtol=1e-6, atol=1e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("lever", "units"),
+    [(1.3558179483314, ["pound-feet"]), (0.1129848290276, ["pound-inches", "ten times too large"])],
+)
+def test_moments_alone_are_in_pounds(session, person, lever, units):
+    """Units that lie as near to each other as a body's moments are known are both named."""
+    trial = session.trial
+    for index in (0, 1):
+        trial = mistaken(replace(session, trial=trial), index, 1.0, 1.0 / lever)
+    found = measured(session, trial)
+    assert all(unit in kinds(found)["units"] for unit in units)
 
 
 @pytest.mark.slow

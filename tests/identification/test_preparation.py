@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from excite.identification.problem import advance_torques, build_problem
-from excite.identification.torque_delay import estimate_torque_delay
 from excite.logs.log import Log, LogHeader, Trial
 from excite.logs.signals.coupling import coupling_matrix
 from excite.regressor.kernels import inverse_dynamics
@@ -82,11 +81,9 @@ def misfit(problem) -> float:
     return float(np.abs(problem.residual(truth(problem))).max() / np.abs(problem.y).max())
 
 
-@pytest.mark.parametrize("delay", [0.0, 0.004, 0.0173, -0.011])
-def test_a_delay_of_torques_is_estimated_and_taken_out(robot: Robot, delay: float) -> None:
+@pytest.mark.parametrize("delay", [0.004, 0.0173, -0.011])
+def test_a_stated_delay_of_torques_is_taken_out(robot: Robot, delay: float) -> None:
     log = made_log(robot, periods=2, noise=0.5, delay=delay)
-    lag = estimate_torque_delay(robot, log)
-    assert lag.lag_s == pytest.approx(delay, abs=4.0 * lag.std_s + 1e-4) and lag.std_s < 1e-3
     late, mended = (
         float(
             np.std(
@@ -95,9 +92,9 @@ def test_a_delay_of_torques_is_estimated_and_taken_out(robot: Robot, delay: floa
                 )
             )
         )
-        for value in (0.0, lag.lag_s)
+        for value in (0.0, delay)
     )
-    assert mended <= late * (1.001 if delay == 0.0 else 0.9)
+    assert mended <= 0.9 * late
 
 
 def test_shifting_takes_all_forces_and_no_positions(robot: Robot) -> None:

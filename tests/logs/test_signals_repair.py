@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from excite.errors import InputError, LogError, UnknownNameError
+from excite.errors import InputError, UnknownNameError
 from excite.logs.signals.butterworth import decimation_step, kept_samples, lowpass
 from excite.logs.signals.coupling import coupling_matrix, joint_positions, joint_torques
 from excite.logs.signals.resample import cubic_misfit, long_standstill
-from tests.logs.lag import estimate_lag
 
 RATE = 200.0
 TIME = np.arange(2000) / RATE
@@ -25,34 +24,6 @@ def test_misfit_of_white_noise_is_its_deviation_and_cubics_have_none() -> None:
     noise = np.random.default_rng(4).normal(size=(4000, 1))
     assert cubic_misfit(stamps, noise).std() == pytest.approx(1.0, rel=0.05)
     assert np.abs(cubic_misfit(stamps / 4000, (stamps / 4000)[:, None] ** 3)).max() < 1e-9
-
-
-@pytest.mark.parametrize("lag", [0.0, 0.0031, 0.0125, -0.0242])
-def test_a_lag_is_found_to_a_fraction_of_a_sample(lag: float) -> None:
-    rng = np.random.default_rng(5)
-    measured = 3.0 * motion(TIME - lag) + 2.0 + 0.05 * rng.normal(size=(2000, 2))
-    found = estimate_lag(measured, motion(TIME), RATE, max_lag_s=0.05)
-    assert found.lag_s == pytest.approx(lag, abs=max(4.0 * found.std_s, 2e-4))
-    assert 1e-6 < found.std_s < 1e-3
-    assert (abs(found.lag_s) > 3.0 * found.std_s) == (lag != 0.0)
-
-
-def test_deviation_of_a_lag_is_what_repetition_shows() -> None:
-    """Noise that is correlated in time, 60 draws."""
-    rng = np.random.default_rng(6)
-    found = []
-    for _ in range(60):
-        noise = np.apply_along_axis(np.convolve, 0, rng.normal(size=(2000, 2)), np.ones(9) / 9, mode="same")
-        found.append(estimate_lag(motion(TIME) + 0.3 * noise, motion(TIME), RATE, max_lag_s=0.03))
-    spread = np.std([item.lag_s for item in found])
-    assert np.mean([item.std_s for item in found]) == pytest.approx(spread, rel=0.35)
-
-
-def test_lags_of_too_little_are_refused() -> None:
-    with pytest.raises(LogError, match="too few"):
-        estimate_lag(motion(TIME[:20]), motion(TIME[:20]), RATE)
-    with pytest.raises(LogError, match="no channel varies"):
-        estimate_lag(np.ones((2000, 2)), motion(TIME), RATE)
 
 
 def test_a_coupled_wrist_keeps_power() -> None:

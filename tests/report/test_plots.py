@@ -25,7 +25,7 @@ from excite.report.plots.postures import (
 )
 from excite.report.replay.scene import shape_triangles
 from excite.report.sections.identified import draw_masses, plot_rsd
-from excite.report.sections.motions import activity_table, draw_conditioning
+from excite.report.sections.motions import draw_conditioning
 from excite.report.theme import ROLES, to_png, to_svg
 from excite.robot.shapes.shape import Shape
 from tests.report.sample import sample_data, sample_motion
@@ -44,18 +44,6 @@ def _bars(figure):
     """Ends of the pale and of the strong bars, and the axes that they stand on."""
     (axes,) = figure.axes
     return np.array([bar.get_x() + bar.get_width() for bar in axes.patches]).reshape(2, -1), axes
-
-
-def test_joints_that_move_are_shaded_by_their_share_of_the_speed_limit(g1):
-    motion = sample_motion(g1, 0)
-    slow = dataclasses.replace(motion, v=motion.v * 0.0 + 0.5 * g1.limits.velocity.min())
-    shown = activity_table(g1, [motion, slow])
-    cells = np.array(re.findall(r'data-v="([^"]+)">([^<]*)<', shown)).reshape(g1.n_joints, 2, 2)
-    share = np.abs(motion.joint_velocities()).max(axis=0) / g1.limits.velocity
-    np.testing.assert_allclose(cells[:, 0, 0].astype(float), share, rtol=1e-6)
-    assert [text == "" for text in cells[:, 0, 1]] == (share < 0.01).tolist()
-    assert cells[:, 1, 0].astype(float).max() == pytest.approx(0.5) and "50 %" in cells[:, 1, 1]
-    assert {f"<td>{name.removesuffix('_joint')}</td>" in shown for name in g1.joint_names} == {True}
 
 
 def test_condition_numbers_are_bars_from_one_on_a_log_axis(data):

@@ -6,17 +6,18 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from excite.arrays import Array
 from excite.formats.registry import format_of
 from excite.identification.estimators.method_settings import estimator_settings
 from excite.identification.estimators.registry import find_estimator
 from excite.identification.problem import build_problem
-from excite.identification.torque_delay import estimate_torque_delay
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log
 from excite.logs.robot import nominal_robot
 from excite.robot.catalogue import example_robot_data
+from excite.robot.robot import Robot
 from excite.rows.settings import ProblemSettings
 from tests.reproduction.imported import import_recordings
 from tests.reproduction.recordings import percent_left
@@ -65,10 +66,22 @@ def percents(log: Log, role: str = "validation", method: str = "qp") -> Array:
     Default settings but for the delay of the drives' currents, which is what the identification trials say.
     """
     robot = nominal_robot(log)
-    settings = ProblemSettings(torque_delay_s=estimate_torque_delay(robot, log).lag_s)
+    settings = ProblemSettings(torque_delay_s=_find_delay(robot, log))
     problem = build_problem(robot, log, settings)
     estimate = find_estimator(method).estimate(problem, estimator_settings(method))
     return percent_left(build_problem(robot, log, settings, role=role), estimate.parameters)
+
+
+def _find_delay(robot: Robot, log: Log) -> float:
+    """How late torques are [s]: where least squares leave least of the identification trials."""
+
+    def left_of(delay: float) -> float:
+        problem = build_problem(robot, log, ProblemSettings(torque_delay_s=delay))
+        rows, measured = problem.Y * problem.weights[:, None], problem.y * problem.weights
+        rest = measured - rows @ np.linalg.lstsq(rows, measured, rcond=1e-10)[0]
+        return float(rest @ rest / (measured @ measured))
+
+    return float(minimize_scalar(left_of, bounds=(-0.06, 0.06), method="bounded", options={"xatol": 1e-4}).x)
 
 
 def _join(source: Path, target: Path) -> None:

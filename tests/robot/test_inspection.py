@@ -157,6 +157,23 @@ def test_limits_alike_and_missing_meshes_only_limit_what_can_be_told(tmp_path: P
     assert chart.healthy
 
 
+def test_links_without_a_shape_are_named_and_what_else_they_lack(tmp_path: Path) -> None:
+    def drop(tag: str) -> Change:
+        def change(root: ElementTree.Element) -> None:
+            for link in root.iter("link"):
+                for element in link.findall(tag):
+                    link.remove(element)
+
+        return change
+
+    bare = examine_description(_written(tmp_path, drop("collision"), drop("visual")))
+    assert {"upper", "lower"} <= {
+        place for one in bare.findings if one.kind == "no_shape" for place in one.places
+    }
+    weightless = examine_description(_written(tmp_path, _mesh, drop("inertial")))
+    assert {"missing_meshes", "inertial"} <= {one.kind for one in weightless.findings}
+
+
 def test_all_faults_are_listed_not_only_the_first(tmp_path: Path) -> None:
     changes = (
         _set("mass", "upper", value="nan"),

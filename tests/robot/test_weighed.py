@@ -6,9 +6,11 @@ import re
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from excite.errors import RobotError
+from excite.robot.description import UncertaintyBlock
 from excite.robot.init_robot.files import write_scaffold
 from excite.robot.load import load_robot
 from tests.reproduction.recordings import example_robot_data
@@ -54,6 +56,27 @@ def test_known_arms_weigh_half_to_twice_what_they_do(model: str, kilograms: floa
     (said,) = (one for one in made.assumed if one.what == "masses")
     assert 0.5 < float(said.value.split()[0]) / kilograms < 2.0
     assert load_robot(made.description).n_joints >= 6
+
+
+@pytest.mark.usefixtures("reader_here")
+@pytest.mark.parametrize("masses", ["stated", "assumed"])
+def test_drives_that_nobody_stated_hold_all_bodies_that_are_judged_for(masses: str, tmp_path: Path) -> None:
+    """The weights of bodies at the far ends of the stated widths, moved to random sides, in random postures."""
+    text = (example_robot_data() / "ur_description/urdf/ur5_robot.urdf").read_text()
+    text = text if masses == "stated" else without_masses(text)
+    (tmp_path / "arm.urdf").write_text(re.sub(r' effort="[^"]*"', "", text))
+    robot = load_robot(write_scaffold(tmp_path / "arm.urdf", tmp_path / "out").description)
+    widths, rng = robot.description.uncertainty or UncertaintyBlock(), np.random.default_rng(0)
+    needed = np.zeros(robot.n_joints)
+    for _ in range(50):
+        model = pin.Model(robot.model)
+        for body in list(model.inertias)[1:]:
+            side = rng.normal(size=3)
+            body.lever = body.lever + widths.com * side / np.linalg.norm(side)
+            body.mass *= 1.0 + widths.mass
+        q = rng.uniform(robot.limits.position_lower, robot.limits.position_upper)
+        needed = np.maximum(needed, np.abs(pin.computeGeneralizedGravity(model, model.createData(), q)))
+    assert (robot.limits.torque > 2.0 * needed).all()
 
 
 def test_a_model_that_states_masses_is_left_as_it_is(tmp_path: Path) -> None:

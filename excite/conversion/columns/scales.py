@@ -125,8 +125,7 @@ class Scaling:
 
     def named(self, items: Sequence[Mapped]) -> str:
         """The unit that names or format state of all columns of a channel; empty for none, or several."""
-        said = [(item, self.clues[item.source]) for item in items if item.source in self.clues]
-        units = {(self.slides(item) and clue.sliding) or clue.unit for item, clue in said}
+        units = {self.clues[item.source].unit for item in items if item.source in self.clues}
         return units.pop() if len(units) == 1 else ""
 
     def values(self, items: Sequence[Mapped]) -> Array:

@@ -11,9 +11,6 @@ import numpy as np
 from excite.arrays import Array, is_whole
 from excite.conversion.columns.vocabulary import COMMANDED, MEASURED, OF_WORD
 from excite.logs.units import (
-    OF_SLIDING,
-    OF_TURNING,
-    QUANTITY_OF_UNIT,
     TO_SI,
     UNITS,
     trailing_compound,
@@ -181,24 +178,3 @@ def trailing_unit(words: list[str]) -> tuple[list[str], str]:
             if unit and (others or count == 2 or len(words[-1]) > 1):
                 return words[:-count], unit
     return words, ""
-
-
-class UnitsOfBoth(NamedTuple):
-    """Words of a name before its units, the unit of joints that turn, and that of joints that slide, or empty."""
-
-    words: list[str]
-    turning: str
-    sliding: str
-
-
-def of_both(words: list[str], unit: str) -> UnitsOfBoth:
-    """A unit of joints that turn and one of those that slide, where a name ends with both: ``pos_deg_mm``."""
-    others, before = trailing_unit(words)
-    for turning, sliding in ((before, unit), (unit, before)):
-        if (
-            turning in OF_TURNING
-            and QUANTITY_OF_UNIT[turning] == QUANTITY_OF_UNIT.get(sliding)
-            and sliding in OF_SLIDING
-        ):
-            return UnitsOfBoth(others, turning, sliding)
-    return UnitsOfBoth(words, unit, "")

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 
-from excite.conversion.columns.units import of_both, trailing_unit, without_brackets, without_compound
+from excite.conversion.columns.units import trailing_unit, without_brackets, without_compound
 from excite.conversion.columns.vocabulary import (
     COMMANDED,
     KNOWN,
@@ -41,7 +41,6 @@ class Clue:
         exact: the robot's joint whose name stands in it; empty for none.
         stem: the name with joint and number taken out: columns of one family share it.
         numbers: all numbers in it, in their order; the last is taken for the joint's unless others differ.
-        sliding: unit of joints that slide, where the name states one beside ``unit``.
     """
 
     quantity: str
@@ -52,7 +51,6 @@ class Clue:
     exact: str
     stem: str
     numbers: tuple[int, ...] = ()
-    sliding: str = ""
 
 
 def read_clue(
@@ -85,7 +83,6 @@ def _read_clue(name: str, joints: tuple[str, ...], unit: str, letters: frozenset
     elif not found and exact and len(words) == 1 and len(words[0]) > 1 and words[0] in UNITS.keys() - KNOWN:
         # Nothing but a unit stands beside the joint's name.
         words, found = [], UNITS[words[0]]
-    words, found, sliding = of_both(words, found)
     words = _join_words(words)
     axis = _counted_letter(tokens, words, found, letters) if numbers else _axis_letter(words)
     of_joint = bool(exact or numbers or axis) or (len(joints) == 1 and bool(set(words) & SURELY_COMMANDED))
@@ -107,7 +104,6 @@ def _read_clue(name: str, joints: tuple[str, ...], unit: str, letters: frozenset
         exact=exact,
         stem="_".join(words),
         numbers=tuple(numbers),
-        sliding=sliding,
     )
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -14,14 +13,12 @@ from excite.conversion.recording import Column, Recording, Stream
 from excite.conversion.shapes import longest_streams, stream_of_arrays
 from excite.conversion.sources.source import Source
 from excite.formats.arrays import read_npy, read_npz
-from excite.formats.arrow import ARROW, read_arrow
+from excite.formats.arrow import parquet_arrays
 from excite.formats.file import MAX_FILE_BYTES, check_size, first_bytes
 from excite.formats.hdf5 import MOST_CONSTANTS, hdf5_arrays
 from excite.formats.lerobot import COUNTING, DataSet, is_data_set, read_data_set
 from excite.formats.matlab import read_mat
-from excite.formats.registry import read_contents
 from excite.formats.tensors import read_torch
-from excite.logs.header import read_header
 
 Arrays = Mapping[str, Any]
 _NUMBERS = "write its arrays one by one, numbers only: numpy.savez(file, q=…, tau=…)"
@@ -80,9 +77,9 @@ Hdf5Source = _source(
     beginnings=(b"\x89HDF\r\n\x1a\n",),
 )
 ParquetSource = _source(
-    *("parquet", "a table of Arrow", "tables of Arrow (.parquet, .feather, .arrow)"),
-    *(".parquet .pq .feather .arrow", lambda path: read_arrow(path)),
-    beginnings=ARROW,
+    *("parquet", "a Parquet file", "Parquet (.parquet)"),
+    *(".parquet .pq", lambda path: parquet_arrays(path)),
+    beginnings=(b"PAR1",),
     grouped=False,
 )
 NpzSource = _source(
@@ -149,41 +146,6 @@ def constants(arrays: dict[str, np.ndarray]) -> dict[str, object]:
         elif array.dtype.kind == "U" and array.size <= MOST_CONSTANTS:
             said[name] = np.squeeze(array).tolist()
     return said
-
-
-class LogFolderSource(Source):
-    """Trials of a log folder, each under its own name, with the contract's columns."""
-
-    name: ClassVar[str] = "log"
-    summary: ClassVar[str] = "a log folder of excite (log.yaml)"
-
-    def recognises(self, path: Path) -> bool:
-        """See :class:`Source`."""
-        return (path / "log.yaml").is_file() or path.name == "log.yaml"
-
-    def read(self, path: Path) -> tuple[Recording, ...]:
-        """See :class:`Source`."""
-        folder = path if path.is_dir() else path.parent
-        header = read_header(folder / "log.yaml")
-        files = [folder / entry.file for entry in header.trials]
-        said = {"roles": {Path(entry.file).stem: entry.role for entry in header.trials}, "log": header}
-        return tuple(
-            Recording(
-                str(file),
-                file.stem,
-                tuple(_in_si(stream) for stream in stream_of_arrays(file.stem, content.columns)),
-                said,
-            )
-            for file, content in zip(files, read_contents(files), strict=True)
-        )
-
-
-def _in_si(stream: Stream) -> Stream:
-    """The stream with the unit on its torques: whoever wrote the log said what they are."""
-    columns = tuple(
-        replace(column, unit="N·m") if column.name.startswith("tau.") else column for column in stream.columns
-    )
-    return replace(stream, columns=columns)
 
 
 # What each feature holds for a follower arm.

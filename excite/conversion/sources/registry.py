@@ -28,7 +28,6 @@ SOURCES: Registry[Source] = Registry(
         "lerobot": f"{_HERE}.arrays:LeRobotSource",
         "bag": f"{_HERE}.bag:BagSource",
         "mcap": f"{_HERE}.bag:McapSource",
-        "log": f"{_HERE}.arrays:LogFolderSource",
         "pace": f"{_HERE}.arrays:PaceSource",
         "mat": f"{_HERE}.arrays:MatSource",
         "hdf5": f"{_HERE}.arrays:Hdf5Source",
@@ -42,8 +41,7 @@ SOURCES: Registry[Source] = Registry(
 
 # Endings that stand for recordings where a folder of files is given.
 RECORDED = frozenset(
-    ".csv .tsv .txt .dat .log .parquet .feather .arrow .npz .npy .h5 .hdf5 .mat .json .jsonl .bag .db3 .mcap .pt "
-    ".pth".split()
+    ".csv .tsv .txt .dat .log .parquet .npz .npy .h5 .hdf5 .mat .json .jsonl .bag .db3 .mcap .pt .pth".split()
 )  # Files that people put beside recordings.
 _BESIDE = frozenset("readme license licence notice changelog requirements".split())
 

@@ -11,7 +11,15 @@ import numpy as np
 from excite.arrays import Array, Flags
 from excite.display import percent
 from excite.doctor.case import Case
-from excite.doctor.channel_errors import DELAY, OF_TORQUES, OF_WRENCHES, Misreading, misreadings, refine_zeros
+from excite.doctor.channel_errors import (
+    DELAY,
+    OF_TORQUES,
+    OF_WRENCHES,
+    Misreading,
+    find_promising,
+    misreadings,
+    refine_zeros,
+)
 from excite.doctor.channel_mapping import Reading
 from excite.doctor.checks.values import of_unknown_unit
 from excite.doctor.doubt import Doubt
@@ -24,7 +32,7 @@ from excite.doctor.mistakes.torques import (
     other_machine,
     take_weight,
 )
-from excite.doctor.samples import Mistake
+from excite.doctor.samples import Correction, Mistake
 from excite.doctor.thresholds import THRESHOLD
 from excite.doctor.torque_samples import TorqueSamples
 from excite.doctor.wrench_samples import wrench_samples
@@ -59,15 +67,20 @@ def _find_in_torques(
 ) -> None:
     reading, found = misreadings(samples, stated, possible)
     beside = samples
+    # Without those that are told by how large the nominal bodies' torques are, and where their centres lie.
+    fewer = [one for one in possible if not (one.leaves & _OF_BODIES or one.may_surprise)]
     if found:
         # Torques in a unit that nothing tells, too small for bodies anywhere near the nominal ones, betray nothing.
         if of_unknown_unit(samples, stated) is not None:
             return
         beside, (reading, found) = _beside_load(samples, stated, possible, (reading, found))
-        if (other := _explain_by_other_machine(beside, stated, reading, found)) is not None:
-            _doubt(case, found)
-            _report_other_model(case, samples, stated, other, found)
-            return
+        for read, some in ((stated, ()), misreadings(beside, stated, fewer)) if len(found) > 1 else ():
+            other = _explain_by_other_machine(beside, read, reading, found)
+            if other is not None and len(found) > 1 + len(some):
+                _doubt(case, found)
+                _report_other_model(case, samples, read, other, found)
+                _correct(case, read, some, samples.what)
+                return
     reading, found = refine_zeros(beside, reading, found, possible)
     outside = _leaves_limits(samples, reading)
     if (outside & ~_leaves_limits(samples, stated)).any():
@@ -83,18 +96,22 @@ def _find_in_torques(
         # Units, clocks, weights are told by how large the nominal bodies' torques are, and zeros by where their centres
         # lie: with those of another robot 44 times what its model needs is no unit of a wrist's torque.
         # What other bodies explain as it is logged needs no mistake at all.
-        fewer = [one for one in possible if not (one.leaves & _OF_BODIES or one.may_surprise)]
-        for some in ([], fewer):
-            less = refine_zeros(samples, *misreadings(samples, stated, some), some)
+        for allowed in ([], fewer):
+            less = refine_zeros(samples, *misreadings(samples, stated, allowed), allowed)
             again = _compare_bodies(samples, less[0])
             if again is not None:
                 bodies, (reading, found) = again, less
                 break
-        _report_other_model(case, samples, reading, bodies)
+        alone = _explain_alone(samples, reading, possible)
+        _report_other_model(case, samples, reading, bodies, alone=alone)
     elif (
         outside.any()
         and size_known
-        and (len(found) > 1 or _unexplained(samples, reading) > THRESHOLD.in_place)
+        and (
+            len(found) > 1
+            or any(item.mistake.of_posture for item in found)
+            or _unexplained(samples, reading) > THRESHOLD.in_place
+        )
     ):
         # Two witnesses that no mistake alone brings into line: where joints were, and what moved them.
         _doubt(case, found)
@@ -241,27 +258,31 @@ def _beside_load(
 
 
 def _explain_by_other_machine(
-    samples: TorqueSamples, stated: Reading, mended: Reading, found: Found
+    samples: TorqueSamples, read: Reading, mended: Reading, found: Found
 ) -> OtherMachine | None:
-    """Another machine that explains the log as it stands; None where the mistakes that were found explain more.
+    """Another machine that explains the log as ``read``; None where all mistakes that were found explain more.
 
     One mistake is as likely as another model. Put into a Panda's log, mistakes of seven kinds explain 2.7 to 15 nat
     more than any bodies do; a UR10e's log with the model of a UR3 is explained by other bodies as well as by a unit of
     its own at every joint together with a clock that is too fast.
     """
-    if len(found) < 2:
-        return None
     clock = any(item.mistake.name == "clock" and item.correction.ask for item in found)
-    other = other_machine(samples, stated, mended.tick if clock else stated.tick)
-    then = samples.judged(mended, samples.judged(stated).counts)
+    other = other_machine(samples, read, mended.tick if clock else read.tick)
+    then = samples.judged(mended, samples.judged(read).counts)
     return other if float(then.counts @ (other.left - then.left)) - then.cost < STRONG_ODDS else None
 
 
 def _unexplained(samples: TorqueSamples, reading: Reading) -> float:
-    """Share of the torques' power beside drives that nominal bodies leave, and a load no heavier than they."""
+    """Share of the torques' power beside drives that nominal bodies leave, and a load no heavier than they.
+
+    A load is one body: of a robot that is not the model's it explains some, of its own robot nearly all that is left.
+    """
     load, masses = best_load(samples, reading), samples.under(reading.gravity).phi[::10]
-    carried = 0.0 if load is None or load.mass > masses.sum() else samples.felt(reading) @ load.parameters
-    return samples.unexplained(reading, carried)
+    left = samples.unexplained(reading)
+    if load is None or load.mass > masses.sum():
+        return left
+    beside = samples.unexplained(reading, samples.felt(reading) @ load.parameters)
+    return beside if beside < THRESHOLD.in_place * left else left
 
 
 def _compare_bodies(samples: TorqueSamples, reading: Reading) -> OtherMachine | None:
@@ -275,6 +296,18 @@ def _compare_bodies(samples: TorqueSamples, reading: Reading) -> OtherMachine | 
     return best if told else None
 
 
+def _explain_alone(samples: TorqueSamples, reading: Reading, possible: Sequence[Mistake]) -> list[Correction]:
+    """Of each mistake what leaves next to nothing alone, with the fewest changes: no less likely than other bodies."""
+    least = THRESHOLD.in_place * min(samples.unexplained(reading), 1.0)
+    found: dict[str, Correction] = {}
+    for mistake, one in sorted(
+        find_promising(samples, reading, possible)[1], key=lambda item: item[1].changes
+    ):
+        if samples.unexplained(one.reading) < least:
+            found.setdefault(mistake.name, one)
+    return list(found.values())
+
+
 def _report_other_model(
     case: Case,
     samples: TorqueSamples,
@@ -282,10 +315,12 @@ def _report_other_model(
     other: OtherMachine,
     found: Found = (),
     outside: Flags | None = None,
+    alone: Sequence[Correction] = (),
 ) -> None:
     """A model that is not the robot's, in the place of mistakes that would explain the log as well.
 
-    ``outside``: joints beyond their limits, which no mistake explains, ``(n_joints,)``.
+    ``outside``: joints beyond their limits, which no mistake explains, ``(n_joints,)``; ``alone``: of which each one
+    would explain it.
     """
     gains, shares, *_ = samples.gains(reading)
     told = np.flatnonzero((shares > THRESHOLD.telling_share) & (gains > 0.0))
@@ -307,6 +342,8 @@ def _report_other_model(
         text += f"; positions of {places} lie outside the model's limits, whatever else is mended"
     elif found:
         text += f"; the only other explanation is {len(found)} mistakes in the log at once ({kinds})"
+    elif alone:
+        text += "; or " + ", or ".join(one.text.partition(" (")[0] for one in alone)
     more = {"severity": "spoils"} if found else {}
     figures = {f"factor.{joint}": float(gains[j]) for joint, j in zip(joints, told, strict=True)}
     figures |= {"left_before": left[0], "left_after": left[1], "length": other.length}

@@ -192,8 +192,7 @@ def find_weak_torques(case: Case) -> None:
     # takes hides the bodies' torque and is large. A torque that is cut off is weaker than it was.
     unexplained = samples.judged(reading).left > 0.5 * np.log(THRESHOLD.unexplained)
     read, needed = samples.measured_torque(reading).std(axis=0), samples.predicted(reading)[0].std(axis=0)
-    whole = np.array([not _marked_rows(case.log, [name]) for name in samples.channels])
-    limit = THRESHOLD.weak_torque
+    whole, limit = _never_at_end(case.log, samples), THRESHOLD.weak_torque
     weak = unexplained & (np.abs(gains) < limit) & (read < limit * needed) & whole
     if weak.any() and 2 * weak.sum() <= len(weak):
         names = tuple(np.array(samples.channels)[weak])
@@ -211,7 +210,7 @@ def find_motor_side(case: Case) -> None:
     Rotors show at the outer joints, which carry little else.
     """
     samples = case.samples
-    if samples is None or case.log.header.torque != "link_side":
+    if samples is None or case.log.header.torque != "link_side" or case.is_strange:
         return
     outer, rubbing = _rotors(samples, Reading.as_stated(case.log))
     joints = samples.channels
@@ -243,8 +242,7 @@ def find_missing_friction(case: Case) -> None:
     bodies: what nominal masses are off by looks like some.
     """
     samples, reading = case.samples, Reading.as_stated(case.log)
-    strange = Doubt.SIZE in case.doubts or any(found.kind == "other_model" for found in case.findings)
-    if samples is None or case.log.header.torque != "motor_side" or strange:
+    if samples is None or case.log.header.torque != "motor_side" or case.is_strange:
         return
     judged, drive = samples.judged(reading), samples.predicted(reading).drive
     viscous, dry = judged.drives[:, 1], judged.drives[:, 2]
@@ -255,7 +253,8 @@ def find_missing_friction(case: Case) -> None:
     needed = samples.predicted(whole).torque.std(axis=0)
     joints = np.array(samples.channels)
     limits = np.asarray(case.robot.limits.torque, dtype=float)[[case.robot.joint_index(j) for j in joints]]
-    moves = fast > THRESHOLD.still
+    # What is cut off of a torque is friction, too.
+    moves = (fast > THRESHOLD.still) & _never_at_end(case.log, samples)
     clear = moves & (friction > left)
     usual = float(np.quantile((friction / limits)[clear], 0.5, method="higher")) if clear.any() else 0.0
     # What the others have would stand out of what nothing explains there.
@@ -365,6 +364,11 @@ def _marked_rows(log: Log, joints: Sequence[str]) -> int:
     """Rows in which a torque of some joints is at an end of its range, counted for each."""
     columns = [log.header.joints.index(joint) for joint in joints]
     return sum(int(trial.beyond[:, columns].sum()) for trial in log.trials if trial.beyond is not None)
+
+
+def _never_at_end(log: Log, samples: TorqueSamples) -> Flags:
+    """Torques that are never at an end of their range, ``(n_torques,)``."""
+    return np.array([not _marked_rows(log, [name]) for name in samples.channels])
 
 
 def kind_of_torque(log: Log) -> str:

@@ -67,10 +67,13 @@ def best_load(
     sums, _ = remove_drives(columns.sums_with(target))
     phi, left = _fit_together(sums, samples.product_sums(reading)[:, 4, 4])
     scores, weighs = half_log(left).sum(axis=1), np.asarray(columns.sums[:, :, 3, 3].any(axis=1))
-    # What leaves more of a torque than there is of it is no explanation.
+    # What leaves more of a torque than there is of it is no explanation, nor is a body that the robot's links, end to
+    # end, and the widest of bodies do not reach.
     masses = phi[:, 0] * (1 - 2 * absent)
+    reach = THRESHOLD.widest_cloud_m + float(np.linalg.norm(tree.translations, axis=1).sum())
+    near = np.linalg.norm(phi[:, 1:4], axis=1) <= reach * masses
     others = absent & np.isin(np.arange(len(phi)), tree.parents[1:] - 1)
-    good = (~weighs | (masses > 0.0)) & (left.max(axis=1) < 1.0) & ~others
+    good = (~weighs | ((masses > 0.0) & near)) & (left.max(axis=1) < 1.0) & ~others
     k = int(np.argmin(np.where(good, scores, np.inf)))
     if not good[k] or scores[k] >= samples.gains(reading).left.sum() - THRESHOLD.better_load:
         return None

@@ -99,10 +99,6 @@ def read_subject(
     loaded = with_servos(_result_robot(name, document, file))
     if template is None and Path(name).is_file() and is_mjcf(Path(name)):
         template = Path(name)
-    beyond: tuple[Lost, ...] = ()
-    if document.torque_delay is not None:
-        why = "how late torques were logged is no part of the robot: correct the log"
-        beyond = (Lost("torque_delay", loaded.name, document.torque_delay.value_s, why),)
     values: list[float] = []
     for link, block in document.standard_parameters.items():
         six = dict(zip(FILE_ORDER, block.inertia, strict=True))
@@ -117,7 +113,7 @@ def read_subject(
             )
     drives = {name: value for name, value in document.drive_parameters.items() if value is not None}
     found = parameters_of(loaded, np.array(values), drives)
-    return Subject(loaded, found, folder, template, beyond)
+    return Subject(loaded, found, folder, template)
 
 
 def check_links(robot: Robot, links: Iterable[str], source: object, field: str | None = None) -> None:

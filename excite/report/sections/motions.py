@@ -20,7 +20,6 @@ from excite.report.folder import Document, Findings
 from excite.report.html import (
     Cell,
     Columns,
-    Said,
     Shown,
     columns_table,
     condition_value,
@@ -30,7 +29,6 @@ from excite.report.html import (
     html_table,
     inline_figure,
     live_replay,
-    percent_cell,
 )
 from excite.report.plots.curves import Bars, draw_bars
 from excite.report.plots.postures import choose_motions, draw_snapshots
@@ -55,7 +53,7 @@ HOW_TO_WATCH = (
 
 
 def show_motions(findings: Findings) -> Shown:
-    """Snapshots, activity of the joints, the list of motions, the count of rejections by reason."""
+    """Snapshots, the list of motions, the count of rejections by reason."""
     if findings.plan is None:
         figures = _motion_figures(findings) if findings.check is not None else []
         return ["The motions that were checked, those that are not safe first.", *figures] if figures else ""
@@ -89,35 +87,15 @@ def _motion_figures(findings: Findings) -> list[str]:
         draw_snapshots(robot, choose_motions(motions, _N_PICTURES)), "snapshots", "Snapshots of the motions"
     )
     snapshots = html_paragraph(f"{caption}.", "lead") + inline_figure(drawn)
-    activity = html_paragraph("Peak speed as a share of the joint's limit.", "lead") + activity_table(
-        robot, motions
-    )
-    folded = folded_content("Which joint moves in which motion", activity)
     moving, left = _titled_tracks(robot, motions)
     if not moving:
-        return [snapshots, folded]
+        return [snapshots]
     said = f"Not moving here, for a page shall stay small: {', '.join(left)}."
     return [
         html_paragraph(HOW_TO_WATCH, "lead moving"),
         live_replay("replay", robot_scene(robot), moving, snapshots),
         html_paragraph(said, "note") if left else "",
-        folded,
     ]
-
-
-def activity_table(robot: Robot, motions: Sequence[Motion]) -> str:
-    """A row a joint, a column a motion: the fuller the colour, the nearer the joint comes to its speed limit."""
-    peaks = [np.abs(motion.joint_velocities()).max(axis=0) / robot.limits.velocity for motion in motions]
-
-    def activity_cell(share: float) -> Said:
-        """Below a hundredth of its speed limit a joint does not move."""
-        return percent_cell(share, shaded=True) if share >= 0.01 else Said(share, "", 0.0)
-
-    rows = [
-        (name.removesuffix("_joint"), *(activity_cell(float(share)) for share in shares))
-        for name, *shares in zip(robot.joint_names, *peaks, strict=True)
-    ]
-    return html_table(["joint", *(motion.name for motion in motions)], rows)
 
 
 def _titled_tracks(robot: Robot, motions: Sequence[Motion]) -> tuple[dict[str, Any], list[str]]:

@@ -18,6 +18,7 @@ from excite.arrays import Array
 from excite.display import count, span
 from excite.finding import first_names
 from excite.results import Assumed
+from excite.robot.description import UncertaintyBlock
 from excite.robot.init_robot.assumptions import assume
 from excite.robot.init_robot.bare_model import BareModel, bare_model
 from excite.robot.init_robot.first_guesses import JointGuess, guess_pairs, held_still, joint_inertias
@@ -85,9 +86,11 @@ def draft_description(
     more_weak = weak_joints(model.figure, rest)
     if more_weak and len(more_weak) < len(model.free):
         return draft_description(path, folder, rng, said, {**weak, **more_weak})
-    content = _description_content(model, rest, Path(folder or path.parent), rng, said.armature)
-    if said.uncertainty and rest.base == "fixed":
-        content["uncertainty"] = dict(said.uncertainty)
+    widths = dict(said.uncertainty) if said.uncertainty and rest.base == "fixed" else {}
+    place, wide = Path(folder or path.parent), UncertaintyBlock(**widths)
+    content = _description_content(model, rest, place, rng, said.armature, wide)
+    if widths:
+        content["uncertainty"] = widths
     content["assumed"] = [*(one.to_json() for one in said.assumed), *content["assumed"]]
     free = {guess.name for guess in model.free}
     tables = [one for one in said.by_position if {one.joint, one.over or one.joint} <= free]
@@ -99,9 +102,17 @@ def draft_description(
 
 
 def _description_content(
-    model: BareModel, rest: Rest, folder: Path, rng: np.random.Generator, armature: Mapping[str, float]
+    model: BareModel,
+    rest: Rest,
+    folder: Path,
+    rng: np.random.Generator,
+    armature: Mapping[str, float],
+    widths: UncertaintyBlock,
 ) -> dict[str, Any]:
-    """The blocks in their order, of a model that rests so; ``folder`` is where they will be read."""
+    """The blocks in their order, of a model that rests so; ``folder`` is where they will be read.
+
+    ``widths``: how far its bodies may be from what the model says, or what was assumed of them.
+    """
     robot, path, figure = model.robot, model.path, model.figure
     # Where weight meets each leg, in the frame of the joint at its end: a point foot's point, a sole's ankle.
     places = {}
@@ -122,7 +133,9 @@ def _description_content(
     if rest.base != "floating":
         ground = ground_height(figure.model, figure.shapes, rest.q, held_up=rest.base == "held")
     assumed = [*assumed_structure(model, rest, ground), *rest.assumed]
-    limits = limits_block(model, free, inertia, loads, assumed)
+    # A drive that nobody stated holds the heaviest of the bodies that motions are judged for.
+    heaviest = (1.0 + widths.mass) * (loads + 9.81 * widths.com * figure.beyond[1:])
+    limits = limits_block(model, free, inertia, heaviest, assumed)
     stated = limits.get("torque", {"joints": {}})["joints"]
     torque = {g.name: stated.get(g.name, g.torque or 1.0) for g in free}
     note_friction(model.joints, free, torque, assumed)

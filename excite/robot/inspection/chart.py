@@ -101,7 +101,10 @@ def _of_description(description: RobotDescription, path: Path, *, thorough: bool
     stated = description.model.acknowledged.items()
     accepted = {link: reason for link, reason in stated if not reason.startswith(AS_IT_IS)}
     free, urdf = description.base in FREE_BASES, urdf_of(description, path)
-    return _examine_urdf(description.name, urdf, floating=free, acknowledged=accepted, thorough=thorough)
+    shaped = frozenset(shape.link for shape in description.collision.shapes)
+    return _examine_urdf(
+        description.name, urdf, floating=free, acknowledged=accepted, shaped=shaped, thorough=thorough
+    )
 
 
 def _inertials_alone(path: Path, folder: Path, error: RobotError) -> RobotChart:
@@ -136,17 +139,25 @@ def _examine_urdf(
     *,
     floating: bool = False,
     acknowledged: Mapping[str, str] | None = None,
+    shaped: frozenset[str] = frozenset(),
     thorough: bool = True,
 ) -> RobotChart:
-    """Judge a URDF; faults of the links in ``acknowledged`` are accepted, for the reasons there."""
+    """Judge a URDF; faults of the links in ``acknowledged`` are accepted, for the reasons there.
+
+    The links in ``shaped`` have shapes that are authored elsewhere.
+    """
     root = read_xml(urdf, max_depth=MAX_NESTING)
     if root.tag != "robot":
         prepare_urdf(root, urdf)
     drop_points(root)
-    robot = DescribedRobot(root, urdf, thorough=thorough)
+    robot = DescribedRobot(root, urdf, shaped, thorough=thorough)
     ruled = [finding for rule in RULES for finding in rule(robot)]
     found = [*robot.faults, *ruled]
-    found += _refused_rest(root, urdf, floating, {place for one in found for place in one.places})
+    # What a rule said of a link's shape says nothing of its inertial.
+    judged = {
+        place for one in found if one.kind not in {"missing_meshes", "no_shape"} for place in one.places
+    }
+    found += _refused_rest(root, urdf, floating, judged)
     told = {(one.kind, place) for one in found for place in one.places}
     kept = []
     for one in found:

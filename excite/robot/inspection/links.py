@@ -122,6 +122,7 @@ class DescribedRobot:
     Args:
         root: the ``robot`` element, in which meshes that are found get their whole path.
         path: its file.
+        shaped: links whose shapes are authored elsewhere.
         thorough: whether meshes of looks are read for every link that needs them; else only where the collision
             geometry alone would make a link impossible.
 
@@ -133,8 +134,10 @@ class DescribedRobot:
         missing: meshes that are not there, by link.
     """
 
-    def __init__(self, root: Element, path: Path, *, thorough: bool = True) -> None:
-        self.path, self.thorough = path, thorough
+    def __init__(
+        self, root: Element, path: Path, shaped: frozenset[str] = frozenset(), *, thorough: bool = True
+    ) -> None:
+        self.path, self.shaped, self.thorough = path, shaped, thorough
         self._elements = {e.get("name", ""): e for e in root.findall("link")}
         self._joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
         self.faults: list[Finding] = []

@@ -364,8 +364,8 @@ def _in_millimetres(squared: float) -> str:
     return f"{1e3 * math.sqrt(squared):.3g} mm"
 
 
-def missing_meshes(robot: DescribedRobot) -> Iterator[Finding]:
-    """Meshes that are named and not there: the links have no shape to check."""
+def missing_shapes(robot: DescribedRobot) -> Iterator[Finding]:
+    """Meshes that are named and not there, and bodies of weight that name none: nothing checks what they touch."""
     files = [name for names in robot.missing.values() for name in names]
     if files:
         links, figures = count(len(robot.missing), "link"), {"files": float(len(files))}
@@ -374,6 +374,12 @@ def missing_meshes(robot: DescribedRobot) -> Iterator[Finding]:
             "put them where the model says, or give `excite init-robot --package-path FOLDER`, where they are"
         )
         yield Finding("missing_meshes", said, figures, tuple(robot.missing), "limits", remedy=remedy)
+    named = {*robot.missing, *robot.shaped, *(place for fault in robot.faults for place in fault.places)}
+    weighty = [link for link in robot.weighty_links() if link.name not in named] if robot.thorough else []
+    if bare := tuple(link.name for link in weighty if robot.first_hull(link.name) is None):
+        said = f"{count(len(bare), 'link')} of weight without a shape: nothing checks what they touch"
+        remedy = "give them collision geometry"
+        yield Finding("no_shape", said, {"links": float(len(bare))}, bare, "limits", remedy=remedy)
 
 
 # What links and joints say of each other: copies, left and right, limits, and drives that hold what they
@@ -534,7 +540,7 @@ RULES: tuple[Callable[[DescribedRobot], Iterator[Finding]], ...] = (
     check_density,
     com_outside,
     inertia_scale,
-    missing_meshes,
+    missing_shapes,
     find_placeholders,
     find_asymmetry,
     check_limits,
