@@ -300,15 +300,10 @@ class BudgetVerdict:
         return model
 
     def _shape_at_size(self, model: Model, k: int) -> Term:
-        """A term of a model at the shape that goes with its fitted size; itself where that is its shape."""
+        """A term of a model at the shape that goes with its fitted size."""
         term = model.design.terms[k]
-        if term.known:
-            return term
-        theta = term.effect.shape_at(term.theta, term.to_beta(model.term_parameters(k)))
-        if theta == term.theta:
-            return term
         maker = TermMaker(term.context, self.found.baseline.strict)
-        return maker.make_term(term.effect, term.location, theta) or term
+        return maker.shape_at_size(term, model.term_parameters(k))
 
     @property
     def _unnamed_likely_terms(self) -> tuple[Term, ...]:

@@ -568,15 +568,14 @@ def _possible_forms(
     def is_possible(like: Term) -> bool:
         return like.is_possible(context, sizes_of(like))
 
-    own, itself = term.effect, is_possible(term)
+    own, sizes = term.effect, sizes_of(term)
+    itself = term.is_possible(context, sizes)
     if itself:
         yield term
     # Beside what has gone a shape that follows from its size was that of another size.
-    theta = term.theta if term.known else own.shape_at(term.theta, term.to_beta(sizes_of(term)))
-    if theta != term.theta:
-        anew = TermMaker(term.context, selected.full.strict).make_term(own, term.location, theta)
-        if anew is not None and is_possible(anew):
-            yield anew
+    anew = TermMaker(term.context, selected.full.strict).shape_at_size(term, sizes)
+    if anew is not term and is_possible(anew):
+        yield anew
     for like in _other_forms(selected, term):
         part = set(like.effect.linear) < set(own.linear) and like.effect.searched == own.searched
         plain = type(like.effect) is type(EFFECTS.get(term.name))

@@ -176,6 +176,11 @@ class TermMaker:
         whole = len(term.kept) == len(term.effect.linear)
         return self.make_term(term.effect, term.location, term.theta, None if whole else term.kept)
 
+    def shape_at_size(self, term: Term, x: Array) -> Term:
+        """A term at the shape that goes with its fitted parameters ``(size,)``; itself where that is its shape."""
+        theta = term.theta if term.known else term.effect.shape_at(term.theta, term.to_beta(x))
+        return term if theta == term.theta else self.make_term(term.effect, term.location, theta) or term
+
     def _context_for(self, effect: Effect) -> Context:
         """Effects of the load are told from the rigid bodies' torque: friction would explain itself."""
         if not effect.by_load:
