@@ -10,13 +10,14 @@ from typing import Annotated, Literal
 
 import numpy as np
 import yaml
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
 from excite.conversion.columns.clock import Table
 from excite.conversion.explicit_mapping import TrialRules
 from excite.conversion.trials import Cut, cut_trials
-from excite.errors import LogError, in_one_line, raised_as
-from excite.formats.file import read_text
+from excite.errors import LogError, raised_as
+from excite.formats.documents import check_content
+from excite.formats.file import read_text, unreadable
 from excite.logs.header_blocks import Role
 
 Seconds = Annotated[float, Field(ge=0.0, le=1e6)]
@@ -99,14 +100,10 @@ def read_capture(path: Path) -> Capture:
     text = read_text(path)
     block = re.search(r"```yaml\n(.*?)\n```", text, re.DOTALL)
     said = text if block is None else block[1]
-    try:
-        return Capture.model_validate(yaml.safe_load(said))
-    except (ValidationError, yaml.YAMLError, TypeError) as error:
-        raise LogError(
-            f"holds no capture sheet ({in_one_line(error)[:200]})",
-            source=path,
-            remedy="write it by `excite capture`",
-        ) from error
+    again = "write it by `excite capture`"
+    with unreadable(path, "a capture sheet", again):
+        content = yaml.safe_load(said)
+    return check_content(Capture, content, path, remedy=again)
 
 
 def by_sheet(tables: Sequence[Table], rules: TrialRules, sheet: Capture) -> tuple[tuple[Cut, ...], list[str]]:

@@ -6,8 +6,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 from pydantic import ValidationError
 
+from excite.arrays import Array
 from excite.atomic import write_text
 from excite.conversion.capture_sheet import by_sheet, read_capture
 from excite.conversion.columns.clock import Table, assemble_streams
@@ -20,11 +22,13 @@ from excite.conversion.repairs import WHOLE_TURNS, whole_rows, within_ranges
 from excite.conversion.result import Conversion, log_header, map_text
 from excite.conversion.shapes import in_runs
 from excite.conversion.torques import (
+    ask_for_legs,
     ask_for_scale,
     joint_sided,
     propose_constants,
     settle_by_torques,
     weigh_question,
+    with_contacts,
 )
 from excite.conversion.trials import cut_trials
 from excite.display import count
@@ -33,8 +37,8 @@ from excite.errors import InputError
 from excite.formats.file import PathsLike, as_paths
 from excite.logs.columns import read_columns
 from excite.logs.files import check_replaceable, header_text, load_log, save_log
-from excite.logs.header_blocks import Guess
-from excite.logs.log import Log
+from excite.logs.header_blocks import Guess, TrialHeader
+from excite.logs.log import Log, LogHeader, Trial
 from excite.logs.robot import nominal_robot
 from excite.temporary_folder import TemporaryFolder
 
@@ -121,8 +125,11 @@ def _convert_recordings(
         ask_for_scale(cuts, header, machine, found, stated, recordings[0])
     text = map_text(found, header, cuts, stated)
     # What is cut is not held as read and as written at once.
-    written = [read_columns(cuts.pop(0).columns, entry, header, out / entry.file) for entry in header.trials]
-    save_log(Log(header=header, trials=tuple(written), robot_text=machine.text), out)
+    written = [_read_cut(cuts.pop(0).columns, entry, header, machine, out) for entry in header.trials]
+    log = Log(header=header, trials=tuple(written), robot_text=machine.text)
+    if machine.robot is not None and not weighs:
+        ask_for_legs(log, machine.robot, found, recordings[0])
+    save_log(log, out)
     (out / "map.yaml").write_text(text, encoding="utf-8")
     read = load_log(out)
     chart, note = _examine_log(read, machine)
@@ -140,6 +147,19 @@ def _convert_recordings(
         chart=chart,
         unused=tuple(found.unused),
     )
+
+
+def _read_cut(
+    columns: dict[str, Array], entry: TrialHeader, header: LogHeader, machine: Machine, out: Path
+) -> Trial:
+    """The trial of these columns; torques tell which feet carry where no flags were recorded."""
+    flags = [f"contact.{foot.name}" for foot in header.feet]
+    told = set(flags) <= set(columns) or not header.uses_imu or machine.robot is None
+    carried = {} if told else dict.fromkeys(flags, np.ones(len(columns["time"])))
+    trial = read_columns(columns | carried, entry, header, out / entry.file)
+    if told or trial.tau is None or machine.robot is None:
+        return trial
+    return with_contacts(trial, trial.tau, header, machine.robot)
 
 
 def _note_losses(found: Guesses, machine: Machine, log: Log) -> list[str]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -23,6 +21,7 @@ from excite.display import Row, count
 from excite.errors import InputError, LogError
 from excite.finding import EpisodeFindings, Examination, Finding, Severity, list_names, worst_first
 from excite.formats.lerobot import is_data_set, read_data_set
+from excite.formats.tables import csv_text
 from excite.parallel.engine import in_order
 from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
@@ -115,18 +114,13 @@ class EpisodeChart(Examination):
 
     def to_csv(self) -> str:
         """The episodes as a table to be sorted, a measure of a joint a column."""
-        text = io.StringIO()
         rows = [
             dict(row)
             | {f"{name}.{joint}": value for name, of in one.measures.items() for joint, value in of.items()}
             for row, one in zip(self.rows("episodes"), self.episodes or (), strict=True)
         ]
-        writer = csv.DictWriter(
-            text, dict.fromkeys(name for row in rows for name in row), lineterminator="\n"
-        )
-        writer.writeheader()
-        writer.writerows(rows)
-        return text.getvalue()
+        names = list(dict.fromkeys(name for row in rows for name in row))
+        return csv_text(names, [[row.get(name) for name in names] for row in rows])
 
     def summary(self) -> str:
         """A line for each episode in which something was found, how many are well, and what changes over all."""
@@ -183,7 +177,7 @@ def examine_episodes(path: Path, *, jobs: Jobs = 1, progress: Progress = silent)
     findings = tuple(replace(found, trials=(one.name,)) for one in done for found in one.findings)
     return EpisodeChart(
         path.name,
-        worst_first((*_drifts(joints, table), *findings)),
+        worst_first((*_drifts(same, table), *findings)),
         episodes=tuple(one.entry for one in done),
     )
 
@@ -306,6 +300,9 @@ def _without_joints(one: Episode, joints: tuple[str, ...]) -> Episode:
 
 def _judge(episodes: list[Episode], table: dict[str, Array]) -> Iterator[Episode]:
     """Each episode with what sets it apart from the others of the same joints."""
+    # Joints that follow the other way in all episodes are called so; where half are turned neither way is usual.
+    way = np.where(_median(table["follows"]) < 0.0, -1.0, 1.0)
+    table = table | {"follows": np.abs(table["follows"])}
     middle = {name: _median(values) for name, values in table.items()}
     spread = {name: 1.4826 * _median(np.abs(values - middle[name])) for name, values in table.items()}
     travel, step = middle["travel"], float(np.median([one.step_s for one in episodes]))
@@ -326,7 +323,7 @@ def _judge(episodes: list[Episode], table: dict[str, Array]) -> Iterator[Episode
         # A task may leave a joint alone, but not all of them. One that follows in small is scaled.
         idle &= ~idle.all()
         stands &= ~idle & ~(now["follows"] > _FOLLOWS)
-        turned = told & (now["follows"] < -_FOLLOWS) & ~differs["lag_s"]
+        turned = told & (way * one.measures["follows"] < -_FOLLOWS) & ~differs["lag_s"]
         moves = ~stands & ~turned & ~idle
         follows = moves & told
         against = now["friction"] * middle["friction"] < 0.0
@@ -347,7 +344,11 @@ def _judge(episodes: list[Episode], table: dict[str, Array]) -> Iterator[Episode
         findings = []
         for row in read_rows(__file__, "episodes.csv"):
             which, name = bad[row["kind"]], row["measure"]
-            pairs = zip(now[name][which], middle[name][which], strict=True)
+            pairs = zip(
+                one.measures[name][which],
+                (way * middle[name] if name == "follows" else middle[name])[which],
+                strict=True,
+            )
             figures = ", ".join(
                 f"{is_now:.4g} for {usual:.4g}" for is_now, usual in itertools.islice(pairs, 3)
             )
@@ -363,21 +364,30 @@ def _median(values: Array) -> Array:
     return np.array([np.median(c[np.isfinite(c)]) if np.isfinite(c).any() else np.nan for c in values.T])
 
 
-def _drifts(joints: tuple[str, ...], table: dict[str, Array]) -> list[Finding]:
-    """What goes on changing from the first episode to the last, of a change beyond ten of its deviations."""
+def _drifts(episodes: list[Episode], table: dict[str, Array]) -> list[Finding]:
+    """What goes on changing from the first episode to the last, or leaps, by more than ten of its deviations."""
     found, travel = [], _median(table["travel"])
-    for name, (j, joint) in itertools.product(("zero", "gain", "friction"), enumerate(joints)):
+    for name, (j, joint) in itertools.product(("zero", "gain", "friction"), enumerate(episodes[0].joints)):
         k = np.flatnonzero(np.isfinite(table[name][:, j]))
         values, half = table[name][k, j], len(k) // 2
-        if len(k) < 10:
+        if len(k) < 2 * _FEWEST:
             continue
         # The median of slopes over half of the episodes (Theil 1950, of pairs that are far apart).
         slope = float(np.median((values[half:] - values[: len(k) - half]) / (k[half:] - k[: len(k) - half])))
-        rest = values - slope * k
+        places = range(_FEWEST, len(k) - _FEWEST + 1)
+        pairs = [np.repeat([*map(np.median, np.split(values, [m]))], [m, len(k) - m]) for m in places]
+        levels = min(pairs, key=lambda pair: float(np.abs(values - pair).sum()))
+        slides, steps, step = values - slope * k, values - levels, float(levels[-1] - levels[0])
+        leap = bool(np.abs(steps).sum() < np.abs(slides - np.median(slides)).sum())
+        # Episodes of two kinds in turn lie on both levels.
+        leap &= bool(np.quantile(np.abs(steps), 0.75) < 0.25 * abs(step))
+        rest, change = (steps, step) if leap else (slides, slope * float(k[-1] - k[0]))
         noise = 1.4826 * float(np.median(np.abs(rest - np.median(rest)))) * np.sqrt(12.0 / len(k))
-        change = slope * float(k[-1] - k[0])
         least = 0.02 * travel[j] if name == "zero" else 0.1 * abs(float(np.median(values)))
         if abs(change) > max(10.0 * noise, least):
-            text = f"{name} of {joint} drifts by {change:.3g} over {len(k)} episodes"
-            found.append(Finding("drift", text, {name: change}, (joint,), severity="limits"))
+            at = episodes[k[np.argmax(levels == levels[-1])]].name
+            how = f"leaps by {change:.3g} at {at}" if leap else f"drifts by {change:.3g}"
+            text = f"{name} of {joint} {how} over {len(k)} episodes"
+            severity: Severity = "spoils" if leap else "limits"
+            found.append(Finding("drift", text, {name: change}, (joint,), severity=severity))
     return found

@@ -11,10 +11,10 @@ from typing import NamedTuple
 import numpy as np
 
 from excite.arrays import Array
-from excite.conversion.columns.base_signals import add_base, add_base_signals, feet_of
+from excite.conversion.columns.base_signals import add_base, add_base_signals, feet_of, tells_contacts
 from excite.conversion.columns.clock import (
     clock_column,
-    clock_pace,
+    clock_tick,
     goes_evenly,
     rate_by_velocities,
 )
@@ -266,7 +266,7 @@ def _find_clocks(state: Guessing) -> None:
         by_map = mapping.units.get("time")
         unit = clues[name].unit if name in clues else ""
         seconds, why = (
-            (TICKS[by_map], "stated in the map") if by_map else clock_pace(state.values[name], unit, rate)
+            (TICKS[by_map], "stated in the map") if by_map else clock_tick(state.values[name], unit, rate)
         )
         scale = mapping.scale.get("time", 1.0)
         if seconds is None and scale == 1.0:
@@ -603,6 +603,8 @@ def _ask_for_base(state: Guessing) -> None:
     found, machine, robot = state.found, state.machine, state.machine.robot
     carried = found.of("contact") or found.of("wrench")
     if "base" in state.mapping.log or (carried and (found.of("base") or found.of("imu"))):
+        return
+    if tells_contacts(found.channels, machine, state.mapping.log):
         return
     feet = [] if robot is None else [foot.name for foot in robot.feet]
     if found.of("base"):

@@ -5,16 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from string import Template
 
 import numpy as np
 
 from excite.atomic import write_text
 from excite.errors import LogError, raised_as
+from excite.formats.documents import read_yaml
 from excite.formats.registry import column_suffixes, read_content
 from excite.motion.content import BASE_POSE
-
-# Where a person has to write something.
-FILL_IN = "FILL IN"
 
 
 @dataclass(frozen=True)
@@ -81,56 +80,26 @@ def _header_text(
     """The lines that apply, and what a person has to say."""
     channels = {name.partition(".")[0] for name in columns}
     torque = "motor_side" if "tau" in channels else "current" if "i" in channels else "none"
-    floating, current = set(BASE_POSE) <= set(columns), torque == "current"
-    roles = ["identification", *["identification"] * (len(files) - 2), *["validation"] * (len(files) > 1)]
-    # Lines, none where they do not apply, with what is to be filled in.
-    rows = (
-        ("schema: excite.log/1", ""),
-        (f"robot: {models[0].name}   # nominal model beside this file", "")
-        if models
-        else (
-            f"robot: robot.urdf   # nominal model beside this file   # {FILL_IN}",
-            "robot: copy the nominal model's URDF into the folder",
-        ),
-        (
-            f"base: {'suspended' if floating else 'fixed'}"
-            "   # fixed, floating (on feet with wrench sensors) or suspended",
-            "",
-        ),
-        ("gravity: [0.0, 0.0, -9.81]   # in the world frame [m/s²]", ""),
-        (f"rate_hz: {rate:.5g}   # rows a second; the stamps are believed where they differ", ""),
-        (f"joints: [{', '.join(joints)}]", ""),
-        (
-            f"torque: {torque}   # motor_side, link_side, current (columns i.JOINT) or none",
-            "torque: motor_side if it contains the joint's friction, link_side if measured behind the gear"
-            if "tau" in channels
-            else "",
-        ),
-        (
-            current and f"# torque_constants: {{{joints[0]}: 1.0}}   # N·m per A at the joint   # {FILL_IN}",
-            "torque_constants: N·m per A of each joint, where they are known",
-        ),
-        ("# no_torque: []   # joints that move but whose torque was not measured", ""),
-        ("# coupling: {}   # turns of a motor per turn of another joint, {wrist_6: {wrist_5: 1.0}}", ""),
-        ("# lowpass_hz: 50   # only where all channels went through the same low-pass already", ""),
-        (
-            "q_cmd" in channels
-            and "# controller: {mode: position, kp: {}, kd: {}, rate_hz: 1000}   # what the servo does with q_cmd",
-            "controller: the servo's gains, where they are known",
-        ),
-        (
-            floating and f"base_link: base_link   # link whose pose is logged   # {FILL_IN}",
-            "base_link: the link whose pose is logged",
-        ),
-        (
-            "modelled: [rigid_body, viscous_friction, coulomb_friction, armature]   # what the baseline has",
-            "",
-        ),
-        (
-            "trials:   # role: identification or validation; repeats: the file whose command it runs again",
-            "trials: which of them validate, which repeat others",
-        ),
-        *((f"  - {{file: {file.name}, role: {role}}}", "") for file, role in zip(files, roles, strict=True)),
-    )
-    lines = [line for line, _ in rows if line]
-    return "\n".join(lines) + "\n", [what for line, what in rows if line and what]
+    free = set(BASE_POSE) <= set(columns)
+    facts = {
+        "model": bool(models),
+        "no model": not models,
+        "torques": "tau" in channels,
+        "currents": torque == "current",
+        "commands": "q_cmd" in channels,
+        "free base": free,
+    }
+    words = {
+        "model": models[0].name if models else "",
+        "base": "suspended" if free else "fixed",
+        "rate": f"{rate:.5g}",
+        "joints": ", ".join(joints),
+        "first": joints[0],
+        "torque": torque,
+    }
+    table = read_yaml(Path(__file__).with_name("log_header.yaml")).values()
+    rows = [row for row in table if facts.get(row.get("when"), True)]
+    lines = [Template(row["line"]).substitute(words) for row in rows if "line" in row]
+    roles = ["identification"] * (len(files) - 1) + ["validation" if len(files) > 1 else "identification"]
+    lines += [f"  - {{file: {file.name}, role: {role}}}" for file, role in zip(files, roles, strict=True)]
+    return "\n".join(lines) + "\n", [row["fill_in"] for row in rows if "fill_in" in row]

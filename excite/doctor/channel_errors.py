@@ -144,6 +144,10 @@ def refine_zeros(
         reading = replace(reading, zero=reading.zero + step)
         if np.abs(step).max() < 1e-3:
             break
+    rest = tuple(one for one in found if one not in mine)
+    if off.sum() == 1 and (np.abs(reading.zero) < 2.0 * std)[off].all():
+        # One zero alone that may as well be none: something else is there, a load for instance.
+        return replace(reading, zero=np.where(off, 0.0, reading.zero)), rest
     if not off.any():
         return reading, found
     correction = zeros_together(samples, reading, off, std)
@@ -155,8 +159,7 @@ def refine_zeros(
         return reading, (Misreading.of(correction, zero, before, after, merit),)
     first = mine[0]
     merged = replace(first, correction=correction, after=float(np.exp(2.0 * after.left.mean())))
-    rest = tuple(merged if one is first else one for one in found if one is first or one not in mine)
-    return reading, rest
+    return reading, tuple(merged if one is first else one for one in found if one is first or one in rest)
 
 
 def find_promising(

@@ -37,6 +37,7 @@ from excite.doctor.checks.values import (
     find_range_ends,
     find_stopped_torques,
     find_torque_ends,
+    find_unexplained_torques,
     find_weak_torques,
 )
 from excite.doctor.doubt import Doubt
@@ -76,6 +77,7 @@ RULES: tuple[Callable[[Case], None], ...] = (
     find_motor_side,
     find_missing_friction,
     find_torque_ends,
+    find_unexplained_torques,
     find_beyond_limits,
     find_command_errors,
     find_unison,

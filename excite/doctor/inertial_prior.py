@@ -83,11 +83,15 @@ class Judgement:
         return self.odds(other) - changes * float(np.log(tried)) if matters else -np.inf
 
 
-def likely_spread(tree: KinematicTree) -> Array:
-    """Standard deviations of inertial parameters about the nominal ones, ``(10·n_segments,)``."""
+def likely_spread(tree: KinematicTree, payload: float = 0.0) -> Array:
+    """Standard deviations of inertial parameters about the nominal ones, ``(10·n_segments,)``.
+
+    ``payload``: of what the outermost bodies carry, as a share of the robot's mass.
+    """
     phi = tree.phi.reshape(-1, 10)
     mass, own = phi[:, 0], THRESHOLD.own_spread
-    astray = own * mass + THRESHOLD.load_spread * mass.sum()
+    outermost = ~np.isin(np.arange(len(phi)), np.asarray(tree.parents)[1:] - 1)
+    astray = own * mass + (THRESHOLD.load_spread + payload * outermost) * mass.sum()
     centre = np.linalg.norm(phi[:, 1:4], axis=1) / np.maximum(mass, 1e-9)
     arm = np.minimum(centre, 1.0) + THRESHOLD.centre_astray_m
     inertias = own * np.abs(phi[:, 4:]) + (astray * arm**2)[:, None]

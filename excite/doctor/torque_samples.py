@@ -9,6 +9,7 @@ from functools import cached_property
 from typing import ClassVar, NamedTuple
 
 import numpy as np
+from scipy.special import chdtri
 
 from excite.arrays import Array, Flags, Indices, Moved
 from excite.doctor.channel_mapping import Reading
@@ -119,6 +120,11 @@ class TorqueSamples(Samples):
         """Sums of products of drive, model and measured torque, ``(n_torques, 5, 5)``."""
         return self.predicted(reading).columns.sums_with(self.measured_torque(reading))
 
+    def power(self, reading: Reading) -> Array:
+        """Each torque's share of the power of all, ``(n_torques,)``."""
+        power = self.product_sums(reading)[:, 4, 4]
+        return np.asarray(power / max(power.sum(), 1e-300))
+
     def tells(self, reading: Reading) -> Flags:
         """Which torques the nominal bodies make a good share of, ``(n_torques,)``."""
         sums = self.product_sums(reading)
@@ -221,8 +227,23 @@ class TorqueSamples(Samples):
         """The same with less samples where this many readings are to be compared; an arm's keep all."""
         most = int(len(self.q) / THRESHOLD.fewest_samples)
         step = max(1, min(int(readings / THRESHOLD.compared_readings), most))
+        return self if step == 1 else self.choose(slice(None, None, step))
+
+    def needs_unlikely_bodies(self, reading: Reading) -> bool:
+        """Whether what explains the torques are bodies as far from the model's as chance seldom makes them.
+
+        Twice the cost of likely bodies is distributed as chi square, of as many degrees as the torques determine.
+        """
+        held = np.full(len(self.joints), 1e-9)
+        judged, spread = self.judged(reading, zeros=held), likely_spread(self.under(reading.gravity))
+        told = len(spread) + len(held) - float(((judged.std / np.r_[spread, held]) ** 2).sum())
+        explained = self.unexplained_beside(reading, judged.left) < THRESHOLD.in_place
+        return bool(explained and 2.0 * judged.cost > chdtri(max(told, 1.0), 1.0 / THRESHOLD.strong_odds))
+
+    def choose(self, some: slice | Flags) -> TorqueSamples:
+        """Some of the samples."""
         fields = ("q", "v", "a", "rows", "first", "last")
-        return self if step == 1 else replace(self, **{name: getattr(self, name)[::step] for name in fields})
+        return replace(self, **{name: getattr(self, name)[some] for name in fields})
 
     @cached_property
     def _tree(self) -> KinematicTree:

@@ -9,14 +9,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from excite.arrays import Array
+from excite.arrays import Array, Flags
 from excite.display import span
 from excite.doctor.channel_mapping import Reading
 from excite.doctor.doubt import Doubt
+from excite.doctor.inertial_prior import likely_spread
+from excite.doctor.model_comparison import Columns, fit_parts, remove_drives
 from excite.doctor.samples import THE_UNIT, Correction, Mistake
 from excite.doctor.thresholds import THRESHOLD, is_near_one
 from excite.doctor.torque_samples import TorqueSamples
 from excite.errors import InputError
+from excite.finding import list_names
 from excite.formats.documents import parse_xml
 from excite.robot.robot import Robot
 
@@ -74,10 +77,8 @@ def find_scale(samples: TorqueSamples, reading: Reading) -> Scale | None:
                 return Scale(1.0 / expected, np.exp(size), cause, apart=True, far=True)
         if outside and (np.ptp(size) > THRESHOLD.scales_agree or not half):
             factors = 1.0 / np.where(told, gains, np.exp(np.median(size)))
-            least, largest = (f"{np.exp(x):.0f}" for x in (-size.max(), -size.min()))
-            before = f", torques before gears of about {span(least, largest, ' to ')} to 1"
-            gears = before if size.max() < 0.0 else ""
-            cause = f"currents, whose torque constants are not known{gears}, or another unit"
+            gears = f", torques before gears{likely_gears(samples, reading)}" if size.max() < 0.0 else ""
+            cause = f"currents, whose torque constants are not known{gears}, another unit, or another robot's model"
             return Scale(factors, np.exp(size), cause, apart=True, far=True)
     # A few joints that are off carry something that the model does not have.
     if 2 * told.sum() < len(told) or told.sum() < min(2, len(told)):
@@ -93,6 +94,26 @@ def find_scale(samples: TorqueSamples, reading: Reading) -> Scale | None:
     return Scale(
         np.full(len(told), 1.0 / factor), np.array([factor]), cause, apart=False, far=most and outside
     )
+
+
+def likely_gears(samples: TorqueSamples, reading: Reading) -> str:
+    """Between which reductions torques before gears would be by likely bodies, in words; empty where none tells.
+
+    A joint tells whose torque holds the model's by more than twice the error of its fit (effective samples), and whose
+    model likely bodies and loads change by less than one and a half of it. Both errors widen the range, twice each.
+    """
+    fit, judged = fit_parts(samples.product_sums(reading)), samples.judged(reading)
+    error = 2.0 * np.sqrt(fit.left / np.maximum(judged.counts * fit.bare[:, 0], 1e-300))
+    sums, _ = remove_drives(samples.body_columns(reading).sums_with(samples.predicted(reading).torque))
+    share = sums[..., :-1, -1] / np.maximum(sums[..., -1:, -1], 1e-300)
+    tree = samples.under(reading.gravity)
+    spread = likely_spread(tree, THRESHOLD.payload_spread).reshape(len(sums), 1, -1)
+    bodies, gain = np.sqrt(((spread * share) ** 2).sum(axis=(0, 2))), fit.parts[:, 0]
+    wide, told = 1.0 + 2.0 * bodies, (gain > error) & (bodies < 1.5)
+    least, largest = 1.0 / ((gain + error) * wide), wide / np.where(told, gain - error, 1.0)
+    each = zip(samples.channels, least, largest, strict=True)
+    names = [f"{joint} {low:.0f} to {high:.0f}" for j, (joint, low, high) in enumerate(each) if told[j]]
+    return f" (reduction by likely masses and loads: {list_names(names, 3)})" if names else ""
 
 
 def _causes(samples: TorqueSamples) -> Iterator[tuple[str, Array]]:
@@ -149,8 +170,9 @@ def find_torque_scale(samples: TorqueSamples, reading: Reading) -> Iterable[Corr
     gains, shares, agreement, _ = samples.gains(reading)
     told = (shares > THRESHOLD.telling_share) & (gains > 0.0)
     alone = len(joints) > 1 and (scale is None or not scale.apart)
+    leaked = _holds_neighbours(samples, reading)
     values = np.stack([samples.measured_torque(reading), samples.predicted(reading).torque])
-    for j in np.flatnonzero(told) if alone else ():
+    for j in np.flatnonzero(told & ~leaked) if alone else ():
         # What an end of the range cuts off makes a torque smaller, and no unit: the ends stand where the model's torque
         # is in as many rows, but for the unit. Rows that were chosen by the torque do not bias the slope over it.
         gain, (lower, upper) = float(gains[j]), samples.ends[:, j]
@@ -160,6 +182,22 @@ def find_torque_scale(samples: TorqueSamples, reading: Reading) -> Iterable[Corr
             text = f"the torque of {joints[j]} is {gain:.3g} times what the nominal masses need, unlike the others'"
             scaled = reading.with_torque([int(j)], 1.0 / gain)
             yield Correction(scaled, text, (joints[j],), {"factor": gain}, certain=False)
+
+
+def _holds_neighbours(samples: TorqueSamples, reading: Reading) -> Flags:
+    """Torques that a part of the one before or after them explains beside the model, no worse than a scale does.
+
+    A tenth of what a shoulder carries is several times what a wrist needs.
+    """
+    torque, (model, drive, _) = samples.measured_torque(reading), samples.predicted(reading)
+
+    def left(values: Array, part: Array) -> Array:
+        rest, _ = remove_drives(Columns.of(drive, part).sums_with(values))
+        return np.asarray(rest[:, 1, 1] - rest[:, 0, 1] ** 2 / np.maximum(rest[:, 0, 0], 1e-300))
+
+    beside = np.pad(torque, ((0, 0), (1, 1)))
+    least = np.minimum(left(torque - model, beside[:, :-2]), left(torque - model, beside[:, 2:]))
+    return np.asarray(least < left(torque, model))
 
 
 TORQUE_SCALE = Mistake("torque_scale", find_torque_scale, leaves=frozenset({Doubt.SIZE}), may_surprise=True)

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import math
 import struct
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -116,9 +114,9 @@ class RawC3d:
 
 
 def read_c3d(path: Path) -> RawC3d:
-    """Read a file; raises InputError with the field where its blocks, records or counts contradict its size."""
+    """Read a file; raises InputError with the field where its blocks or counts contradict its size."""
     content = read_bytes(path, limit=MAX_C3D_BYTES)
-    check_c3d(content, path)
+    header = check_c3d(content, path)
     # An interpreter starts in a second or two; files of 100 MB are read within a minute [s, bytes/s].
     # What libraries take at most, and what ezc3d makes of each byte of a file [GB, bytes].
     found: RawC3d = in_child(
@@ -128,6 +126,11 @@ def read_c3d(path: Path) -> RawC3d:
         seconds=20.0 + len(content) / 1e6,
         memory_gb=3.0 + 40.0 * len(content) / 1e9,
     )
+    _, points, frames = found.points.shape
+    if points != header.points:
+        what = f"is {points}, and {header.points} in the header"
+        raise InputError(what, source=path, field="POINT:USED", remedy=_DAMAGED)
+    _check_room(frames, header, len(content), path)
     return found
 
 
@@ -166,19 +169,9 @@ def _raw_plate(plate: Any) -> dict[str, Any]:
 
 BLOCK = 512
 _INTEL, _DEC, _MIPS = 84, 85, 86
-# Sizes of a value by its type: characters, bytes, 16-bit integers, reals.
-_SIZES = {-1: 1, 1: 1, 2: 2, 4: 4}
-# The largest known laboratory has 32 plates, a full body some hundred markers with clouds of some thousand.
-_MOST_PLATES, _MOST_POINTS = 255, 20_000
-_CUT = "it is cut off or damaged: export it again"
-
-
-class _Refused(Exception):
-    """What is wrong with a field."""
-
-    def __init__(self, what: str, field: str | None = None, remedy: str = "it is damaged: export it again"):
-        super().__init__(what)
-        self.what, self.field, self.remedy = what, field, remedy
+# The largest known body has some hundred markers with clouds of some thousand.
+_MOST_POINTS = 20_000
+_DAMAGED = "it is damaged: export it again"
 
 
 @dataclass(frozen=True)
@@ -193,7 +186,6 @@ class _Header:
         size: of a number in the data [bytes].
         data: first block of the data, from 1.
         rate_hz: of the frames [Hz].
-        order: of the bytes, as struct names it.
     """
 
     parameters: int
@@ -203,33 +195,45 @@ class _Header:
     size: int
     data: int
     rate_hz: float
-    order: str
 
 
-def check_c3d(content: bytes, path: Path) -> None:
-    """Refuse a file whose blocks, records or counts contradict its size; raises InputError with the field."""
-    try:
-        header = _read_header(content)
-        blocks = len(content) // BLOCK
-        for field, block in (("parameter block", header.parameters), ("data block", header.data)):
-            if not 2 <= block <= blocks + 1:
-                raise _Refused(f"is number {block} of {blocks}", field)
-        if header.points > _MOST_POINTS:
-            raise _Refused(f"is {header.points}", "number of points")
-        if not (math.isfinite(header.rate_hz) and 0.0 < header.rate_hz <= 1e6):
-            raise _Refused(f"is {header.rate_hz:g} Hz", "frame rate")
-        _check_counts(_read_records(content, header), header, len(content) - (header.data - 1) * BLOCK)
-    except _Refused as reason:
-        raise InputError(reason.what, source=path, field=reason.field, remedy=reason.remedy) from None
+def check_c3d(content: bytes, path: Path) -> _Header:
+    """The header of a file whose blocks and counts its size allows; raises InputError with the field."""
+    header = _read_header(content, path)
+    blocks = len(content) // BLOCK
+    faults = {
+        "parameter block": not 2 <= header.parameters <= blocks + 1
+        and f"is number {header.parameters} of {blocks}",
+        "data block": not 2 <= header.data <= blocks + 1 and f"is number {header.data} of {blocks}",
+        "number of points": header.points > _MOST_POINTS and f"is {header.points}",
+        "frame rate": not 0.0 < header.rate_hz <= 1e6 and f"is {header.rate_hz:g} Hz",
+    }
+    for field, what in faults.items():
+        if what:
+            raise InputError(what, source=path, field=field, remedy=_DAMAGED)
+    # A count of frames that does not fit into the header is this much there, and right in the parameters.
+    _check_room(header.frames if header.frames < 0xFFFF else 1, header, len(content), path)
+    return header
 
 
-def _read_header(content: bytes) -> _Header:
+def _check_room(frames: int, header: _Header, size: int, path: Path) -> None:
+    """Raise InputError where the file has no room for so many frames."""
+    frame, room = (4 * header.points + header.analog) * header.size, size - (header.data - 1) * BLOCK
+    if frames < 1 or frames * frame > room:
+        what = f"says {frames} frames, and there is room for {room // frame if frame else 0}"
+        raise InputError(
+            what, source=path, field="frames", remedy="it is cut off or damaged: export it again"
+        )
+
+
+def _read_header(content: bytes, path: Path) -> _Header:
     if len(content) < 2 * BLOCK or content[1] != 0x50:
-        raise _Refused("is no C3D file", remedy="export it again")
+        raise InputError("is no C3D file", source=path, remedy="export it again")
     start = (content[0] - 1) * BLOCK
     processor = content[start + 3] if 0 <= start < len(content) - 3 else 0
     if processor not in {_INTEL, _DEC, _MIPS}:
-        raise _Refused(f"is {processor}, none of {_INTEL}, {_DEC} and {_MIPS}", "processor")
+        what = f"is {processor}, none of {_INTEL}, {_DEC} and {_MIPS}"
+        raise InputError(what, source=path, field="processor", remedy=_DAMAGED)
     order = ">" if processor == _MIPS else "<"
     points, analog, first, last = struct.unpack_from(f"{order}4H", content, 2)
     (data,) = struct.unpack_from(f"{order}H", content, 16)
@@ -240,59 +244,4 @@ def _read_header(content: bytes) -> _Header:
     scale, rate = (struct.unpack(f"{order}f", raw)[0] for raw in reals)
     rate = rate / 4.0 if processor == _DEC else rate
     size = 4 if scale < 0.0 else 2
-    return _Header(content[0], points, analog, last - first + 1, size, data, rate, order)
-
-
-def _read_records(content: bytes, header: _Header) -> Iterator[tuple[tuple[int, str], bytes]]:
-    """Parameters by number of their group and name, with their data; the groups' names under an empty one."""
-    place = (header.parameters - 1) * BLOCK + 4
-    end = (header.data - 1) * BLOCK if header.data > header.parameters else len(content)
-    offset = 1
-    while offset and place + 2 <= end:
-        length, number = abs(struct.unpack_from("b", content, place)[0]), content[place + 1]
-        if length == 0 or number == 0:
-            return
-        after = place + 2 + length
-        name = content[place + 2 : after].decode("latin-1").strip().upper()
-        shown = f"parameter {''.join(c for c in name if c.isprintable())[:30]}".strip()
-        outside = _Refused("does not fit into the file", shown)
-        if after + 2 > end:
-            raise outside
-        (offset,) = struct.unpack_from(f"{header.order}H", content, after)
-        place = after + offset if offset else end
-        if place > end or offset == 1:
-            raise outside
-        if number >= 128:
-            yield (256 - number, ""), name.encode("latin-1")
-            continue
-        record = content[after + 2 : place]
-        kind, count = struct.unpack_from("bB", record) if len(record) > 1 else (0, 255)
-        size = _SIZES.get(kind, len(content)) * math.prod(record[2 : 2 + count])
-        if count > 7 or len(record) < 2 + count + size:
-            raise outside
-        yield (number, name), record[2 + count : 2 + count + size]
-
-
-def _check_counts(parameters: Iterator[tuple[tuple[int, str], bytes]], header: _Header, room: int) -> None:
-    """Counts of the header and those that stand in the parameters too, against each other and the file's size."""
-    # A count of frames that does not fit into the header is this much there, and right in the parameters.
-    frame, long = (4 * header.points + header.analog) * header.size, header.frames >= 0xFFFF
-    if header.frames < 1 or (not long and header.frames * frame > room):
-        held = room // frame if frame else 0
-        raise _Refused(f"says {header.frames} frames, and there is room for {held}", "frames", _CUT)
-    records = dict(parameters)
-    groups = {name.decode("latin-1"): number for (number, key), name in records.items() if not key}
-
-    def read_integer(group: str, name: str) -> int:
-        data = records.get((groups.get(group, 0), name), b"")
-        return int(struct.unpack(f"{header.order}H", data)[0]) if len(data) == 2 else -1
-
-    used, frames, plates = (
-        read_integer(*place) for place in (("POINT", "USED"), ("POINT", "FRAMES"), ("FORCE_PLATFORM", "USED"))
-    )
-    if used not in (-1, header.points):
-        raise _Refused(f"is {used}, and {header.points} in the header", "POINT:USED")
-    if long and frames * frame > room:
-        raise _Refused(f"is {frames}, and there is room for {room // frame}", "POINT:FRAMES", _CUT)
-    if plates > _MOST_PLATES:
-        raise _Refused(f"is {plates}", "FORCE_PLATFORM:USED")
+    return _Header(content[0], points, analog, last - first + 1, size, data, rate)

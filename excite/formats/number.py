@@ -26,12 +26,8 @@ def check_number(
     """
     number = _real_number(value)
     if not low <= number <= high:
-        raise InputError(
-            f"is {shorten_value(value)}",
-            source=source,
-            field=field,
-            remedy=f"choose {low:g} to {high:g} {unit}".rstrip(),
-        )
+        remedy = f"choose {low:g} to {high:g} {unit}".rstrip()
+        raise InputError(f"is {shorten_value(value)}", source=source, field=field, remedy=remedy)
     return number
 
 
@@ -39,11 +35,8 @@ def check_count(value: object, field: str, low: int, high: int) -> int:
     """A whole number from ``low`` to ``high``, both allowed; raises InputError that names the field."""
     number = int(value) if isinstance(value, Integral) and not isinstance(value, bool) else low - 1
     if not low <= number <= high:
-        raise InputError(
-            f"is {shorten_value(value)}",
-            field=field,
-            remedy=f"choose a whole number, {low} to {high}",
-        )
+        remedy = f"choose a whole number, {low} to {high}"
+        raise InputError(f"is {shorten_value(value)}", field=field, remedy=remedy)
     return number
 
 

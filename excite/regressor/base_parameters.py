@@ -132,6 +132,15 @@ def structural_base_parameters(
     return meant if meant.rank < exact.rank else exact
 
 
+def draw_configurations(robot: Robot, random: np.random.Generator, n: int) -> Array:
+    """Configurations all over the joints' turn, a free base turned in any way ``(n, nq)``."""
+    q = random.uniform(-np.pi, np.pi, size=(n, robot.model.nq))
+    if robot.floating:
+        q[:, 3:7] = random.normal(size=(n, 4))
+        q[:, 3:7] /= np.linalg.norm(q[:, 3:7], axis=1, keepdims=True)
+    return q
+
+
 def _structural_parameters(robot: Robot, drives: Sequence[str]) -> BaseParameters:
     """The base parameters of a model with the numbers that it has."""
     columns = measured_columns(robot, drives)
@@ -141,10 +150,7 @@ def _structural_parameters(robot: Robot, drives: Sequence[str]) -> BaseParameter
     if robot.floating and not robot.measures_contacts:
         # As many for each stance.
         n *= 1 + len(robot.feet)
-    q = random.uniform(-np.pi, np.pi, size=(n, robot.model.nq))
-    if robot.floating:
-        q[:, 3:7] = random.normal(size=(n, 4))
-        q[:, 3:7] /= np.linalg.norm(q[:, 3:7], axis=1, keepdims=True)
+    q = draw_configurations(robot, random, n)
     v = random.normal(size=(n, robot.model.nv))
     a = 5.0 * random.normal(size=(n, robot.model.nv))
     if robot.mechanism is not None:

@@ -12,6 +12,7 @@ from excite.arrays import Array
 from excite.robot.description import RobotDescription
 from excite.robot.refusal import robot_error, unknown_name
 from excite.robot.robot import Foot, Segment, WrenchSensor
+from excite.robot.shapes.shape import joints_at
 
 
 def read_segments(model: pin.Model, description: RobotDescription, path: Path) -> tuple[Segment, ...]:
@@ -57,8 +58,7 @@ def read_foot(model: pin.Model, description: RobotDescription, name: str, path: 
     corners = np.array([placement.act(np.array(corner)) for corner in block.sole])
     rotation = _sole_axes(corners, placement.rotation)
     if len(corners) == 1:
-        data = model.createData()
-        pin.forwardKinematics(model, data, upright)
+        data = joints_at(model, upright)
         rotation = data.oMi[joint].rotation.T
         if block.centre is not None and block.radius > 0.0:
             up = placement.act(np.array(block.centre)) - corners[0]

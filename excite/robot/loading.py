@@ -38,6 +38,7 @@ from excite.robot.quantities import MAX_RATIO, Block, PerJoint
 from excite.robot.refusal import robot_error, unknown_name
 from excite.robot.robot import Foot, Robot
 from excite.robot.shapes.collision import ground_is_assumed
+from excite.robot.shapes.shape import joints_at
 from excite.robot.urdf.inertia import check_weights
 from excite.robot.urdf.limits import LARGEST, assumed_limits, read_limits_file, tighter_limits, with_tables
 from excite.robot.urdf.numbers import read_number, read_origin
@@ -308,8 +309,7 @@ def _rest_configuration(
     if description.base in FREE_BASES and height is not None:
         q[2] = height
     elif description.base in FREE_BASES and feet:
-        data = model.createData()
-        pin.forwardKinematics(model, data, q)
+        data = joints_at(model, q)
         q[2] -= min(data.oMi[foot.joint].act(corner)[2] for foot in feet for corner in foot.sole)
     return q
 
@@ -384,8 +384,7 @@ def with_balls_down(
     Raises:
         RobotError: a foot's link is not in the model, or an origin or a radius is no number.
     """
-    data, feet = model.createData(), []
-    pin.forwardKinematics(model, data, upright)
+    data, feet = joints_at(model, upright), []
     for foot in description.feet:
         centre = _ball_centre(root, description, foot, path) if foot.radius > 0.0 else None
         if centre is not None and description.posture.joints:
@@ -505,8 +504,7 @@ def _read_closure(model: pin.Model, block: LoopBlock | CouplingBlock, path: Path
         raise robot_error(path, field, what, "remove it")
     if block.kind != "rod":
         return Loop(block.name, (one, other), (here, there), rigid=block.kind == "weld")
-    data = model.createData()
-    pin.forwardKinematics(model, data, pin.neutral(model))
+    data = joints_at(model, pin.neutral(model))
     apart = data.oMi[other].act(there.translation) - data.oMi[one].act(here.translation)
     length = float(np.linalg.norm(apart)) if block.length is None else block.length
     if length < 1e-6:

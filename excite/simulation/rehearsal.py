@@ -24,6 +24,7 @@ from excite.progress import Progress, silent
 from excite.results import HIDDEN
 from excite.robot.prismatic import sliding_joints
 from excite.robot.robot import Robot
+from excite.robot.shapes.shape import joints_at
 from excite.safety.ground_forces import hull_edges
 from excite.safety.parameter_set import RowsOfSet, stated_parameters
 from excite.safety.repairs.collisions import CollisionProbe
@@ -326,8 +327,7 @@ def loaded_robot(
         offset: of the load's centre from the segment's centre of mass, in the world's axes at rest [m].
         load: the share.
     """
-    data = robot.model.createData()
-    pin.forwardKinematics(robot.model, data, robot.rest)
+    data = joints_at(robot.model, robot.rest)
     masses = robot.nominal_parameters[::10]
     trunk = int(np.argmax(masses))
     # A trunk's frame may lie any way round in it.

@@ -12,6 +12,7 @@ from excite.arrays import Array
 from excite.errors import InputError
 from excite.robot.joint_values import per_joint
 from excite.robot.robot import Robot
+from excite.robot.shapes.shape import joints_at
 
 # A hand or head is the first segment, from the tip inwards, that carries at least this much [kg].
 _LIGHTEST_END = 0.2
@@ -222,8 +223,7 @@ def _path_to_base(parents: list[int], index: int) -> list[int]:
 
 def _place_part(robot: Robot, rng: np.random.Generator, what: str, segment: int, mass: float) -> AddedPart:
     """A part behind the trunk's centre of mass, on a back, or at the end of a hand or head (at rest, x ahead, z up)."""
-    data = robot.model.createData()
-    pin.forwardKinematics(robot.model, data, robot.rest)
+    data = joints_at(robot.model, robot.rest)
     joint = robot.segments[segment].joint
     com = robot.model.inertias[joint].lever
     if what == "computer":

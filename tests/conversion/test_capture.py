@@ -214,7 +214,7 @@ def test_a_plan_of_another_robot_and_no_sheet_are_one_line(plan, tmp_path):
     with pytest.raises(InputError, match="not of 'panda'"):
         excite.capture(excite.load_robot("panda"), plan)
     (tmp_path / "notes.md").write_text("nothing")
-    with pytest.raises(LogError, match="holds no capture sheet"):
+    with pytest.raises(LogError, match=r"notes\.md: is .nothing., not an object; write it by"):
         read_capture(tmp_path / "notes.md")
 
 

@@ -253,3 +253,30 @@ def test_the_command_writes_table_and_plot_and_ends_by_the_verdict(tmp_path, exc
     assert done.returncode == 0 and "20 episodes, 0 with something wrong" in done.stdout
     refused = excite_here("doctor", well, "--repair", "x", cwd=tmp_path)
     assert refused.returncode == 2 and "this is a data set" in refused.stderr
+
+
+@pytest.mark.parametrize(
+    ("faults", "lasting"),
+    [
+        ({k: ("zero_position", "wrist_1") for k in range(10, 20)}, ("wrist_1", "zero", "run_010")),
+        ({k: ("zero_position", "lift") for k in range(8)}, ("lift", "zero", "run_008")),
+        ({k: ("zero_position", "pan") for k in range(0, 20, 2)}, ()),
+        ({k: ("command_sign", "lift") for k in range(10)}, ("lift", "gain", "run_010")),
+        ({k: ("command_sign", "lift") for k in range(0, 20, 2)}, ()),
+    ],
+    ids=["half", "before half", "in turn", "half turned", "turned in turn"],
+)
+def test_what_half_of_the_episodes_have_is_said(faults, lasting, tmp_path):
+    """Of an arm that was set anew in the middle nothing was said: neither half stood apart from the median."""
+    chart = examine_episodes(tables(tmp_path / "data", [episode(k, faults=faults) for k in range(20)]))
+    turned = {k for k, (kind, _) in faults.items() if kind == "command_sign"}
+    assert {k for k, one in verdicts(chart).items() if "command_sign" in one.verdict} == turned
+    said = [one.text for one in chart.findings if one.kind == "drift"]
+    assert any(all(word in text for word in (*lasting, "leaps")) for text in said) == bool(lasting)
+    assert not (lasting and chart.healthy)
+
+
+def test_joints_that_all_episodes_have_turned_are_usual(tmp_path):
+    faults = {k: ("command_sign", "lift") for k in range(12) if k != 4}
+    chart = examine_episodes(tables(tmp_path / "data", [episode(k, faults=faults) for k in range(12)]))
+    assert {k: one.verdict for k, one in verdicts(chart).items()} == {4: "command_sign"}

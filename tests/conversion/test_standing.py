@@ -5,12 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from scipy.spatial.transform import Rotation
 
 import excite
 from excite.conversion.explicit_mapping import Map
 from excite.conversion.guesses import UnclearError
+from excite.errors import LogError
 from tests.conversion.test_habits import table
 from tests.quadruped import LEGS, write_quadruped
 
@@ -60,7 +62,7 @@ def _stood() -> dict[str, np.ndarray]:
 def _file(path: Path, data: dict[str, np.ndarray], names: tuple[str, ...], gravity: float = 1.0) -> Path:
     place, turn, gyro, accel, flag = names
     columns = {"t": data["time"]} | {f"pos_{j}": data["q"][:, k] for k, j in enumerate(_JOINTS)}
-    columns |= {f"eff_{j}": data["tau"][:, k] for k, j in enumerate(_JOINTS)}
+    columns |= {f"eff_{j}": data["tau"][:, k] for k, j in enumerate(_JOINTS) if "tau" in data}
     # A commanded pose and the base's speed are there too, as in many logs, and are neither.
     columns |= {f"des_base_pos_{axis}": data["place"][:, k] + 0.1 for k, axis in enumerate("xyz")}
     columns |= {f"base_lin_vel_{axis}": data["gyro"][:, k] for k, axis in enumerate("xyz")}
@@ -116,8 +118,10 @@ def test_a_pose_alone_says_not_whether_a_robot_stands(toy, tmp_path):
     assert excite.convert([file], toy, tmp_path / "log", hung).log.header.base == "suspended"
 
 
-def test_an_imu_without_contacts_is_asked_for_them(toy, tmp_path):
-    file = _file(tmp_path / "a.csv", _stood(), ("", "", *_PLAIN[2:4], ""))
+def test_an_imu_without_contacts_and_torques_is_asked_for_them(toy, tmp_path):
+    data = _stood()
+    del data["tau"]
+    file = _file(tmp_path / "a.csv", data, ("", "", *_PLAIN[2:4], ""))
     with pytest.raises(UnclearError, match=r"base: held.*contact\.FL: \"NAME\".*1 where a foot carries"):
         excite.convert([file], toy, tmp_path / "log", _WHOLE)
 
@@ -162,3 +166,104 @@ def test_contact_flags_beside_contact_wrenches_are_kept(tmp_path):
     found = excite.convert([table(tmp_path / "a.csv", columns)], "g1", tmp_path / "log", stated)
     assert {sensor.name for sensor in found.log.header.sensors} == set(feet)
     assert set(found.log.trials[0].contacts) == set(feet)
+
+
+def _walked(toy: Path) -> dict[str, np.ndarray]:
+    """The same trunk on three feet at a time, which bear it by pinocchio's Jacobians, whatever the joints do."""
+    robot, data = excite.load_robot(toy), _stood()
+    time, model = data["time"], excite.load_robot(toy).model
+    lifted = (time / 0.3).astype(int) % 4
+    rate, feet = data["gyro"], [model.getFrameId(f"{leg}_shank") for leg in LEGS]
+    made = model.createData()
+    q = np.hstack([data["place"] * 0.0, data["turn"], data["q"]])
+    v, a = (np.hstack([np.zeros((len(time), 3)), *parts]) for parts in _motion(rate, data["q"], time))
+    data["share"], data["tau"] = np.ones((len(time), 4)), np.zeros_like(data["q"])
+    tips = [foot.centre for foot in robot.feet]
+    for k in range(len(time)):
+        forces = pin.rnea(model, made, q[k], v[k], a[k])
+        pin.computeJointJacobians(model, made, q[k])
+        pin.updateFramePlacements(model, made)
+        maps = []
+        for leg, (frame, tip) in enumerate(zip(feet, tips, strict=True)):
+            if leg != lifted[k]:
+                down = made.oMf[frame].rotation @ tip - [0.0, 0.0, 0.02]
+                jacobian = pin.getFrameJacobian(model, made, frame, pin.LOCAL_WORLD_ALIGNED)
+                maps.append((jacobian[:3] - pin.skew(down) @ jacobian[3:]).T)
+        carried = np.linalg.lstsq(np.hstack(maps)[:6], forces[:6], rcond=None)[0]
+        data["tau"][k] = (forces - np.hstack(maps) @ carried)[6:]
+        data["share"][k] = (
+            np.insert(np.linalg.norm(carried.reshape(3, 3), axis=1), lifted[k], 0.0) / robot.mass / _G
+        )
+    return data | {"flags": 1.0 * (data["share"] > 0.0)}
+
+
+def _motion(rate: np.ndarray, q: np.ndarray, time: np.ndarray) -> tuple[tuple[np.ndarray, ...], ...]:
+    speed = np.gradient(q, time, axis=0)
+    return (rate, speed), (np.gradient(rate, time, axis=0), np.gradient(speed, time, axis=0))
+
+
+_BARE = ("", "", "gyro_{}", "acc_{}", "")
+
+
+@pytest.fixture(scope="module")
+def walked(toy) -> dict[str, np.ndarray]:
+    return _walked(toy)
+
+
+def test_torques_tell_which_feet_carry(walked, toy, tmp_path):
+    """Unitree's humanoids log no flags, and its quadrupeds' readings of feet are in no unit."""
+    found = excite.convert([_file(tmp_path / "a.csv", walked, _BARE)], toy, tmp_path / "log", _WHOLE)
+    assert found.log.header.base == "floating"
+    assert any("the legs' torques press" in because for _, _, because in found.guesses)
+    (trial,) = found.log.trials
+    told = np.column_stack([trial.contacts[leg] for leg in LEGS])
+    changes = np.abs(np.diff(walked["flags"], axis=0, prepend=1.0)).max(axis=1)
+    sure = (walked["share"] > 0.15) | (walked["share"] == 0.0)
+    sure &= (np.convolve(changes, np.ones(25), "same") == 0.0)[:, None]
+    assert (told == walked["flags"])[sure].mean() > 0.98
+    again = excite.convert([tmp_path / "a.csv"], toy, tmp_path / "again", found.folder / "map.yaml")
+    np.testing.assert_array_equal(again.log.trials[0].contacts["FL"][:600], trial.contacts["FL"][:600])
+
+
+def test_torques_of_a_robot_that_hangs_carry_nothing(walked, toy, tmp_path):
+    hung = walked | {"tau": 0.1 * np.sign(walked["tau"])}
+    file = _file(tmp_path / "a.csv", hung, _BARE)
+    with pytest.raises(LogError, match=r"no foot of toy carries.*log: \{base: held\}.*base: suspended"):
+        excite.convert([file], toy, tmp_path / "log", _WHOLE)
+    for base in ({"base": "held"}, {"base": "suspended", "base_link": "trunk"}):
+        stated = Map.model_validate({**_WHOLE.model_dump(by_alias=True), "log": base})
+        assert excite.convert([file], toy, tmp_path / "log", stated).log.header.base == base["base"]
+
+
+_SWAPPED = ("FR", "FL", "RR", "RL")
+_OF_LEG = ("roll", "pitch", "knee")
+
+
+@pytest.mark.parametrize(
+    ("order", "flags"),
+    [
+        ([f"{leg}_{joint}" for leg in _SWAPPED for joint in _OF_LEG], ""),
+        ([f"{leg}_{joint}" for leg in _SWAPPED for joint in _OF_LEG], "contact_{}"),
+        ([f"{leg}_{joint}" for joint in _OF_LEG for leg in LEGS], ""),
+        ([f"{leg}_{joint}" for joint in _OF_LEG for leg in _SWAPPED], "contact_{}"),
+        (_JOINTS, ""),
+    ],
+    ids=["sides", "sides, flags", "hips first", "both, flags", "the model's"],
+)
+def test_legs_that_are_only_counted_are_those_that_carry(order, flags, walked, toy, tmp_path):
+    """A weak drive of the left side was named at the right one."""
+    which = [_JOINTS.index(joint) for joint in order]
+    counted = walked | {name: walked[name][:, which] for name in ("q", "tau")}
+    columns = {"t": counted["time"]} | {f"{n}_{k}": counted[n][:, k] for n in ("q", "tau") for k in range(12)}
+    for name, key in (("gyro", "gyro"), ("acc", "accel")):
+        columns |= {f"{name}_{axis}": counted[key][:, k] for k, axis in enumerate("xyz")}
+    columns |= {flags.format(leg): counted["flags"][:, k] for k, leg in enumerate(LEGS) if flags}
+    file, stated = table(tmp_path / "a.csv", columns), _WHOLE
+    if order != _JOINTS:
+        with pytest.raises(
+            UnclearError, match=rf"counts? the legs from {order[0]}.*joints: \[{', '.join(order)}\]"
+        ):
+            excite.convert([file], toy, tmp_path / "log", stated)
+        stated = Map.model_validate({**_WHOLE.model_dump(by_alias=True), "joints": order})
+    found = excite.convert([file], toy, tmp_path / "log", stated)
+    np.testing.assert_allclose(found.log.trials[0].q, walked["q"], atol=1e-5)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -66,3 +67,27 @@ def test_joints_whose_friction_a_driver_took_off_are_named(name, joints, share):
         [size for joint, size in sizes.items() if (joint in found.places) is of] for of in (True, False)
     )
     assert min(kept) > 0.0 and max(left) < 0.1 * max(kept)
+
+
+@pytest.mark.parametrize(("name", "load"), [("ur10", 0.0), ("ur10", 0.15), ("iiwa14", 0.1), ("panda", 0.2)])
+def test_torques_before_gears_are_given_reductions_that_hold(name, load):
+    """Masses a tenth off, a load at the last link as a share of the robot's mass, and friction as large as the rest."""
+    robot, rng = robot_of(name), np.random.default_rng(5)
+    true = robot.nominal_parameters.reshape(-1, 10) * rng.uniform(0.9, 1.1, (robot.n_joints, 1))
+    carried = load * true[:, 0].sum()
+    true[-1] += carried * np.array([1.0, 0.0, 0.0, 0.1, 0.02, 0.0, 0.02, 0.0, 0.0, 0.01])
+    gears = rng.uniform(60.0, 260.0, robot.n_joints)
+
+    def before_gears(trial):
+        v = np.gradient(trial.q, trial.time, axis=0)
+        rubs = trial.tau.std(axis=0) * (smooth_sign(v, 0.02) + v / np.abs(v).max(axis=0))
+        return replace(trial, tau=(trial.tau + rubs) / gears)
+
+    log = changed(arm_log(robot, 4, true=true.ravel()), before_gears)
+    (found,) = (one for one in examine(robot, log).findings if one.severity != "note")
+    assert found.kind == "torque_scale" and not found.repaired
+    said = re.findall(r"(\w+) (\d+) to (\d+)", found.text.partition("reduction by")[2])
+    assert len(said) >= 2
+    for joint, least, largest in said:
+        gear = gears[robot.joint_index(joint)]
+        assert float(least) < gear < float(largest) and float(largest) > 50.0

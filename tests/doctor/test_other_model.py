@@ -129,6 +129,34 @@ def test_a_load_that_explains_half_is_no_reason_to_believe_in_another_arms_bodie
     assert "other_model" in {one.kind for one in examine(robot, read_with("panda", robot)).findings}
 
 
+@pytest.mark.parametrize(
+    ("recorded", "model"),
+    [
+        ("kuka_lbr_med/lbr_med.urdf", "jaco2"),
+        ("kuka_lwr4_flobaroid/kuka_lwr4.urdf", "kuka_lbr_med/lbr_med.urdf"),
+    ],
+)
+def test_neither_a_zero_nor_a_clock_nor_one_torques_size_stands_for_another_robot(
+    data_dir: Path, recorded: str, model: str
+) -> None:
+    """Beside them bodies are still unlikely, or those of another robot explain the log as well."""
+    real, other = (as_robot(data_dir / name if "/" in name else name) for name in (recorded, model))
+    log = arm_log(real, 3, trials=2)
+    names = dict(zip(real.joint_names, other.joint_names, strict=True))
+    header = {"joints": tuple(map(names.get, log.header.joints)), "controller": None}
+    chart = examine(other, replace(log, header=log.header.model_copy(update=header)))
+    kinds = {one.kind for one in chart.findings}
+    assert "other_model" in kinds and not {"clock", "zero_position", "torque_scale"} & kinds
+    np.testing.assert_allclose(chart.log.trials[0].tau, log.trials[0].tau)
+    assert not [one for one in examine(real, log).findings if one.severity == "spoils"]
+
+
+def test_an_axis_that_points_the_other_way_may_be_another_robots(data_dir: Path) -> None:
+    robot = as_robot(data_dir / "rokae_xmate3pro" / "rokae_xmate3pro.urdf")
+    (found,) = (one for one in examine(robot, read_with("iiwa14", robot)).findings if one.kind == "direction")
+    assert "as of another robot" in found.text
+
+
 def test_a_zero_a_quarter_turn_off_is_no_load_beyond_the_arms_reach(arm: Robot, log: Log) -> None:
     """Bodies beyond it, turned as it is, explain most; what alone explains all is named beside them."""
     by = np.array([0.0, 0.0, np.pi / 2, 0.0, 0.0, 0.0])

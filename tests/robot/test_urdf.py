@@ -86,7 +86,7 @@ FAULTS = {
         "unknown link 'uper'",
         "define",
     ),
-    "no child": (spoiled(CHILD, ""), "joint 'elbow'/child: is missing", "name the child link"),
+    "no child": (spoiled(CHILD, ""), "joint 'elbow'/child: unknown link ''", "name the child link"),
     "joint twice": (spoiled('joint name="elbow"', 'joint name="shoulder"'), "joint 'shoulder'", "rename"),
     "closed loop": (
         spoiled(

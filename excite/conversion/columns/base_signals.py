@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence, Set
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -212,7 +212,8 @@ def base_fields(
     imu = _imu_block(machine) if "imu.gx" in present else None
     fields: dict[str, Any] = {} if imu is None or "imu" in stated else {"imu": imu}
     feet = [] if machine.robot is None else foot_headers(machine.robot)
-    feet = [foot for foot in feet if f"contact.{foot.name}" in present]
+    by_torques = tells_contacts({name.partition(".")[0] for name in present}, machine, stated)
+    feet = [foot for foot in feet if by_torques or f"contact.{foot.name}" in present]
     posed = "base.px" in present
     if not posed and not (feet and "imu.gx" in present):
         return fields
@@ -221,7 +222,7 @@ def base_fields(
     sensors = [s for s in _known_sensors(machine, stated) if f"wrench.{s['name']}.fx" in present]
     if feet and "feet" not in stated:
         fields |= {"base": "floating", "feet": [foot.model_dump() for foot in feet]}
-        because = "pose and flags" if posed else "imu and flags"
+        because = "pose and flags" if posed else "imu and torques" if by_torques else "imu and flags"
     if sensors:
         fields |= {"base": "floating", "wrench": _FRAME, "sensors": sensors}
         because = "pose and wrenches"
@@ -229,6 +230,16 @@ def base_fields(
     if "base" not in stated:
         found.note("base as logged", base=fields["base"], because=message("why of the base", because))
     return fields
+
+
+def tells_contacts(channels: Set[str], machine: Machine, stated: Mapping[str, Any]) -> bool:
+    """Whether torques and an IMU have to tell which feet carry, as nothing else does."""
+    known = stated.get("base", "floating") == "floating" and (
+        "imu" in stated or _imu_block(machine) is not None
+    )
+    footed = machine.robot is not None and bool(machine.robot.feet)
+    alone = {"imu", "tau"} <= channels and not channels & {"base", "contact", "wrench"}
+    return known and footed and alone and stated.get("torque") not in ("none", "current")
 
 
 def feet_of(found: Guesses, machine: Machine, mapping: Map) -> list[tuple[str, str]]:

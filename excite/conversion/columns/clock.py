@@ -99,27 +99,17 @@ def _counts_rows(values: Array) -> bool:
     return bool(len(steps)) and is_whole(steps) and float(np.median(steps)) == 1.0
 
 
-def clock_pace(values: Array, unit: str, rate: float | None) -> tuple[float | None, str]:
-    """Seconds per unit of a clock, and why; None where it cannot be told.
-
-    Args:
-        values: the times as they stand in the file.
-        unit: that name or header state; empty for none.
-        rate: rows a second that the recording states [Hz]; None for none.
-    """
-    if rate and not unit and _counts_rows(values):
-        # A count, whatever it is called: how fast it goes is what the recording states.
-        return 1.0 / rate, f"it counts rows, of which the recording states {rate:.4g} a second"
-    return clock_tick(values, unit)
-
-
-def clock_tick(values: Array, stated: str) -> tuple[float | None, str]:
+def clock_tick(values: Array, stated: str, rate: float | None = None) -> tuple[float | None, str]:
     """Seconds per unit of a clock by the rates that robots are recorded at, and why; None where it cannot be told.
 
     Args:
         values: the times as they stand in the file.
         stated: the unit that name or header state; empty for none.
+        rate: rows a second that the recording states [Hz]; None for none.
     """
+    if rate and not stated and _counts_rows(values):
+        # A count, whatever it is called: how fast it goes is what the recording states.
+        return 1.0 / rate, f"it counts rows, of which the recording states {rate:.4g} a second"
     known = values[np.isfinite(values)]
     steps = np.diff(known)
     step = float(np.median(steps[steps > 0.0]))

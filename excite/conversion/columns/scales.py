@@ -16,7 +16,7 @@ from excite.conversion.columns.units import (
     COUNTS,
     NEAR,
     WIDE,
-    PositionUnit,
+    Told,
     derivative_of,
     position_unit,
 )
@@ -58,13 +58,6 @@ _GRAVITY, _NEAR_GRAVITY = 9.80665, 1.25
 _HELD = 0.06
 # Joints may be faster than they are said to be, but not as much as degrees are larger than radians.
 _FASTER = 3.0
-
-
-class Told(NamedTuple):
-    """The unit of columns, and why."""
-
-    unit: str
-    why: str
 
 
 @dataclass(frozen=True)
@@ -249,7 +242,7 @@ class Scaling:
         # To the digits that tables have.
         return bool(most.max() < 100.005 and (most > 99.995).sum() > 1)
 
-    def _by_numbers(self, items: list[Mapped], named: str) -> PositionUnit:
+    def _by_numbers(self, items: list[Mapped], named: str) -> Told:
         """The unit by ranges, where velocities do not let it open."""
         places = [self.machine.joints.index(item.joint) for item in items]
         lower, upper, slide = (
@@ -264,7 +257,7 @@ class Scaling:
             and all(s is not None and s < m for s, m in zip(speeds, most, strict=True))
         ):
             why = "as rad they turn over, no faster than they may by their velocities, which go with either"
-            return PositionUnit("", f"{found.why}; {why}", found.sure, either=True)
+            return Told("", f"{found.why}; {why}", found.sure, either=True)
         return found
 
     def _own_speed(self, item: Mapped) -> float | None:

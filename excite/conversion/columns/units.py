@@ -44,8 +44,8 @@ NEAR = 1.15
 _LARGEST = 1e30
 
 
-class PositionUnit(NamedTuple):
-    """Unit of positions.
+class Told(NamedTuple):
+    """The unit of columns.
 
     Attributes:
         unit: empty where names and ranges contradict each other.
@@ -56,11 +56,11 @@ class PositionUnit(NamedTuple):
 
     unit: str
     why: str
-    sure: bool
+    sure: bool = False
     either: bool = False
 
 
-def position_unit(values: Array, lower: Array, upper: Array, slides: Array, stated: str) -> PositionUnit:
+def position_unit(values: Array, lower: Array, upper: Array, slides: Array, stated: str) -> Told:
     """Unit of positions, and how it is known.
 
     Args:
@@ -87,10 +87,10 @@ def position_unit(values: Array, lower: Array, upper: Array, slides: Array, stat
         first = f"as {stated}, which their names say, joints"
         turned = ((high - low) * TO_SI[stated] - ranges)[np.isfinite(ranges) & np.isfinite(high - low)]
         if stated in (small, large) and beyond(stated) > 20.0 * max(least, BEYOND):
-            return PositionUnit("", f"{first} leave their ranges by {beyond(stated):.3g}", True)
+            return Told("", f"{first} leave their ranges by {beyond(stated):.3g}", True)
         if small == "rad" and (most := float(np.max(turned, initial=0.0))) > _MOTORS:
-            return PositionUnit("", f"{first} turn by {most:.3g} rad more than their ranges", True)
-        return PositionUnit(stated, f"{stated} by its name", True)
+            return Told("", f"{first} turn by {most:.3g} rad more than their ranges", True)
+        return Told(stated, f"{stated} by its name", True)
     if outside > BEYOND >= outside_large and moves:
         # Zeros of joints are often elsewhere than the model's, and ranges stated too narrow: then radians fit, too, and
         # move them far more.
@@ -100,10 +100,8 @@ def position_unit(values: Array, lower: Array, upper: Array, slides: Array, stat
                 f"as deg joints move by {span:.2g} degrees at most, as rad they leave their ranges by {outside:.3g}, "
                 f"as joints do whose {'zeros' if elsewhere else 'ranges'} are not the model's"
             )
-            return PositionUnit("", why, True, either=True)
-        return PositionUnit(
-            large, f"{large}: as {small} joints would leave their ranges by {outside:.3g}", True
-        )
+            return Told("", why, True, either=True)
+        return Told(large, f"{large}: as {small} joints would leave their ranges by {outside:.3g}", True)
     known = values[np.isfinite(values).all(axis=1)]
     fitting = [
         unit
@@ -112,14 +110,14 @@ def position_unit(values: Array, lower: Array, upper: Array, slides: Array, stat
     ]
     if fitting:
         why = f"{fitting[0]} of a turn: whole numbers, with which the joints keep their ranges"
-        return PositionUnit(fitting[0], why, True)
+        return Told(fitting[0], why, True)
     if least > 4.0 * math.pi and np.isfinite(lower).any():
         both = f"by {outside:.3g} in {small} and by {outside_large:.3g} in {large}"
-        return PositionUnit("", f"joints leave their ranges {both}", True)
+        return Told("", f"joints leave their ranges {both}", True)
     if outside <= BEYOND and (outside_large > BEYOND or not moves):
-        return PositionUnit(small, f"{small}: within the joints' ranges", True)
+        return Told(small, f"{small}: within the joints' ranges", True)
     unit = large if span > (WIDE if small == "rad" else 10.0) else small
-    return PositionUnit(unit, f"{unit}: the columns span {span:.3g}", False)
+    return Told(unit, f"{unit}: the columns span {span:.3g}")
 
 
 def _is_count(known: Array, unit: str) -> bool:

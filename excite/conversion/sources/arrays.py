@@ -141,9 +141,7 @@ def constants(arrays: dict[str, np.ndarray]) -> dict[str, object]:
     said: dict[str, object] = {}
     for name, values in arrays.items():
         array = np.asarray(values)
-        if array.dtype.kind in "fiu" and array.size <= MOST_CONSTANTS:
-            said[name] = np.squeeze(array).tolist()
-        elif array.dtype.kind == "U" and array.size <= MOST_CONSTANTS:
+        if array.dtype.kind in "fiuU" and array.size <= MOST_CONSTANTS:
             said[name] = np.squeeze(array).tolist()
     return said
 

@@ -59,7 +59,7 @@ def read_source(path: Path) -> tuple[Recording, ...]:
         # A pipe or device has no beginning to look at, and no end.
         check_file(path)
         # Raise LogError for what people bring that is not opened, and say what to do instead: refused.csv.
-        first = b"" if path.is_dir() or not path.exists() else first_bytes(path, 16)
+        first = first_bytes(path, 16)
         ending = plain_name(path).suffix.lower().split("-")[0]
         for row in read_rows(__file__, "refused.csv"):
             begins = row["beginning"] and first.startswith(bytes.fromhex(row["beginning"]))

@@ -24,6 +24,8 @@ from excite.rows.drive_terms import DRIVE_TERMS
 _BETTER = 0.95
 # How a joint's friction changes sign is only thought over for a loss below this share.
 _CHANGED = 0.98
+# Rows of sign changes that are kept: searches come back to where they were.
+_RECENT = 10_000_000
 # Factors between neighbouring values of the search, first and last.
 FIRST_STEP, _LAST_STEP = 1.5, 1.06
 
@@ -90,17 +92,26 @@ def own_rows(
     """Columns of a joint's own terms through the filter, ``(n_rows, n_own)`` at each of several sign changes.
 
     All go through it side by side, and what was asked for before does not go again: what does not follow the sign is
-    kept with the motion, and so are the sign changes of the search's grid.
+    kept with the motion, and so are the sign changes of the search's grid, and of others those asked for last.
     """
     asked = [_column_makers(samples, terms, joint, sign) for sign in signs]
-    known = dict(samples.motion_cache)
-    missing = {key: make for columns in asked for key, make in columns.items() if key not in known}
+    kept = samples.motion_cache
+    recent: dict[_Key, Array] = kept.setdefault("recent sign changes", {})
+    known: dict[_Key, Array] = {}
+    missing: dict[_Key, Callable[[], Array]] = {}
+    for key, make in (item for columns in asked for item in columns.items()):
+        rows = kept.get(key, recent.get(key))
+        if rows is None:
+            missing[key] = make
+        else:
+            known[key] = rows
     if missing:
         filtered = samples.to_rows(np.stack([make() for make in missing.values()]).T, [joint] * len(missing))
         for key, rows in zip(missing, np.ascontiguousarray(filtered.T), strict=True):
             known[key] = rows
-            if key.sign is None or key.sign in SIGNS:
-                samples.motion_cache[key] = rows
+            (kept if key.sign is None or key.sign in SIGNS else recent)[key] = rows
+        while len(recent) > max(_RECENT // filtered.shape[0], 1):
+            del recent[next(iter(recent))]
     count = sum(len(trial.rows) for trial in samples.trials)
     return [
         np.stack([known[key] for key in columns]).T if columns else np.zeros((count, 0)) for columns in asked
@@ -197,5 +208,8 @@ def refine_number(
 
 def _squares_left(target: Array, columns: Array, *, positive: bool = False) -> float:
     """Sum of squares that is left; infinite where the last coefficient has to be positive and is not."""
-    x = np.linalg.lstsq(columns, target, rcond=None)[0]
+    # A handful of columns over thousands of rows: their products take a tenth of what the rows themselves do.
+    normal, right = columns.T @ columns, columns.T @ target
+    scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    x = np.linalg.lstsq(normal / np.outer(scale, scale), right / scale, rcond=1e-12)[0] / scale
     return np.inf if positive and x[-1] <= 0.0 else float(((target - columns @ x) ** 2).sum())

@@ -194,7 +194,9 @@ class _Search:
             grid.setdefault(term.key, []).append(atom_of(term, self.slab))
         for key, more in found.items():
             old = [atom for atom in grid.get(key, []) if not (searched and atom.term.known)]
-            grid[key] = [*more, *old]
+            # One atom a shape: which of two that are the same is in the model would be a matter of rounding.
+            begun = {(type(atom.term.effect), atom.term.theta) for atom in old if atom.term.started}
+            grid[key] = [*(a for a in more if (type(a.term.effect), a.term.theta) not in begun), *old]
         return with_odds(atom for atoms in grid.values() for atom in atoms)
 
     def _new_terms(self, posterior: EffectPosterior, turn: int) -> tuple[Atoms, list[Term]]:
@@ -546,7 +548,8 @@ def _terms_with_share(terms: Sequence[Term], selected: EffectPosterior, rows: Ro
                 changed.add(like.key)
             continue
         worth = _relative_worth(model, rows.floor, scale)
-        small = [k for k, term in enumerate(kept) if worth[k] < 1.0 and not term.started]
+        # What a model may begin with goes where it leaves no less of what judges.
+        small = [k for k, term in enumerate(kept) if worth[k] < 1.0 and not (term.started and worth[k] > 0.0)]
         if not small:
             break
         del kept[min(small, key=lambda k: worth[k])]

@@ -9,9 +9,10 @@ discrepancy is a random function of the joint's position, velocity, load and of 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from excite.arrays import Array
 from excite.diagnosis.budget.fit.design import Rows
+from excite.diagnosis.budget.fit.terms import Term
 from excite.diagnosis.effects.form import Context
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.selection.prior import Atom
@@ -83,6 +85,7 @@ class Gram:
         filters: by joint, coefficient of the whitening filter and standard deviation of its error.
         gram: ``(n − always, ·)`` with what every model has integrated out; ``reduced`` the right side.
         reduced: likewise.
+        searched: by term whose shape was searched beside these, its products.
     """
 
     rows: Rows
@@ -98,6 +101,7 @@ class Gram:
     filters: tuple[tuple[float, float], ...]
     gram: Array
     reduced: Array
+    searched: WeakKeyDictionary[Term, Any] = field(default_factory=WeakKeyDictionary)
 
     @classmethod
     def of_rows(cls, rows: Rows, discrepancy: tuple[Array, ...], atoms: Sequence[Atom], noise: Noise) -> Gram:
@@ -240,7 +244,7 @@ class Posterior:
         gram, made = self.of, noise.power.copy()
         place = np.full(len(gram.right), -1)
         place[self.columns] = np.arange(len(self.columns))
-        block = gram.rows.block[_kept_rows(gram.rows)]
+        block = gram.rows.block[gram.rows.following]
         for j, (rows, index) in enumerate(zip(gram.white, gram.index, strict=True)):
             here = np.flatnonzero(place[index] >= 0)
             columns = rows[:, here]
@@ -262,7 +266,7 @@ class Posterior:
 
 def _prediction_error_filter(rows: Rows, noise: Noise, j: int) -> tuple[float, float]:
     """Coefficient of the first-order prediction-error filter of what is left of a joint, and its error's deviation."""
-    rest, same = noise.residual[j], _kept_rows(rows)
+    rest, same = noise.residual[j], rows.following
     use = rows.block >= 0
     power = float((rest[use] ** 2).sum())
     along = float(rest[same] @ rest[same - 1])
@@ -273,15 +277,7 @@ def _prediction_error_filter(rows: Rows, noise: Noise, j: int) -> tuple[float, f
     return lag, float(np.sqrt(max(variance, least, 1e-30) * noise.power[j] * noise.anneal))
 
 
-def _kept_rows(rows: Rows) -> NDArray[np.int64]:
-    """Fitted rows that have a row before them in the same trial."""
-    kept: NDArray[np.int64] = np.flatnonzero(
-        np.concatenate([[False], (rows.block[1:] >= 0) & (rows.trial[1:] == rows.trial[:-1])])
-    )
-    return kept
-
-
 def whiten_rows(rows: Rows, lag: float, values: Array) -> Any:
     """Values ``(n_rows, …)`` less ``lag`` times those one row before, of fitted rows."""
-    kept = _kept_rows(rows)
+    kept = rows.following
     return values[kept] - lag * values[kept - 1]

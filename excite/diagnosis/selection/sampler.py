@@ -13,9 +13,13 @@ Both moves are exact Gibbs steps (George, McCulloch 1993): a group is drawn from
 and a slot of the model, drawn by chance, takes one of all atoms of all groups that are not in it, which exchanges one
 name for another at once. What the second draws from is the list of rivals.
 
-What a model leaves of every column is kept beside its Cholesky factor, which Givens' rotations order anew with the
-group that is to leave as the last (Golub, Van Loan 2013, §6.5.4): what an atom would gain beside all other groups is
-then a matter of its own columns and of the last rows.
+What a model leaves of every column is kept beside its Cholesky factor L. Without a group G of it that is to leave, it
+leaves what stands along an orthonormal basis Q of the columns L⁻¹ E_G too, as
+
+    Λ⁻¹ − Λ⁻¹ E_G (E_Gᵀ Λ⁻¹ E_G)⁻¹ E_Gᵀ Λ⁻¹ = L⁻ᵀ (I − Q Qᵀ) L⁻¹
+
+is the inverse without it: what an atom would gain beside all other groups is a matter of its own columns along Q. Where
+the group does leave, Givens' rotations order the factor anew with it as the last (Golub, Van Loan 2013, §6.5.4).
 """
 
 from __future__ import annotations
@@ -40,6 +44,8 @@ _MOST, _WIDEST = 400, 24
 _UNTIL_RENEWED = 10
 # What an atom that breaks a bound loses: it never enters.
 _NEVER = 1e4
+# Nats of an atom that hardly ever enters, whatever it would do to others.
+_NOTHING = -6.0
 # Standard deviations by which a size may leave its bounds by chance.
 _BY_CHANCE = 3.0
 
@@ -165,6 +171,8 @@ class _Model(NamedTuple):
         place: ``(n_groups,)`` first row of a group of the model.
         n_columns: ``(1,)`` n.
         columns: ``(n,)`` which they are, row by row.
+        low: ``(n,)`` bounds of their sizes, by chance.
+        high: ``(n,)``.
         factor: ``(n, n)`` L, Λ = L Lᵀ.
         crossed: ``(n, N)`` Z = L⁻¹ A_S:.
         solved: ``(n,)`` z = L⁻¹ h.
@@ -172,11 +180,20 @@ class _Model(NamedTuple):
         left: ``(N,)`` h − Zᵀ z.
         score: ``(1,)`` log posterior up to a constant.
         density: ``(n_atoms,)`` log prior odds of an atom with the prior density of sizes at zero.
-        sizes: ``(n,)`` of the columns, those of a group that is to leave left out.
+        sizes: ``(n,)`` of the columns, zero of a group that is to leave; ``sized (1,)`` whether they are those of all.
+        sized: ``(1,)``.
+        n_leaving: ``(1,)`` columns of the group that is to leave.
+        basis: ``(n_leaving, n)`` Qᵀ.
+        back: ``(n_leaving, n)`` (L⁻ᵀ Q)ᵀ.
+        along: ``(n_leaving, N)`` Qᵀ Z, of the columns that are asked.
+        taken: ``(n_leaving,)`` Qᵀ z.
         matrix: ``(width, width)`` of an atom that is asked; ``small`` its Cholesky factor.
         small: ``(width, width)``.
-        x: ``(width,)`` its sizes; ``change`` what they change in the model's, ``(n,)``.
+        x: ``(N,)`` sizes of atoms that were asked; ``change`` what one of them changes in the model's, ``(n,)``.
         change: ``(n,)``.
+        slopes: ``(N, n)`` what a column's size of one changes in the model's, of atoms that were ``made`` of it.
+        made: ``(n_atoms,)`` the version of the model that slopes were made of.
+        version: ``(1,)`` of the model.
         entering: ``(n_atoms,)`` atoms that may enter.
     """
 
@@ -184,6 +201,8 @@ class _Model(NamedTuple):
     place: Indices
     n_columns: Indices
     columns: Indices
+    low: Array
+    high: Array
     factor: Array
     crossed: Array
     solved: Array
@@ -192,10 +211,19 @@ class _Model(NamedTuple):
     score: Array
     density: Array
     sizes: Array
+    sized: Indices
+    n_leaving: Indices
+    basis: Array
+    back: Array
+    along: Array
+    taken: Array
     matrix: Array
     small: Array
     x: Array
     change: Array
+    slopes: Array
+    made: Indices
+    version: Indices
     entering: Indices
 
 
@@ -238,6 +266,8 @@ def _enter(problem: Any, model: Any, atom: Any) -> Any:
     for k in range(width):
         row = n + k
         model.columns[row] = first + k
+        chance = _BY_CHANCE / math.sqrt(problem.gram[first + k, first + k] + problem.precision[first + k])
+        model.low[row], model.high[row] = problem.low[first + k] - chance, problem.high[first + k] + chance
         scale = 1.0 / model.small[k, k]
         model.factor[row, row] = model.small[k, k]
         model.solved[row] = scale * problem.right[first + k]
@@ -253,6 +283,8 @@ def _enter(problem: Any, model: Any, atom: Any) -> Any:
     _change_left(problem, model, n, n + width, -1.0)
     model.state[problem.group[atom]], model.place[problem.group[atom]] = atom, n
     model.n_columns[0] = n + width
+    model.sized[0] = 0
+    model.version[0] += 1
 
 
 @LazyKernel
@@ -264,6 +296,8 @@ def _move_last(problem: Any, model: Any, group: Any) -> Any:
     for _ in range(width):
         for i in range(begin, n - 1):
             model.columns[i], model.columns[i + 1] = model.columns[i + 1], model.columns[i]
+            model.low[i], model.low[i + 1] = model.low[i + 1], model.low[i]
+            model.high[i], model.high[i + 1] = model.high[i + 1], model.high[i]
             for k in range(i + 2):
                 model.factor[i, k], model.factor[i + 1, k] = model.factor[i + 1, k], model.factor[i, k]
             length = math.hypot(model.factor[i, i], model.factor[i, i + 1])
@@ -297,17 +331,67 @@ def _leave(problem: Any, model: Any, group: Any) -> Any:
         model.score[0] += math.log(abs(model.factor[i, i])) - 0.5 * model.solved[i] ** 2
     model.state[group] = -1
     model.n_columns[0] = begin
+    model.sized[0] = 0
+    model.version[0] += 1
 
 
 @LazyKernel
-def _free(problem: Any, model: Any, leaving: Any) -> Any:
-    """Sizes of the model without a group that is to leave, which is the last from then on; −1 for none."""
-    end = model.n_columns[0]
-    if leaving >= 0:
-        _move_last(problem, model, leaving)
-        end = model.place[leaving]
-    model.sizes[:end] = model.solved[:end]
-    _solve_back(model.factor, end, model.sizes)
+def _free(problem: Any, model: Any, leaving: Any, first: Any, end: Any) -> Any:
+    """Sizes of the model without a group that is to leave, −1 for none, and what some columns have along it."""
+    n = model.n_columns[0]
+    if leaving < 0 and model.sized[0]:
+        model.n_leaving[0] = 0
+        return
+    width = problem.width[model.state[leaving]] if leaving >= 0 else 0
+    begin = model.place[leaving] if leaving >= 0 else n
+    model.n_leaving[0], model.sized[0] = width, leaving < 0
+    model.sizes[:n] = model.solved[:n]
+    for k in range(width):
+        _set_basis(model, begin, k)
+        q, taken = model.basis[k], 0.0
+        for i in range(begin, n):
+            taken += q[i] * model.solved[i]
+        model.taken[k] = taken
+        model.along[k, first:end] = 0.0
+        for i in range(begin, n):
+            model.sizes[i] -= taken * q[i]
+            for c in range(first, end):
+                model.along[k, c] += q[i] * model.crossed[i, c]
+        model.back[k, :n] = q[:n]
+        _solve_back(model.factor, n, model.back[k])
+    _solve_back(model.factor, n, model.sizes)
+
+
+@LazyKernel
+def _set_basis(model: Any, begin: Any, k: Any) -> Any:
+    """The k-th vector of the basis of a group whose rows begin at some one, those before it there."""
+    n, q = model.n_columns[0], model.basis[k]
+    _solve_unit(model.factor, begin + k, n, q)
+    # Twice is enough: what is orthogonal to rounding stays so.
+    for m in range(2 * k):
+        other, s = model.basis[m % k], 0.0
+        for i in range(begin, n):
+            s += other[i] * q[i]
+        for i in range(begin, n):
+            q[i] -= s * other[i]
+    s = 0.0
+    for i in range(begin, n):
+        s += q[i] * q[i]
+    for i in range(begin, n):
+        q[i] /= math.sqrt(s)
+
+
+@LazyKernel
+def _solve_unit(factor: Any, column: Any, n: Any, x: Any) -> Any:
+    """Solve L x = e of one column."""
+    for i in range(n):
+        x[i] = 0.0
+    x[column] = 1.0 / factor[column, column]
+    for i in range(column + 1, n):
+        s = 0.0
+        for m in range(column, i):
+            s += factor[i, m] * x[m]
+        x[i] = -s / factor[i, i]
 
 
 @LazyKernel
@@ -342,77 +426,105 @@ def _set_state(problem: Any, model: Any, state: Any) -> Any:
 
 
 @LazyKernel
-def _atom_gain(problem: Any, model: Any, atom: Any, leaving: Any) -> Any:
-    """Log marginal likelihood ratio of an atom beside the model without a group that is free, its prior odds in it."""
-    first, width, x = problem.first[atom], problem.width[atom], model.x
-    n = model.n_columns[0]
-    if n + width > _MOST:
-        return -_NEVER
-    begin = model.place[leaving] if leaving >= 0 else n
-    for a in range(width):
-        x[a] = model.left[first + a]
-        for b in range(a + 1):
-            model.matrix[a, b] = model.blocks[first + a, b]
-        for i in range(begin, n):
-            x[a] += model.crossed[i, first + a] * model.solved[i]
+def _weigh_atoms(problem: Any, model: Any, n: Any, weight: Any) -> Any:
+    """Log marginal likelihood ratios of the first n atoms that may enter, beside the model without what is free.
+
+    Their prior odds are in them; what would drive a size of the model out of its bounds weighs next to nothing. One
+    call for many atoms: to pass what a model is made of takes longer than to weigh one.
+    """
+    x, matrix, small = model.x, model.matrix, model.small
+    for i in range(n):
+        atom = model.entering[i]
+        first, width = problem.first[atom], problem.width[atom]
+        for a in range(width):
+            x[first + a] = model.left[first + a]
             for b in range(a + 1):
-                model.matrix[a, b] += model.crossed[i, first + a] * model.crossed[i, first + b]
-    out = model.density[atom] - 0.5 * _factor_block(model.matrix, width, model.small)
+                matrix[a, b] = model.blocks[first + a, b]
+            for k in range(model.n_leaving[0]):
+                x[first + a] += model.along[k, first + a] * model.taken[k]
+                for b in range(a + 1):
+                    matrix[a, b] += model.along[k, first + a] * model.along[k, first + b]
+        out = model.density[atom] - 0.5 * _factor_block(matrix, width, small)
+        out += 0.5 * _solve_sizes(small, first, width, x)
+        out += _log_mass_in_bounds(
+            problem.low, problem.high, problem.mass, first, width, x, small, model.change
+        )
+        weight[i] = out if model.n_columns[0] + width <= _MOST else -_NEVER
+    _rule_out(problem, model, n, weight)
+
+
+@LazyKernel
+def _solve_sizes(factor: Any, first: Any, width: Any, x: Any) -> Any:
+    """Solve L Lᵀ x = r in place of some columns; returns the square of L⁻¹ r."""
+    out = 0.0
     for a in range(width):
         for m in range(a):
-            x[a] -= model.small[a, m] * x[m]
-        x[a] /= model.small[a, a]
-        out += 0.5 * x[a] * x[a]
-    _solve_back(model.small, width, x)
-    out += _log_mass_in_bounds(problem, first, width, x, model.small)
-    if out > -6.0 and _drives_out(problem, model, first, width, begin):
-        out -= _NEVER
+            x[first + a] -= factor[a, m] * x[first + m]
+        x[first + a] /= factor[a, a]
+        out += x[first + a] ** 2
+    for a in range(width - 1, -1, -1):
+        x[first + a] /= factor[a, a]
+        for m in range(a):
+            x[first + m] -= factor[a, m] * x[first + a]
     return out
 
 
 @LazyKernel
-def _log_mass_in_bounds(problem: Any, first: Any, width: Any, x: Any, c: Any) -> Any:
-    """Log of the mass of an atom's own sizes inside their bounds, over the prior's."""
+def _log_mass_in_bounds(
+    low: Any, high: Any, mass: Any, first: Any, width: Any, x: Any, factor: Any, e: Any
+) -> Any:
+    """Log of the mass of an atom's own sizes inside their bounds, over the prior's ``mass``; ``e`` is overwritten."""
     out = 0.0
-    e = np.empty(width)
     for a in range(width):
-        low, high = problem.low[first + a], problem.high[first + a]
-        if low < -1e29 and high > 1e29:
+        c = first + a
+        if low[c] < -1e29 and high[c] > 1e29:
             continue
         variance = 0.0
-        for i in range(width):
+        for i in range(a, width):
             s = 1.0 if i == a else 0.0
-            for m in range(i):
-                s -= c[i, m] * e[m]
-            e[i] = s / c[i, i]
+            for m in range(a, i):
+                s -= factor[i, m] * e[m]
+            e[i] = s / factor[i, i]
             variance += e[i] * e[i]
-        deviation = math.sqrt(2.0 * variance)
-        mass = 0.5 * (math.erf((high - x[a]) / deviation) - math.erf((low - x[a]) / deviation))
-        out += math.log(max(mass, 1e-300)) - problem.mass[first + a]
         spread = math.sqrt(variance)
-        if x[a] < low - spread or x[a] > high + spread:
-            out -= _NEVER
+        if x[c] < low[c] - spread or x[c] > high[c] + spread:
+            return -_NEVER
+        deviation = math.sqrt(2.0) * spread
+        inside = 0.5 * (math.erf((high[c] - x[c]) / deviation) - math.erf((low[c] - x[c]) / deviation))
+        out += math.log(max(inside, 1e-300)) - mass[c]
     return out
 
 
 @LazyKernel
-def _drives_out(problem: Any, model: Any, first: Any, width: Any, n: Any) -> Any:
-    """Whether an atom of sizes x would drive a size of the model's first n rows out of its bounds."""
-    for i in range(n):
-        model.change[i] = 0.0
-        for a in range(width):
-            model.change[i] += model.crossed[i, first + a] * model.x[a]
-    _solve_back(model.factor, n, model.change)
-    for i in range(n):
-        c = model.columns[i]
-        low, high = problem.low[c], problem.high[c]
-        if low > -1e29 or high < 1e29:
-            chance = _BY_CHANCE / math.sqrt(problem.gram[c, c] + problem.precision[c])
-            now = model.sizes[i]
-            inside = low - chance <= now <= high + chance
-            if inside and not (low - chance <= now - model.change[i] <= high + chance):
-                return True
-    return False
+def _rule_out(problem: Any, model: Any, n: Any, weight: Any) -> Any:  # noqa: C901
+    """Of atoms that were asked, what would drive a size of the model out of its bounds weighs next to nothing."""
+    rows, change, slopes = model.n_columns[0], model.change, model.slopes
+    for k in range(n):
+        if weight[k] <= _NOTHING:
+            continue
+        atom = model.entering[k]
+        first = problem.first[atom]
+        end = first + problem.width[atom]
+        if model.made[atom] != model.version[0]:
+            for a in range(first, end):
+                slopes[a, :rows] = model.crossed[:rows, a]
+                _solve_back(model.factor, rows, slopes[a])
+            model.made[atom] = model.version[0]
+        change[:rows] = 0.0
+        for a in range(first, end):
+            for i in range(rows):
+                change[i] += slopes[a, i] * model.x[a]
+        for m in range(model.n_leaving[0]):
+            s = 0.0
+            for a in range(first, end):
+                s += model.along[m, a] * model.x[a]
+            for i in range(rows):
+                change[i] -= s * model.back[m, i]
+        for i in range(rows):
+            now, low, high = model.sizes[i], model.low[i], model.high[i]
+            if low <= now <= high and not low <= now - change[i] <= high:
+                weight[k] -= _NEVER
+                break
 
 
 @LazyKernel
@@ -456,34 +568,36 @@ def _exchange(problem: Any, model: Any, group: Any, atom: Any) -> Any:
 
 
 @LazyKernel
-def _ascend_to_mode(problem: Any, model: Any) -> Any:  # noqa: C901
+def _ascend_to_mode(problem: Any, model: Any) -> Any:  # noqa: C901, PLR0912
     """Ascent to a mode: what gains most enters, then each slot takes what fits it best, until nothing changes."""
-    state = model.state
+    state, weight = model.state, np.empty(len(problem.first))
     for _ in range(120):
         if model.n_columns[0] > _MOST - 3 * _WIDEST:
             break
         best, pick = 1e-6, -1
-        _free(problem, model, -1)
-        for i in range(_list_entering(problem, model, -1)):
-            w = _atom_gain(problem, model, model.entering[i], -1)
-            if w > best:
-                best, pick = w, model.entering[i]
+        _free(problem, model, -1, 0, 0)
+        n = _list_entering(problem, model, -1)
+        _weigh_atoms(problem, model, n, weight)
+        for i in range(n):
+            if weight[i] > best:
+                best, pick = weight[i], model.entering[i]
         if pick >= 0:
             _enter(problem, model, pick)
         changed = pick >= 0
         for g in range(len(state)):
             if state[g] < 0:
                 continue
-            _free(problem, model, g)
+            _free(problem, model, g, 0, len(model.left))
             own = state[g]
             best, new = -1e300 if _is_needed(problem, state, g) else 0.0, -1
-            w = _atom_gain(problem, model, own, g)
-            if w > best:
-                best, new = w, own
-            for i in range(_list_entering(problem, model, g)):
-                w = _atom_gain(problem, model, model.entering[i], g)
-                if w > best + 0.05:
-                    best, new = w, model.entering[i]
+            n = _list_entering(problem, model, g)
+            _weigh_atoms(problem, model, n, weight)
+            for i in range(n):
+                if model.entering[i] == own and weight[i] > best:
+                    best, new = weight[i], own
+            for i in range(n):
+                if weight[i] > best + 0.05:
+                    best, new = weight[i], model.entering[i]
             if new != own:
                 changed = True
                 _exchange(problem, model, g, new)
@@ -495,21 +609,23 @@ def _ascend_to_mode(problem: Any, model: Any) -> Any:  # noqa: C901
 def _draw_group(problem: Any, model: Any, g: Any, draw: Any, weight: Any) -> Any:
     """Log weights of a group's atoms beside the others; returns the drawn one, the top and the total."""
     begin, end = problem.begin[g], problem.begin[g] + problem.n_atoms[g]
+    last = end - 1
     leaving = g if model.state[g] >= 0 else -1
-    _free(problem, model, leaving)
-    top = 0.0
-    for a in range(begin, end):
-        weight[a] = _atom_gain(problem, model, a, leaving)
-        top = max(top, weight[a])
+    _free(problem, model, leaving, problem.first[begin], problem.first[last] + problem.width[last])
+    n = end - begin
+    for i in range(n):
+        model.entering[i] = begin + i
+    _weigh_atoms(problem, model, n, weight)
+    top = max(0.0, weight[:n].max())
     total = math.exp(-top)
-    for a in range(begin, end):
-        total += math.exp(weight[a] - top)
+    for i in range(n):
+        total += math.exp(weight[i] - top)
     left = draw * total - math.exp(-top)
     new = -1
     if left > 0.0:
-        for a in range(begin, end):
-            new = a
-            left -= math.exp(weight[a] - top)
+        for i in range(n):
+            new = begin + i
+            left -= math.exp(weight[i] - top)
             if left <= 0.0:
                 break
     return new, top, total
@@ -518,12 +634,10 @@ def _draw_group(problem: Any, model: Any, g: Any, draw: Any, weight: Any) -> Any
 @LazyKernel
 def _draw_slot(problem: Any, model: Any, g: Any, draw: Any, weight: Any, rivals: Any, counts: Any) -> Any:
     """A group of the model leaves, and one atom of any group enters."""
-    _free(problem, model, g)
-    n, top = _list_entering(problem, model, g), -1e300
-    for i in range(n):
-        weight[i] = _atom_gain(problem, model, model.entering[i], g)
-        top = max(top, weight[i])
-    total = 0.0
+    _free(problem, model, g, 0, len(model.left))
+    n, total = _list_entering(problem, model, g), 0.0
+    _weigh_atoms(problem, model, n, weight)
+    top = weight[:n].max() if n > 0 else 0.0
     for i in range(n):
         weight[i] = math.exp(weight[i] - top)
         total += weight[i]
@@ -558,8 +672,8 @@ def _run_sweeps(problem: Any, model: Any, orders: Any, draws: Any, burnt: Any) -
             new, top, total = _draw_group(problem, model, g, draws[t, 0, i], weight)
             if t >= burnt:
                 inclusion[g] += 1.0 - math.exp(-top) / total
-                for a in range(problem.begin[g], problem.begin[g] + problem.n_atoms[g]):
-                    by_atom[a] += math.exp(weight[a] - top) / total
+                for k in range(problem.n_atoms[g]):
+                    by_atom[problem.begin[g] + k] += math.exp(weight[k] - top) / total
             if new != state[g] and not (new < 0 and _is_needed(problem, state, g)):
                 _exchange(problem, model, g, new)
         # A slot is asked by chance: asked in turn they would not keep the posterior, as what left cannot return.
@@ -594,9 +708,10 @@ def _run_sweeps(problem: Any, model: Any, orders: Any, draws: Any, burnt: Any) -
 def _atom_gains(problem: Any, model: Any) -> Any:
     """What each atom would gain beside a model, ``(n_atoms,)``."""
     out = np.empty(len(problem.first))
-    _free(problem, model, -1)
+    _free(problem, model, -1, 0, 0)
     for a in range(len(out)):
-        out[a] = _atom_gain(problem, model, a, -1)
+        model.entering[a] = a
+    _weigh_atoms(problem, model, len(out), out)
     return out
 
 
@@ -635,6 +750,8 @@ def _build_model(problem: Problem, state: Indices) -> _Model:
         place=np.zeros(n_groups, np.int64),
         n_columns=np.zeros(1, np.int64),
         columns=np.zeros(_MOST, np.int64),
+        low=np.zeros(_MOST),
+        high=np.zeros(_MOST),
         factor=np.zeros((_MOST, _MOST)),
         crossed=np.zeros((_MOST, n)),
         solved=np.zeros(_MOST),
@@ -643,10 +760,19 @@ def _build_model(problem: Problem, state: Indices) -> _Model:
         score=np.zeros(1),
         density=np.zeros(len(problem.first)),
         sizes=np.zeros(_MOST),
+        sized=np.zeros(1, np.int64),
+        n_leaving=np.zeros(1, np.int64),
+        basis=np.zeros((_WIDEST, _MOST)),
+        back=np.zeros((_WIDEST, _MOST)),
+        along=np.zeros((_WIDEST, n)),
+        taken=np.zeros(_WIDEST),
         matrix=np.zeros((_WIDEST, _WIDEST)),
         small=np.zeros((_WIDEST, _WIDEST)),
-        x=np.zeros(_WIDEST),
+        x=np.zeros(n),
         change=np.zeros(_MOST),
+        slopes=np.zeros((n, _MOST)),
+        made=np.zeros(len(problem.first), np.int64),
+        version=np.ones(1, np.int64),
         entering=np.zeros(len(problem.first), np.int64),
     )
     _set_state(problem, model, state)

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from excite.arrays import Array
@@ -83,14 +82,63 @@ def is_searched(term: Term) -> bool:
 
 
 @dataclass(frozen=True, eq=False)
+class WhiteTerm:
+    """A term's whitened columns and prior, and their products with what every model has.
+
+    Attributes:
+        precision: ``(size,)`` prior.
+        mean: ``(size,)`` prior.
+        columns: by joint, ``(n_whitened, size)``.
+        cross: ``(always, size)`` products with the columns that every model has.
+        right: ``(size,)`` with the measurement.
+        square: ``(size, size)`` with themselves.
+    """
+
+    precision: Array
+    mean: Array
+    columns: dict[int, Array]
+    cross: Array
+    right: Array
+    square: Array
+
+    @classmethod
+    def of_columns(cls, gram: Gram, columns: Mapping[int, Array], precision: Array, mean: Array) -> WhiteTerm:
+        """Columns by joint, ``(n_rows, size)``, with a prior."""
+        size = len(precision)
+        made = dict[int, Array]()
+        cross, right, square = np.zeros((gram.always, size)), np.zeros(size), np.zeros((size, size))
+        for j, block in columns.items():
+            made[j] = white = _whiten_columns(gram, j, block)
+            index, rows = gram.index[j], gram.white[j]
+            count = int(np.searchsorted(index, gram.always))
+            cross[index[:count]] += rows[:, :count].T @ white
+            right += white.T @ rows[:, -1]
+            square += white.T @ white
+        return cls(precision, mean, made, cross, right, square)
+
+    @classmethod
+    def of_term(cls, gram: Gram, term: Term, slab: Slab) -> WhiteTerm:
+        """A term as shapes are searched; kept with the products of what every model has."""
+        if term not in gram.searched:
+            gram.searched[term] = cls.of_columns(gram, term.columns, *_search_prior(term, slab))
+        return gram.searched[term]
+
+    def products_with(self, other: WhiteTerm) -> Array:
+        """Products with another's columns, ``(size, other's)``."""
+        made = np.zeros((len(self.mean), len(other.mean)))
+        for j in self.columns.keys() & other.columns.keys():
+            made += self.columns[j].T @ other.columns[j]
+        return made
+
+
+@dataclass(frozen=True, eq=False)
 class SolvedTerms:
     """Some terms with what every model has, solved: what a further term is judged beside.
 
     Attributes:
         gram: of the record; its whitening and its columns that every model has.
         terms: the terms.
-        white: by joint, whitened columns; ``index`` where they stand.
-        index: by joint.
+        white: of each term.
         factor: of the scaled normal matrix.
         scale: ``(n,)``.
         right: ``(n,)``.
@@ -102,8 +150,7 @@ class SolvedTerms:
 
     gram: Gram
     terms: tuple[Term, ...]
-    white: list[Array]
-    index: list[NDArray[np.intp]]
+    white: tuple[WhiteTerm, ...]
     factor: tuple[Array, bool]
     scale: Array
     right: Array
@@ -115,40 +162,27 @@ class SolvedTerms:
     @classmethod
     def from_terms(cls, gram: Gram, terms: Sequence[Term], slab: Slab) -> SolvedTerms:
         """Terms solved together."""
-        atoms = [_free_atom(gram, term, slab) for term in terms]
-        begin = gram.always + np.cumsum([0, *(term.n_free for term in terms)])
-        n, always = int(begin[-1]), gram.always
-        precision = np.concatenate([gram.prior, *(atom.precision for atom in atoms)])
-        mean = np.concatenate([np.zeros(always), *(atom.mean for atom in atoms)])
-        normal, right = np.zeros((n, n)), np.zeros(n)
+        white = tuple(WhiteTerm.of_term(gram, term, slab) for term in terms)
+        always = gram.always
+        begin = always + np.cumsum([0, *(term.n_free for term in terms)])
+        n = int(begin[-1])
+        precision = np.concatenate([gram.prior, *(one.precision for one in white)])
+        mean = np.concatenate([np.zeros(always), *(one.mean for one in white)])
+        right = np.concatenate([gram.right[:always], *(one.right for one in white)]) + precision * mean
+        normal = np.zeros((n, n))
         normal[:always, :always] = gram.whole[:always, :always]
-        right[:always] = gram.right[:always]
-        white, index = [], []
-        for j, (rows, where) in enumerate(zip(gram.white, gram.index, strict=True)):
-            count = int(np.searchsorted(where, always))
-            base, y, parts = rows[:, :count], rows[:, -1], []
-            at = [where[:count]]
-            for term, first in zip(terms, begin, strict=False):
-                if j in term.columns:
-                    parts.append(_whiten_columns(gram, j, term.columns[j]))
-                    at.append(np.arange(first, first + term.n_free))
-            if parts:
-                own, here = np.column_stack(parts), np.concatenate(at[1:])
-                cross = base.T @ own
-                normal[np.ix_(at[0], here)] += cross
-                normal[np.ix_(here, at[0])] += cross.T
-                normal[np.ix_(here, here)] += own.T @ own
-                right[here] += own.T @ y
-                base = np.column_stack([base, own])
-            white.append(base)
-            index.append(np.concatenate(at))
-        normal += np.diag(precision)
-        right = right + precision * mean
+        for k, one in enumerate(white):
+            here = slice(begin[k], begin[k + 1])
+            normal[:always, here] = one.cross
+            normal[here, here] = one.square
+            for i, other in enumerate(white[:k]):
+                normal[begin[i] : begin[i + 1], here] = other.products_with(one)
+        normal = np.triu(normal) + np.triu(normal, 1).T + np.diag(precision)
         scale = np.sqrt(np.diag(normal))
         factor = cho_factor(normal / np.outer(scale, scale) + 1e-9 * np.eye(n))
         x = cho_solve(factor, right / scale) / scale
         loss = 0.5 * float(gram.square - right @ x + (precision * mean) @ mean)
-        return cls(gram, tuple(terms), white, index, factor, scale, right, x, begin, loss, slab)
+        return cls(gram, tuple(terms), white, factor, scale, right, x, begin, loss, slab)
 
     def term_sizes(self, i: int) -> Array:
         """Sizes of the i-th term."""
@@ -162,23 +196,20 @@ class SolvedTerms:
             precision: ``(w,)`` prior.
             mean: ``(w,)`` prior.
         """
-        cross, own = np.zeros((len(self.scale), len(precision))), np.diag(precision)
-        right = precision * mean
-        for j, block in columns.items():
-            made = _whiten_columns(self.gram, j, block)
-            cross[self.index[j]] += self.white[j].T @ made
-            own = own + made.T @ made
-            right = right + made.T @ self.gram.white[j][:, -1]
-        solved = cho_solve(self.factor, cross / self.scale[:, None]) / self.scale[:, None]
-        own, right = own - cross.T @ solved, right - solved.T @ self.right
-        scale = np.sqrt(np.maximum(np.diag(own), 1e-30))
-        x = np.linalg.solve(own / np.outer(scale, scale) + 1e-9 * np.eye(len(scale)), right / scale) / scale
-        return 0.5 * float(right @ x) - 0.5 * float((precision * mean) @ mean), x
+        return self._gain_of(WhiteTerm.of_columns(self.gram, columns, precision, mean))
 
     def gain_of(self, term: Term) -> tuple[float, Array]:
         """The same of a term."""
-        atom = _free_atom(self.gram, term, self.slab)
-        return self.column_gain(term.columns, atom.precision, atom.mean)
+        return self._gain_of(WhiteTerm.of_term(self.gram, term, self.slab))
+
+    def _gain_of(self, one: WhiteTerm) -> tuple[float, Array]:
+        cross = np.concatenate([one.cross, *(other.products_with(one) for other in self.white)])
+        solved = cho_solve(self.factor, cross / self.scale[:, None]) / self.scale[:, None]
+        own = one.square + np.diag(one.precision) - cross.T @ solved
+        right = one.right + one.precision * one.mean - solved.T @ self.right
+        scale = np.sqrt(np.maximum(np.diag(own), 1e-30))
+        x = np.linalg.solve(own / np.outer(scale, scale) + 1e-9 * np.eye(len(scale)), right / scale) / scale
+        return 0.5 * float(right @ x) - 0.5 * float((one.precision * one.mean) @ one.mean), x
 
 
 def _whiten_columns(gram: Gram, j: int, columns: Array) -> Array:
@@ -186,14 +217,13 @@ def _whiten_columns(gram: Gram, j: int, columns: Array) -> Array:
     return np.asarray(whiten_rows(gram.rows, lag, columns) / deviation)
 
 
-def _free_atom(gram: Gram, term: Term, slab: Slab) -> Atom:
-    """A term's prior while shapes are searched: of a body, whatever the record asks for."""
-    atom = atom_of(term, slab)
-    if atom.turned is None:
-        return atom
-    n = term.n_free
-    free = np.full(n, np.inf)
-    return Atom(term, term.columns, n, np.zeros(n), np.full(n, 1e-6) + term.prior_precision, -free, free)
+def _search_prior(term: Term, slab: Slab) -> tuple[Array, Array]:
+    """Precision and mean of a term's sizes while shapes are searched: of a body, whatever the record asks for."""
+    if not (term.effect.is_body and term.direction is None):
+        atom = atom_of(term, slab)
+        if atom.turned is None:
+            return atom.precision, atom.mean
+    return np.full(term.n_free, 1e-6) + term.prior_precision, np.zeros(term.n_free)
 
 
 def search_shape(company: SolvedTerms, maker: TermMaker, term: Term) -> tuple[Term, float]:
@@ -203,7 +233,7 @@ def search_shape(company: SolvedTerms, maker: TermMaker, term: Term) -> tuple[Te
         changes = list(shape_changes(maker, term, x))
         if not changes:
             break
-        atom = _free_atom(company.gram, term, company.slab)
+        own = WhiteTerm.of_term(company.gram, term, company.slab)
         rows, n = len(company.gram.rows.trial), term.n_free
         columns = {
             j: np.column_stack(
@@ -215,7 +245,7 @@ def search_shape(company: SolvedTerms, maker: TermMaker, term: Term) -> tuple[Te
             for j in set(term.columns).union(*(c for _, c in changes))
         }
         k = len(changes)
-        precision, mean = np.append(atom.precision, np.full(k, _DAMPING)), np.append(atom.mean, np.zeros(k))
+        precision, mean = np.append(own.precision, np.full(k, _DAMPING)), np.append(own.mean, np.zeros(k))
         _, both = company.column_gain(columns, precision, mean)
         steps = {i: float(s) for (i, _), s in zip(changes, both[n:], strict=True)}
         for factor in _SHORTER:

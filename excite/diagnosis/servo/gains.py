@@ -195,8 +195,11 @@ def estimate_gains(robot: Robot, log: Log, servo: Servo) -> list[Absorbed]:
             for row in csv.DictReader(line for line in file if line[0] != "#")
         }
     made = []
+    # A command acts at once or is held till the next row: by so much, kp times it, the damping of its motion is open.
+    held = servo.told["kp"][0] / (np.sqrt(3.0) * log.header.rate_hz)
     for name, unit, given in (("kp", "N·m/rad", stated.kp), ("kd", "N·m·s/rad", stated.kd)):
         values, spread = servo.told[name]
+        spread = np.hypot(spread, held) if name == "kd" else spread
         known = dict(zip(joints, given.tolist(), strict=True))
         for item in estimated_gains(
             robot, joints, name, unit, values, (values > 0.0) & np.isfinite(values), spread

@@ -35,6 +35,7 @@ from excite.doctor.mistakes.torques import (
 from excite.doctor.samples import Correction, Mistake
 from excite.doctor.thresholds import THRESHOLD
 from excite.doctor.torque_samples import TorqueSamples
+from excite.doctor.torque_scale import TORQUE_SCALE
 from excite.doctor.wrench_samples import wrench_samples
 from excite.finding import list_names
 from excite.logs.log import Trial
@@ -74,9 +75,12 @@ def _find_in_torques(
         if of_unknown_unit(samples, stated) is not None:
             return
         beside, (reading, found) = _beside_load(samples, stated, possible, (reading, found))
-        for read, some in ((stated, ()), misreadings(beside, stated, fewer)) if len(found) > 1 else ():
+        # The size of one torque is as little told by bodies that are not the model's as several mistakes at once.
+        sized = any(item.mistake is TORQUE_SCALE and not item.correction.ask for item in found)
+        ways = ((stated, ()), misreadings(beside, stated, fewer)) if len(found) > 1 - sized else ()
+        for read, some in ways:
             other = _explain_by_other_machine(beside, read, reading, found)
-            if other is not None and len(found) > 1 + len(some):
+            if other is not None and len(found) > 1 - sized + len(some):
                 _doubt(case, found)
                 _report_other_model(case, samples, read, other, found)
                 _correct(case, read, some, samples.what)
@@ -104,22 +108,21 @@ def _find_in_torques(
                 break
         alone = _explain_alone(samples, reading, possible)
         _report_other_model(case, samples, reading, bodies, alone=alone)
-    elif (
-        outside.any()
-        and size_known
-        and (
-            len(found) > 1
-            or any(item.mistake.of_posture for item in found)
-            or _unexplained(samples, reading) > THRESHOLD.in_place
-        )
+    elif size_known and (
+        _is_elsewhere(samples, reading, found, outside) or samples.needs_unlikely_bodies(reading)
     ):
-        # Two witnesses that no mistake alone brings into line: where joints were, and what moved them.
         _doubt(case, found)
         _report_other_model(
             case, samples, stated, other_machine(samples, stated, stated.tick), found, outside
         )
         return
     _correct(case, reading, found, samples.what)
+
+
+def _is_elsewhere(samples: TorqueSamples, reading: Reading, found: Found, outside: Flags) -> bool:
+    """Whether two witnesses agree that no mistake alone brings into line: where joints were, and what moved them."""
+    spoilt = len(found) > 1 or any(item.mistake.of_posture for item in found)
+    return bool(outside.any()) and (spoilt or _unexplained(samples, reading) > THRESHOLD.in_place)
 
 
 def _positions(samples: TorqueSamples, reading: Reading) -> Array:
@@ -337,11 +340,13 @@ def _report_other_model(
     load = best_load(samples, reading)
     text += "" if load is None else f", or it carries a load: {load.sentence()}"
     kinds = list_names(list(dict.fromkeys(item.mistake.name.replace("_", " ") for item in found)))
-    if outside is not None:
+    if outside is not None and outside.any():
         places = list_names(case.joints(outside))
         text += f"; positions of {places} lie outside the model's limits, whatever else is mended"
-    elif found:
+    elif len(found) > 1:
         text += f"; the only other explanation is {len(found)} mistakes in the log at once ({kinds})"
+    elif found:
+        text += f"; or {found[0].correction.text.partition(' (')[0]}"
     elif alone:
         text += "; or " + ", or ".join(one.text.partition(" (")[0] for one in alone)
     more = {"severity": "spoils"} if found else {}

@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 
 from excite.arrays import Array, Flags
-from excite.display import span
 from excite.doctor.case import Case
 from excite.doctor.channel_errors import misreadings
 from excite.doctor.channel_mapping import Reading
@@ -18,7 +17,7 @@ from excite.doctor.mistakes.torques import ModelParts, parts_in
 from excite.doctor.model_comparison import fit_parts
 from excite.doctor.thresholds import THRESHOLD
 from excite.doctor.torque_samples import TorqueSamples
-from excite.doctor.torque_scale import TORQUE_SCALE
+from excite.doctor.torque_scale import TORQUE_SCALE, likely_gears
 from excite.errors import LogError
 from excite.finding import list_names
 from excite.logs.log import Log, Trial
@@ -277,6 +276,37 @@ def find_missing_friction(case: Case) -> None:
     case.add("no_friction", text, each, tuple(joints[lacks]), **more)
 
 
+def find_unexplained_torques(case: Case) -> None:
+    """Trials of whose torques neither likely bodies nor friction explain half: not those of this motion, or spoilt.
+
+    Bodies are fitted to each trial alone, so that one that differs from the others shows by itself.
+    """
+    samples, reading, header = case.samples, Reading.as_stated(case.log), case.log.header
+    if samples is None or header.torque == "current" or case.is_strange:
+        return
+    # What is cut off of a torque nothing explains.
+    if not _never_at_end(case.log, samples).all():
+        return
+    parts = [samples.choose(samples.first == first) for first in np.unique(samples.first)]
+    judged = [one.judged(reading).left for one in parts]
+    whole = [float(np.exp(2.0 * left) @ one.power(reading)) for one, left in zip(parts, judged, strict=True)]
+    beside = [one.unexplained_beside(reading, left) for one, left in zip(parts, judged, strict=True)]
+    lost = [
+        share > THRESHOLD.explained
+        or share_beside > THRESHOLD.in_place > min(beside) / share_beside
+        or one.needs_unlikely_bodies(reading)
+        for one, share, share_beside in zip(parts, whole, beside, strict=True)
+    ]
+    names = [trial.name for trial in case.log.role("identification")]
+    if any(lost) and len(names) == len(lost):
+        trials = tuple(np.array(names)[lost].tolist())
+        text = (
+            f"neither bodies near the model's nor friction explain the torques of {list_names(trials)}: they are not "
+            "those of this motion, have lost their sign or place, or are another quantity"
+        )
+        case.add("unexplained_torques", text, {"left": max(whole)}, samples.channels, trials=trials)
+
+
 def _own_inertia(samples: TorqueSamples) -> Array:
     """Mean inertia that each measured joint has by the nominal model, ``(n_torques,)``: torque per acceleration."""
     q = samples.q[:: max(1, len(samples.q) // 20)]
@@ -307,13 +337,10 @@ def of_unknown_unit(samples: TorqueSamples, reading: Reading) -> ModelParts | No
 
 
 def _report_unknown_unit(case: Case, samples: TorqueSamples, parts: ModelParts, reading: Reading) -> None:
-    gains = samples.gains(reading)[0]
-    ratios = np.sort(1.0 / gains[parts.told & (gains > 0.0)])
-    likely = f"{span(f'{ratios[0]:.0f}', f'{ratios[-1]:.0f}', ' to ')} to 1" if len(ratios) else ""
-    gears = f" of about {likely} by the nominal masses" if likely else ""
     text = (
         f"torques contain almost nothing of what the nominal masses need ({parts.said()}): they are torques before "
-        f"gears{gears}, currents, another unit, or external torques, from which a driver has subtracted its model"
+        f"gears{likely_gears(samples, reading)}, currents, another unit, or external torques, from which a driver has "
+        "subtracted its model"
     )
     factors = ", ".join(f"tau.{joint}: RATIO" for joint in samples.channels[:2])
     remedy = (

@@ -44,7 +44,10 @@ def find_turned_joints(samples: TorqueSamples, reading: Reading) -> Iterable[Cor
     """The model's axis and the robot's point opposite ways: position and torque count the other way."""
     for j, joint in enumerate(samples.channels):
         turned = reading.with_position(int(samples.measured[j]), sign=-1.0).with_torque([j], -1.0)
-        text = f"{joint} counts the other way: its position and its torque have the opposite sign"
+        text = (
+            f"{joint} counts the other way, or its axis does in the model, as of another robot: its position and its "
+            "torque have the opposite sign"
+        )
         yield Correction(turned, text, (joint,), changes=2)
 
 

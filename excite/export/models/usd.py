@@ -16,7 +16,7 @@ from excite.export.models.model_format import ModelFormat, Rendered, Subject
 from excite.export.models.verification import Reading, States, read_pinocchio
 from excite.robot.robot import Robot
 from excite.robot.shapes.collision import SURROUNDINGS, collision_shapes
-from excite.robot.shapes.shape import Shape
+from excite.robot.shapes.shape import Shape, joints_at
 from excite.simulation.mjcf import joint_axis, mechanical_range, mujoco_quaternion, segment_inertia
 from excite.simulation.true_parameters import PrincipalInertia
 
@@ -313,8 +313,7 @@ def _body_prims(subject: Subject, taken: list[str]) -> dict[int, Prim]:
         UnphysicalParametersError: a segment's parameters belong to no body.
     """
     robot, model = subject.robot, subject.robot.model
-    data, ten = model.createData(), subject.parameters.reshape(-1, 10)
-    pin.forwardKinematics(model, data, pin.neutral(model))
+    data, ten = joints_at(model, pin.neutral(model)), subject.parameters.reshape(-1, 10)
     found = {}
     for joint in range(1 if robot.floating else 0, model.njoints):
         link = robot.segments[joint - 1].link if joint else _root_link(model)

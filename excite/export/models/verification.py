@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from excite.arrays import Array
 from excite.errors import InputError
 from excite.formats.documents import elements_of
+from excite.regressor.base_parameters import draw_configurations
 from excite.regressor.kernels import joint_torque_regressor
 from excite.robot.loading import model_file
 from excite.robot.robot import Robot
@@ -52,10 +53,7 @@ class States:
 def random_states(robot: Robot, parameters: Array) -> States:
     """States all over the joints' turn, and the torques of ``parameters`` ``(10·n_segments,)`` in them."""
     random, n = np.random.default_rng(7), 20
-    q = random.uniform(-np.pi, np.pi, size=(n, robot.model.nq))
-    if robot.floating:
-        q[:, 3:7] = random.normal(size=(n, 4))
-        q[:, 3:7] /= np.linalg.norm(q[:, 3:7], axis=1, keepdims=True)
+    q = draw_configurations(robot, random, n)
     v, a = random.normal(size=(2, n, robot.model.nv))
     regressor = joint_torque_regressor(robot.model, q, v, a)
     return States(q, v, a, regressor, regressor @ parameters)

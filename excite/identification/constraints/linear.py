@@ -25,6 +25,7 @@ from excite.identification.physical.bounds import KnownBounds, PhysicalBounds
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import Regression, least_squares, minimum_norm
 from excite.robot.robot import Robot
+from excite.robot.shapes.shape import joints_at
 
 
 @dataclass(frozen=True, eq=False)
@@ -448,8 +449,7 @@ def mirrored_parameters(robot: Robot, left: int, right: int) -> Array:
 
     With the mirror image ``x ↦ T x`` of homogeneous points the pseudo-inertia becomes ``T J Tᵀ``.
     """
-    data = robot.model.createData()
-    pin.forwardKinematics(robot.model, data, pin.neutral(robot.model))
+    data = joints_at(robot.model, pin.neutral(robot.model))
     base = data.oMi[1] if robot.floating else pin.SE3.Identity()
     a, b = (base.actInv(data.oMi[robot.segments[side].joint]) for side in (left, right))
     transform = np.eye(4)

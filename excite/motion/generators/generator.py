@@ -15,7 +15,7 @@ from excite.arrays import Array, Flags
 from excite.errors import RobotError
 from excite.motion.generators.curves import Curve
 from excite.robot.robot import Foot, Robot
-from excite.robot.shapes.shape import has_area
+from excite.robot.shapes.shape import has_area, joints_at
 
 
 class Generator(ABC):
@@ -223,8 +223,7 @@ def pelvis_height(robot: Robot) -> float:
     Generators scale what they do to legs by it. A frame may lie anywhere in its body: some files put that of a free
     base on the ground between the feet.
     """
-    data = robot.model.createData()
-    pin.forwardKinematics(robot.model, data, robot.rest)
+    data = joints_at(robot.model, robot.rest)
     first = 2 if robot.floating else 1
     hips = [leg[0] + first for foot in robot.feet if (leg := leg_joints(robot, foot))]
     return float(max(data.oMi[joint].translation[2] for joint in (pelvis_joint(robot), *hips)))
@@ -268,8 +267,7 @@ def free_upper_body(robot: Robot) -> Flags:
 
 def support_corners(robot: Robot, feet: Sequence[Foot]) -> Array:
     """Corners of soles at rest, seen from above, ``(n_corners, 2)`` [m]."""
-    data = robot.model.createData()
-    pin.forwardKinematics(robot.model, data, robot.rest)
+    data = joints_at(robot.model, robot.rest)
     corners = [data.oMi[foot.joint].act(corner)[:2] for foot in feet for corner in foot.sole]
     return np.array(corners).reshape(-1, 2)
 
@@ -296,8 +294,7 @@ def base_shift(robot: Robot, shift: Array, roll: float) -> Array:
     What is above the pelvis goes with it, and further as it rolls by ``roll`` [rad]; what is below goes the less, the
     nearer it is to the ground.
     """
-    data, model = robot.model.createData(), robot.model
-    pin.forwardKinematics(model, data, robot.rest)
+    data, model = joints_at(robot.model, robot.rest), robot.model
     pelvis, masses = pelvis_height(robot), np.array([inertia.mass for inertia in model.inertias[1:]])
     centres = zip(data.oMi[1:], model.inertias[1:], strict=True)
     heights = np.array([place.act(inertia.lever)[2] for place, inertia in centres])

@@ -28,6 +28,7 @@ from excite.motion.generators.generator import (
 from excite.motion.generators.joint_motions import posture_curve, posture_draws
 from excite.robot.legs import Ankle, before_knee
 from excite.robot.robot import Foot, Robot
+from excite.robot.shapes.shape import joints_at
 
 # Number of swings. Over a broad sole, of this half width [m] or more, they are quick, and more of them make up for the
 # seconds in which the weight shifts.
@@ -98,8 +99,7 @@ def swinging_candidate(
     n = int(rng.integers(*(_QUICK_SWINGS if ground.half_width >= _BROAD else _SWINGS)))
     down = _pelvis_drop(robot, swing, ground)
     hip = robot.model.getJointId(robot.joint_names[leg_joints(robot, swing)[0]])
-    data = robot.model.createData()
-    pin.forwardKinematics(robot.model, data, robot.rest)
+    data = joints_at(robot.model, robot.rest)
     lift = Lift(
         swing,
         _leaning_base(robot, ground, down),
@@ -169,8 +169,7 @@ def _stance_ground(robot: Robot, stance: Foot, swing: Foot) -> _Ground:
 
 def _leaning_base(robot: Robot, ground: _Ground, down: float) -> Array:
     """About where the base is over the stance foot, its pelvis lower by ``down`` [m], all joints at rest ``(nq,)``."""
-    data, q = robot.model.createData(), robot.rest.copy()
-    pin.forwardKinematics(robot.model, data, robot.rest)
+    data, q = joints_at(robot.model, robot.rest), robot.rest.copy()
     q[:3] += np.r_[base_shift(robot, ground.shift, ground.outward * _LEAN), -down]
     turn = pin.rpy.rpyToMatrix(ground.outward * _LEAN, 0.0, 0.0)
     above = robot.rest[:3] - data.oMi[pelvis_joint(robot)].translation

@@ -23,6 +23,7 @@ from excite.motion.generators.generator import (
 from excite.motion.generators.joint_motions import posture_curve, posture_draws
 from excite.robot.joint_values import per_joint
 from excite.robot.robot import Foot, Robot
+from excite.robot.shapes.shape import joints_at
 
 # Steps out; as many back.
 _STEPS = (1, 4)
@@ -281,8 +282,7 @@ class Swing:
 
 def resting_soles(robot: Robot) -> tuple[Sole, ...]:
     """The soles as they stand at rest, in the order of ``robot.feet``."""
-    data = robot.model.createData()
-    pin.forwardKinematics(robot.model, data, robot.rest)
+    data = joints_at(robot.model, robot.rest)
     soles = []
     for foot in robot.feet:
         frame = data.oMi[foot.joint] * foot.placement

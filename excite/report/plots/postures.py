@@ -25,7 +25,7 @@ from excite.report.theme import (
     draw_figure,
 )
 from excite.robot.robot import Robot
-from excite.robot.shapes.shape import place_points
+from excite.robot.shapes.shape import joints_at, place_points
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -106,8 +106,7 @@ def draw_posture(robot: Robot, q: Array, loaded: frozenset[str]) -> Picture:
         q: configuration, ``(nq,)``.
         loaded: names of the feet that carry load.
     """
-    data = robot.model.createData()
-    pin.forwardKinematics(robot.model, data, q)
+    data = joints_at(robot.model, q)
     origin = np.array([q[0], q[1], 0.0]) if robot.floating else np.zeros(3)
     soles = {
         foot.name: place_points(np.array(foot.sole), data.oMi[foot.joint]) - origin for foot in robot.feet

@@ -10,10 +10,9 @@ from typing import Any, NamedTuple
 from xml.etree.ElementTree import Element
 
 import numpy as np
-from pydantic import ValidationError
 
 from excite.errors import RobotError, raised_as
-from excite.formats.documents import read_xml, read_yaml
+from excite.formats.documents import check_content, read_xml, read_yaml
 from excite.robot.description import RobotDescription
 from excite.robot.init_robot.first_guesses import (
     MASSLESS,
@@ -131,14 +130,8 @@ class StandIn:
         limits["torque"] |= {"joints": {g.name: g.torque or 1e9 for g in self.free}}
         own = {"geometry": geometry, "shapes": list(shapes), "stand_ins": list(stand_ins)}
         content["collision"] |= {**own, "margin": self.apart}
-        try:
-            description = RobotDescription.model_validate(content)
-        except ValidationError as error:
-            first = error.errors()[0]
-            place = ".".join(str(part) for part in first["loc"])
-            what = f"cannot be described: {place} {first['msg']}"
-            raise robot_error(self.path, None, what, "correct the model, or rename its file") from error
-        return build_robot(description, self.path)
+        mend = "correct the model, or rename its file"
+        return build_robot(check_content(RobotDescription, content, self.path, remedy=mend), self.path)
 
 
 # Distance that links keep, of the longest limb's length: 10 mm in arms of a third of a metre and more. Where servos

@@ -26,6 +26,7 @@ from excite.robot.init_robot.rest import Rest, find_rest, weak_joints
 from excite.robot.legs import UPRIGHT, toppling_stiffness
 from excite.robot.robot import Robot
 from excite.robot.shapes.collision import TABLE, ground_height, links_below
+from excite.robot.shapes.shape import joints_at
 from excite.robot.urdf.converted import Said
 from excite.robot.urdf.tree import MAX_NAME
 
@@ -357,8 +358,7 @@ def weight_loads(robot: Robot, rng: np.random.Generator, legs: Mapping[int, Arra
 
 def _leg_reaches(robot: Robot, legs: Mapping[int, Array]) -> list[tuple[int, int, float]]:
     """Joints at ends of legs, indices of the joints of these, and how far the ground is from each at rest [m]."""
-    data, found = robot.model.createData(), []
-    pin.forwardKinematics(robot.model, data, robot.rest)
+    data, found = joints_at(robot.model, robot.rest), []
     for leg, tip in legs.items():
         ground = data.oMi[leg].act(tip)
         for joint in list(robot.model.supports[leg])[1:]:

@@ -26,6 +26,7 @@ from excite.robot.shapes.shape import (
     Shape,
     bottom_points,
     coal_geometry,
+    joints_at,
     place_points,
     shape_bounds,
     shape_points,
@@ -197,8 +198,7 @@ def _ignored_pairs(robot: Robot, shapes: tuple[Shape, ...]) -> frozenset[frozens
 
 def _check_below(robot: Robot, height: float) -> None:
     """Refuse a table or ground above all joints at rest: the robot would be in it, or hang below its four metres."""
-    data = robot.model.createData()
-    pin.forwardKinematics(robot.model, data, robot.rest)
+    data = joints_at(robot.model, robot.rest)
     highest = max(float(place.translation[2]) for place in list(data.oMi)[1:])
     if robot.description.base == "fixed" and height > max(highest, 0.0):
         what = f"is {height:g} m, above all joints at rest (the highest at {highest:.3g} m)"
@@ -384,8 +384,7 @@ def links_below(
     model: pin.Model, shapes: Sequence[Shape], rest: Array, ground: float, margin: float
 ) -> list[str]:
     """Links at or below the ground at rest, which are excepted from keeping ``margin`` [m] away from it."""
-    data = model.createData()
-    pin.forwardKinematics(model, data, rest)
+    data = joints_at(model, rest)
     found: dict[str, None] = {}
     for shape in shapes:
         # What hangs on the base's own joint is never compared with the ground.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from hashlib import blake2b
 from pathlib import Path
@@ -118,10 +118,10 @@ def solid_shape(
             remedy = 'looks like millimetres: write scale="0.001 0.001 0.001"'
             raise robot_error(source, where, what, remedy)
         try:
-            hull = kept_hull(points, corners, _SLACK * (_CORNERS / corners) ** 2)
+            vertices, faces = kept_hull(points, corners, _SLACK * (_CORNERS / corners) ** 2)
         except ValueError as error:
             raise robot_error(source, where, str(error), "author a shape instead") from error
-        return Shape(*nowhere, "convex", (), hull.vertices, hull.faces)
+        return Shape(*nowhere, "convex", (), vertices, faces)
     if solid.tag not in _PRIMITIVES:
         raise robot_error(source, where, f"unknown geometry {solid.tag!r}", "use a mesh, box or sphere")
     lengths = (solid.get(attribute, "nan") for attribute, _, _ in LENGTHS[solid.tag])
@@ -156,9 +156,9 @@ def kept_hull(points: Array, max_vertices: int, slack: float) -> Hull:
     content, kept = read_cached(file), io.BytesIO()
     if content is not None:
         with np.load(io.BytesIO(content), allow_pickle=False) as parts:
-            return Hull(parts["vertices"], parts["faces"], float(parts["inflation"]))
+            return parts["vertices"], parts["faces"]
     hull = convex_hull(points, max_vertices, slack)
-    np.savez(kept, vertices=hull.vertices, faces=hull.faces, inflation=hull.inflation)
+    np.savez(kept, vertices=hull[0], faces=hull[1])
     write_cached(file, kept.getvalue())
     return hull
 
@@ -174,23 +174,9 @@ def _rounding_key() -> str:
 
 # Meshes as convex hulls of few vertices that contain the mesh.
 
-Faces = Indices
-
-
-@dataclass(frozen=True, eq=False)
-class Hull:
-    """A convex polyhedron.
-
-    Attributes:
-        vertices: corners, ``(n, 3)`` [m].
-        faces: triangles as rows of vertex indices, ``(m, 3)``, anticlockwise seen from outside.
-        inflation: largest factor by which the polyhedron was stretched so that it contains every point
-            that it was built from; 1 for the exact hull.
-    """
-
-    vertices: Array
-    faces: Faces
-    inflation: float
+Hull = tuple[Array, Indices]
+"""Corners of a convex polyhedron, ``(n, 3)`` [m], and its triangles, ``(m, 3)`` rows of corners' indices, anticlockwise
+seen from outside."""
 
 
 def convex_hull(points: Array, max_vertices: int = 96, slack: float = 0.01) -> Hull:
@@ -265,11 +251,11 @@ def _stretch_factors(corners: Array, planes: Array, factor: float) -> Array:
 def _build_polyhedron(corners: Array, stretch: Array, axes: Array, centre: Array) -> Hull:
     points = corners * stretch @ axes + centre
     used, faces = hull_faces(points)
-    return Hull(points[used], faces, float(stretch.max()))
+    return points[used], faces
 
 
-def hull_faces(points: Array) -> tuple[Indices, Faces]:
-    """Which points ``(n, 3)`` are corners of their convex hull, and its triangles as a :class:`Hull` has them."""
+def hull_faces(points: Array) -> tuple[Indices, Indices]:
+    """Which points ``(n, 3)`` are corners of their convex hull, and its triangles as a :data:`Hull` has them."""
     from scipy.spatial import ConvexHull
 
     hull = ConvexHull(points)

@@ -113,6 +113,13 @@ def outline_points(shape: Shape) -> Array:
     return _widen_points(shape.core, shape.radius / np.cos(np.pi / 16) * np.vstack(rings))
 
 
+def joints_at(model: pin.Model, q: Array) -> pin.Data:
+    """Data of a model whose joints, ``oMi``, are placed as at a configuration ``(nq,)``."""
+    data = model.createData()
+    pin.forwardKinematics(model, data, q)
+    return data
+
+
 def place_points(points: Array, pose: pin.SE3) -> Array:
     """Points ``(n, 3)`` of a frame in that which it has a pose in."""
     return np.asarray(points @ pose.rotation.T + pose.translation)

@@ -42,9 +42,8 @@ def check_tree(root: Element, path: Path) -> dict[str, Element]:
         RobotError: duplicated or missing names, unknown links or joint types, an impossible axis, origin
             or limit, several roots, closed loops, or a tree too large or too deep.
     """
-    if not root.get("name", "").strip():
-        raise robot_error(path, "robot@name", "is missing", "name the robot")
-    _check_name(root.get("name", ""), "robot@name", path)
+    _check_counts(root, path)
+    _check_name(root, "robot", path)
     links = _named_elements(root, "link", path)
     joints = _named_elements(root, "joint", path)
     if not links:
@@ -55,10 +54,9 @@ def check_tree(root: Element, path: Path) -> dict[str, Element]:
     for name, joint in joints.items():
         for end in ("parent", "child"):
             where, link = f"joint {name!r}/{end}", link_at(joint, end)
-            if not link:
-                raise robot_error(path, where, "is missing", f"name the {end} link")
             if link not in links:
-                raise robot_error(path, where, f"unknown link {link!r}", f"define the link {link!r}")
+                remedy = f"define the link {link!r}" if link else f"name the {end} link"
+                raise robot_error(path, where, f"unknown link {link!r}", remedy)
         if link in carriers:
             both = f"{carriers[link].get('name')!r} and {name!r}"
             what = f"is the child of two joints, {both}: a closed loop"
@@ -67,18 +65,19 @@ def check_tree(root: Element, path: Path) -> dict[str, Element]:
         carriers[link] = joint
         _check_joint(joint, f"joint {name!r}", path)
     _check_roots(list(links), LinkTree(joints), path)
-    _check_counts(root, path)
     for link, element in links.items():
         check_geometry(element, link, path)
     return joints
 
 
 def _check_counts(root: Element, path: Path) -> None:
-    moving = sum(joint.get("type") in MOVING for joint in root.findall("joint"))
+    joints = root.findall("joint")
     counts = {
+        "links": (len(root.findall("link")), MAX_LINKS),
+        "joints": (len(joints), MAX_LINKS),
         # The largest known, a mobile robot with two arms and hands, has 101 and 112; every solid is compared with every
         # other one, in 100 postures: these bounds keep that below half a minute.
-        "joints that move": (moving, 200),
+        "joints that move": (sum(joint.get("type") in MOVING for joint in joints), 200),
         **{f"{kind} elements": (len(root.findall(f"link/{kind}")), 400) for kind in GEOMETRY},
     }
     for what, (number, most) in counts.items():
@@ -127,10 +126,7 @@ class LinkTree:
 def _named_elements(root: Element, tag: str, path: Path) -> dict[str, Element]:
     found: dict[str, Element] = {}
     for number, element in enumerate(root.findall(tag)):
-        name = element.get("name", "")
-        if not name.strip():
-            raise robot_error(path, f"{tag} {number}", "has no name", "name it")
-        _check_name(name, f"{tag} {number}", path)
+        name = _check_name(element, f"{tag} {number}", path)
         if name in found:
             raise robot_error(path, f"{tag} {name!r}", "occurs twice", "rename one of them")
         # Readers pass over a link or joint inside another one.
@@ -138,16 +134,16 @@ def _named_elements(root: Element, tag: str, path: Path) -> dict[str, Element]:
             what = f"holds the {inside.tag} {shorten_text(inside.get('name', ''))!r}"
             raise robot_error(path, f"{tag} {name!r}", what, "put it beside, not inside")
         found[name] = element
-    if len(found) > MAX_LINKS:
-        what = f"has {len(found)} {tag}s, more than {MAX_LINKS}"
-        raise robot_error(path, "robot", what, "reduce the model")
     return found
 
 
-def _check_name(name: str, where: str, path: Path) -> None:
-    if len(name) > MAX_NAME or not name.isprintable():
+def _check_name(element: Element, where: str, path: Path) -> str:
+    """An element's name, which it has to have."""
+    name = element.get("name", "")
+    if not name.strip() or len(name) > MAX_NAME or not name.isprintable():
         remedy = f"give it a name of at most {MAX_NAME} printable characters"
         raise robot_error(path, where, f"has the name {shorten_text(name)!r}", remedy)
+    return name
 
 
 def _check_once(element: Element, where: str, path: Path) -> None:

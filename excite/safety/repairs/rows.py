@@ -15,6 +15,7 @@ from excite.motion.generators.generator import Candidate, leg_joints
 from excite.robot.joint_values import per_joint
 from excite.robot.legs import TORQUE_SHARE, usable_torque
 from excite.robot.robot import Robot
+from excite.robot.shapes.shape import joints_at
 from excite.safety.parameter_set import ParameterSet, RowsOfSet, parameter_set
 from excite.safety.repairs.path import MotionPath, PathSample
 
@@ -127,8 +128,7 @@ class PathLimits:
     @cached_property
     def _soles(self) -> dict[str, Array]:
         """Sole corners at rest, where a carrying foot always is, ``(n_corners, 3)`` [m]."""
-        data = self._robot.model.createData()
-        pin.forwardKinematics(self._robot.model, data, self._robot.rest)
+        data = joints_at(self._robot.model, self._robot.rest)
         return {
             foot.name: np.array([data.oMi[foot.joint].act(corner) for corner in foot.sole])
             for foot in self._robot.feet

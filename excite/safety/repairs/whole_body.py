@@ -24,7 +24,7 @@ from excite.motion.generators.generator import (
     support_corners,
 )
 from excite.robot.robot import Foot, Robot
-from excite.robot.shapes.shape import has_area
+from excite.robot.shapes.shape import has_area, joints_at
 from excite.safety.ground_forces import wrench_at_world_origin, zero_moment_point
 from excite.safety.repairs.draft import Draft, Rejection, Repair, refused_by
 from excite.safety.repairs.path import MotionPath, coordinates_of
@@ -390,8 +390,7 @@ class Balancer:
 def _foot_task(solver: Any, wrapper: Any, robot: Robot, foot: Foot, can: Steering) -> _SoleTask | _TipTask:
     if not foot.flat:
         return _TipTask(solver, wrapper, foot)
-    data = robot.model.createData()
-    pin.forwardKinematics(robot.model, data, robot.rest)
+    data = joints_at(robot.model, robot.rest)
     sole = np.array(data.oMi[foot.joint].act(foot.placement.translation))
     return _SoleTask(solver, wrapper, foot, sole, can.soles[foot.name])
 

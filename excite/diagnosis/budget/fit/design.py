@@ -50,6 +50,14 @@ class Rows:
         """Number of joints."""
         return len(self.y)
 
+    @cached_property
+    def following(self) -> NDArray[np.int64]:
+        """Fitted rows that have a row before them in the same trial."""
+        kept: NDArray[np.int64] = np.flatnonzero(
+            np.concatenate([[False], (self.block[1:] >= 0) & (self.trial[1:] == self.trial[:-1])])
+        )
+        return kept
+
     @property
     def rotors(self) -> NDArray[np.int64]:
         """Where the joints' rotors stand among the parameters of every model; empty where they are not modelled."""
