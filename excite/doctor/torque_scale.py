@@ -170,15 +170,15 @@ def find_torque_scale(samples: TorqueSamples, reading: Reading) -> Iterable[Corr
     gains, shares, agreement, _ = samples.gains(reading)
     told = (shares > THRESHOLD.telling_share) & (gains > 0.0)
     alone = len(joints) > 1 and (scale is None or not scale.apart)
-    leaked = _holds_neighbours(samples, reading)
     values = np.stack([samples.measured_torque(reading), samples.predicted(reading).torque])
-    for j in np.flatnonzero(told & ~leaked) if alone else ():
+    for j in np.flatnonzero(told) if alone else ():
         # What an end of the range cuts off makes a torque smaller, and no unit: the ends stand where the model's torque
         # is in as many rows, but for the unit. Rows that were chosen by the torque do not bias the slope over it.
         gain, (lower, upper) = float(gains[j]), samples.ends[:, j]
         width = np.ptp(np.quantile(values[:, :, j], [lower, 1.0 - upper], axis=1), axis=0)
         apart = width[0] / max(width[1], 1e-300) if lower + upper > 0.0 else gain / max(agreement[j], 1e-300)
-        if max(gain, apart) <= 1.0 / THRESHOLD.one_scale_off or min(gain, apart) >= THRESHOLD.one_scale_off:
+        off = max(gain, apart) <= 1.0 / THRESHOLD.one_scale_off or min(gain, apart) >= THRESHOLD.one_scale_off
+        if off and not _holds_neighbours(samples, reading)[j]:
             text = f"the torque of {joints[j]} is {gain:.3g} times what the nominal masses need, unlike the others'"
             scaled = reading.with_torque([int(j)], 1.0 / gain)
             yield Correction(scaled, text, (joints[j],), {"factor": gain}, certain=False)

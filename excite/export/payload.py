@@ -6,6 +6,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from string import Formatter
 from typing import Any
 
 import numpy as np
@@ -96,7 +97,7 @@ class Payload:
 
 
 def payload_for(load: WeighedLoad, robot: Robot, format: str, flange: str | None = None) -> Payload:
-    """A load in the frame and units of an arm's controller.
+    """A load in the frame and units of an arm's controller, read back and compared.
 
     The inertia is written where the logs tell its moments to less than the largest of them, and a body can have it.
     Else it is nought, which all makers take for a point mass.
@@ -147,7 +148,11 @@ def payload_for(load: WeighedLoad, robot: Robot, format: str, flange: str | None
             remedy="see whether lengths of the description are metres",
         )
     body = pin.Inertia(body.mass, body.lever, inertia)
-    return Payload(format, name, body, bool(point), _render_load(body, form))
+    text = _render_load(body, form)
+    back = read_payload(text, format)
+    if not np.allclose(back.toDynamicParameters(), body.toDynamicParameters(), rtol=1e-5, atol=1e-5):
+        raise InputError("does not come back as it was written", source=format, field="load")
+    return Payload(format, name, body, bool(point), text)
 
 
 def _find_flange(robot: Robot, form: PayloadFormat, asked: str | None) -> tuple[str, pin.SE3]:
@@ -191,3 +196,35 @@ def _format_number(value: float) -> str:
     """A number without an exponent, which not every controller reads."""
     text = f"{round(value, 6) + 0.0:.6f}".rstrip("0")
     return text + "0" * text.endswith(".")
+
+
+def read_payload(text: str, format: str) -> pin.Inertia:
+    """The load that a text of :func:`payload_for` holds, in the flange's frame [SI].
+
+    Raises:
+        InputError: it is no such text.
+    """
+    form, pattern = find_payload_format(format), ""
+    for literal, name, _, _ in Formatter().parse(form.text):
+        pattern += re.escape(literal)
+        if name:
+            pattern += f"(?P={name})" if f"<{name}>" in pattern else rf"(?P<{name}>[-.\d]+)"
+    found = re.fullmatch(pattern, text)
+    if found is None:
+        raise InputError("is no load as excite writes it", source=format, field="text")
+    n = dict.fromkeys(("xy", "xz", "yz"), 0.0) | {
+        name: float(text) for name, text in found.groupdict().items()
+    }
+    if "j1" not in n:
+        inertia = np.array(
+            [[n["xx"], n["xy"], n["xz"]], [n["xy"], n["yy"], n["yz"]], [n["xz"], n["yz"], n["zz"]]]
+        )
+    else:
+        axes = (
+            pin.rpy.rpyToMatrix(*np.radians([n["c"], n["b"], n["a"]]))
+            if "a" in n
+            else pin.Quaternion(n["q1"], n["q2"], n["q3"], n["q4"]).normalized().matrix()
+        )
+        inertia = axes @ np.diag([n["j1"], n["j2"], n["j3"]]) @ axes.T
+    lever = np.array([n["x"], n["y"], n["z"]]) / form.length
+    return pin.Inertia(n["m"], lever, inertia / form.moment)

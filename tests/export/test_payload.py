@@ -5,14 +5,13 @@ from __future__ import annotations
 import json
 import re
 from dataclasses import replace
-from string import Formatter
 
 import numpy as np
 import pinocchio as pin
 import pytest
 
 from excite.errors import InputError, UnknownNameError
-from excite.export.payload import PAYLOAD_FORMATS, payload_for
+from excite.export.payload import PAYLOAD_FORMATS, payload_for, read_payload
 from excite.identification.load import WeighedLoad
 from excite.robot.loading import load_robot
 
@@ -21,33 +20,6 @@ MASS, CENTRE = 1.6, np.array([0.03, 0.1, -0.02])
 TURN = pin.rpy.rpyToMatrix(0.4, -0.3, 0.2)
 INERTIA = TURN @ np.diag([0.02, 0.03, 0.04]) @ TURN.T
 NUMBER = r"-?\d+\.\d+"
-
-
-def read_payload(text: str, format: str) -> pin.Inertia:
-    """The load that a text holds, in the flange's frame [SI]."""
-    form, pattern = PAYLOAD_FORMATS[format], ""
-    for literal, name, _, _ in Formatter().parse(form.text):
-        pattern += re.escape(literal)
-        if name:
-            pattern += f"(?P={name})" if f"<{name}>" in pattern else rf"(?P<{name}>[-.\d]+)"
-    found = re.fullmatch(pattern, text)
-    assert found is not None
-    n = dict.fromkeys(("xy", "xz", "yz"), 0.0) | {
-        name: float(text) for name, text in found.groupdict().items()
-    }
-    if "j1" not in n:
-        inertia = np.array(
-            [[n["xx"], n["xy"], n["xz"]], [n["xy"], n["yy"], n["yz"]], [n["xz"], n["yz"], n["zz"]]]
-        )
-    else:
-        axes = (
-            pin.rpy.rpyToMatrix(*np.radians([n["c"], n["b"], n["a"]]))
-            if "a" in n
-            else pin.Quaternion(n["q1"], n["q2"], n["q3"], n["q4"]).normalized().matrix()
-        )
-        inertia = axes @ np.diag([n["j1"], n["j2"], n["j3"]]) @ axes.T
-    lever = np.array([n["x"], n["y"], n["z"]]) / form.length
-    return pin.Inertia(n["m"], lever, inertia / form.moment)
 
 
 @pytest.fixture(scope="module")
@@ -121,6 +93,8 @@ def test_what_is_written_is_read_again(robot, load, format):
     payload = payload_for(load, robot, format, "tool0")
     back = read_payload(payload.text, format)
     np.testing.assert_allclose(back.toDynamicParameters(), payload.body.toDynamicParameters(), atol=1e-5)
+    with pytest.raises(InputError, match="no load"):
+        read_payload(payload.text.replace("1.6", "1,6"), format)
 
 
 @pytest.mark.parametrize("format", PAYLOAD_FORMATS)
