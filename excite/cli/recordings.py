@@ -43,36 +43,29 @@ def write_sheet(
     call: Call,
 ) -> None:
     """Write the sheet for the minutes at the robot: order of motions, repeats, what to record and to check."""
+    from excite.campaign.capture import capture_policy  # lazy: pinocchio
     from excite.export.export import robot_beside  # lazy: pinocchio
 
-    if purpose is not None or plan is None:
-        if plan is not None or purpose != "policy":
-            raise InputError(
-                "needs a plan or --for policy, not both", field="plan", remedy="name one of them"
-            )
-        from excite.campaign.capture import capture_policy  # lazy: pinocchio
-
-        named = str(Path(robot).resolve()) if Path(robot).exists() else robot
-        asked = capture_policy(excite.load_robot(robot), out, named=named)
-        content = {"file": str(asked.path), **asked.capture.model_dump(mode="json", by_alias=True)}
-        then = command_line("convert", "RECORDING", "--robot", robot, "--out", "log")
-        call.emit_result(f"wrote {asked.path}: two minutes of the policy's walk", content, then=then)
-        return
-
+    if (plan is None, purpose) not in ((False, None), (True, "policy")):
+        raise InputError("needs a plan or --for policy, not both", field="plan", remedy="name one of them")
     # A plan for a model of one's own kept its robot, which then has a name and no file of this one.
-    whose = robot if Path(robot).exists() else robot_beside(plan / "plan.json", robot)
+    whose = robot if plan is None or Path(robot).exists() else robot_beside(plan / "plan.json", robot)
     # The sheet is read in another folder, and on another day.
     named = str(Path(whose).resolve()) if Path(whose).exists() else whose
-    sheet = excite.capture(excite.load_robot(whose), plan, out, named=named)
+    then: list[object] = ["convert", "RECORDING", "--robot", whose, "--out"]
+    if plan is None:
+        sheet, what = (
+            capture_policy(excite.load_robot(whose), out, named=named),
+            "two minutes of the policy's walk",
+        )
+        then += ["log"]
+    else:
+        sheet = excite.capture(excite.load_robot(whose), plan, out, named=named)
+        minutes = sum(run.duration_s for run in sheet.capture.runs) / 60.0
+        what = f"{count(len(sheet.capture.logged), 'recording')}, {minutes:.0f} minutes with warm-up"
+        then += [log_folder(plan), "--capture", sheet.path]
     document = {"file": str(sheet.path), **sheet.capture.model_dump(mode="json", by_alias=True)}
-    minutes = sum(run.duration_s for run in sheet.capture.runs) / 60.0
-    call.emit_result(
-        f"wrote {sheet.path}: {count(len(sheet.capture.logged), 'recording')}, {minutes:.0f} minutes with warm-up",
-        document,
-        then=command_line(
-            "convert", "RECORDING", "--robot", whose, "--out", log_folder(plan), "--capture", sheet.path
-        ),
-    )
+    call.emit_result(f"wrote {sheet.path}: {what}", document, then=command_line(*then))
 
 
 @register_command("simulate", cluster=True)

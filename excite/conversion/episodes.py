@@ -176,9 +176,7 @@ def examine_episodes(path: Path, *, jobs: Jobs = 1, progress: Progress = silent)
     done.sort(key=lambda one: -one.badness)
     findings = tuple(replace(found, trials=(one.name,)) for one in done for found in one.findings)
     return EpisodeChart(
-        path.name,
-        worst_first((*_drifts(same, table), *findings)),
-        episodes=tuple(one.entry for one in done),
+        path.name, worst_first((*_drifts(same, table), *findings)), episodes=tuple(one.entry for one in done)
     )
 
 

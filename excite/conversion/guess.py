@@ -12,12 +12,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.conversion.columns.base_signals import add_base, add_base_signals, feet_of, tells_contacts
-from excite.conversion.columns.clock import (
-    clock_column,
-    clock_tick,
-    goes_evenly,
-    rate_by_velocities,
-)
+from excite.conversion.columns.clock import clock_column, clock_tick, goes_evenly, rate_by_velocities
 from excite.conversion.columns.families import (
     FOLLOWED,
     POSE,

@@ -40,6 +40,7 @@ class Case:
         findings: what was found so far.
         doubts: what the log tells only about, as far as it could not be repaired to the last.
         latest_s: torques that are less late than this are left so [s].
+        differing: whether mistakes were found that some trials have and others do not.
     """
 
     robot: Robot
@@ -47,7 +48,9 @@ class Case:
     findings: list[Finding] = field(default_factory=list)
     doubts: set[Doubt] = field(default_factory=set)
     latest_s: float = THRESHOLD.late_s
+    differing: bool = False
     _sampled: tuple[Log, TorqueSamples | None] | None = None
+    _of_trials: tuple[Log, dict[str, TorqueSamples]] | None = None
 
     def add(
         self,
@@ -96,8 +99,18 @@ class Case:
     def samples(self) -> TorqueSamples | None:
         """Torques beside the nominal model's; None of a free base, and where no trial can be used."""
         header = self.log.header
-        if header.free_base or header.torque in {None, "none"}:
+        if header.free_base or header.torque in {None, "none"} or not header.torque_joints:
             return None
         if self._sampled is None or self._sampled[0] is not self.log:
             self._sampled = (self.log, torque_samples(self.robot, self.log))
         return self._sampled[1]
+
+    @property
+    def trial_samples(self) -> Mapping[str, TorqueSamples]:
+        """The same of each trial that can be used, whatever its role, by name."""
+        trials = self.log.trials if self.samples is not None else ()
+        if self._of_trials is None or self._of_trials[0] is not self.log:
+            made = {t.name: replace(self.log, trials=(replace(t, role="identification"),)) for t in trials}
+            found = {name: torque_samples(self.robot, log) for name, log in made.items()}
+            self._of_trials = (self.log, {name: one for name, one in found.items() if one is not None})
+        return self._of_trials[1]

@@ -11,7 +11,12 @@ import numpy as np
 from excite.doctor.case import KINDS, Case
 from excite.doctor.channel_errors import OF_TORQUES, OF_WRENCHES
 from excite.doctor.channel_mapping import Reading
-from excite.doctor.checks.channels import find_misreadings, find_zeroed_torques, put_weight_back
+from excite.doctor.checks.channels import (
+    find_misreadings,
+    find_unexplained_torques,
+    find_zeroed_torques,
+    put_weight_back,
+)
 from excite.doctor.checks.clock import (
     find_counted_rows,
     find_held_rows,
@@ -37,7 +42,7 @@ from excite.doctor.checks.values import (
     find_range_ends,
     find_stopped_torques,
     find_torque_ends,
-    find_unexplained_torques,
+    find_unsigned_torques,
     find_weak_torques,
 )
 from excite.doctor.doubt import Doubt
@@ -72,6 +77,7 @@ RULES: tuple[Callable[[Case], None], ...] = (
     find_jumps,
     find_velocity_errors,
     find_zeroed_torques,
+    find_unsigned_torques,
     find_misreadings,
     find_weak_torques,
     find_motor_side,
@@ -125,11 +131,7 @@ class Chart(Examination):
 @one_blas_thread
 @step("look the log through")
 def examine(
-    robot: Robot,
-    log: Log,
-    settings: ProblemSettings | None = None,
-    *,
-    latest_s: float = THRESHOLD.late_s,
+    robot: Robot, log: Log, settings: ProblemSettings | None = None, *, latest_s: float = THRESHOLD.late_s
 ) -> Chart:
     """Look a log through with every rule, one after the other.
 

@@ -13,7 +13,7 @@ from scipy.special import chdtri
 
 from excite.arrays import Array, Flags, Indices, Moved
 from excite.doctor.channel_mapping import Reading
-from excite.doctor.inertial_prior import Judgement, half_log, judge_bodies, likely_spread
+from excite.doctor.inertial_prior import STRONG_ODDS, Judgement, half_log, judge_bodies, likely_spread
 from excite.doctor.model_comparison import (
     Columns,
     Predicted,
@@ -239,6 +239,13 @@ class TorqueSamples(Samples):
         told = len(spread) + len(held) - float(((judged.std / np.r_[spread, held]) ** 2).sum())
         explained = self.unexplained_beside(reading, judged.left) < THRESHOLD.in_place
         return bool(explained and 2.0 * judged.cost > chdtri(max(told, 1.0), 1.0 / THRESHOLD.strong_odds))
+
+    def zeros_are_usual(self, reading: Reading) -> bool:
+        """Whether zeros that may be off by what calibrations leave explain torques no better than none are off."""
+        usual = np.where(self.sliding, 1e-9, 0.5 * THRESHOLD.least_zero_rad)
+        judged, held = self.judged(reading), self.judged(reading, zeros=usual)
+        off = np.abs(held.moved[-len(usual) :]) > THRESHOLD.least_zero_rad
+        return not off.any() or judged.odds(held) <= STRONG_ODDS + float(np.log(len(usual)))
 
     def choose(self, some: slice | Flags) -> TorqueSamples:
         """Some of the samples."""

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
@@ -134,17 +135,37 @@ def _causes(samples: TorqueSamples) -> Iterator[tuple[str, Array]]:
 def gear_ratios(robot: Robot) -> Mapping[str, float]:
     """Reductions other than one that ``<transmission>`` elements of a robot's URDF state, by joint."""
     found: dict[str, float] = {}
-    if "<transmission" not in robot.urdf:
-        return found
-    try:
-        for transmission in parse_xml(robot.urdf.encode(), Path("robot.urdf")).findall("transmission"):
-            joint, ratio = transmission.find("joint"), transmission.findtext(".//mechanicalReduction", "0")
-            number = ratio.strip().lstrip("+-").replace(".", "", 1).isdigit()
-            if joint is not None and number and (value := abs(float(ratio))) not in (0.0, 1.0):
-                found[joint.get("name", "")] = value
-    except InputError:
-        return {}
+    for transmission in _find_elements(robot, "transmission"):
+        joint, ratio = transmission.find("joint"), transmission.findtext(".//mechanicalReduction", "0")
+        if joint is not None and (value := abs(_read_number(ratio))) not in (0.0, 1.0):
+            found[joint.get("name", "")] = value
     return found
+
+
+def stated_friction(robot: Robot, speed: Mapping[str, float]) -> Mapping[str, float]:
+    """Dry and viscous friction at a speed that a robot's URDF states, by joint [N·m or N]."""
+    each = {joint.get("name", ""): joint.find("dynamics") for joint in _find_elements(robot, "joint")}
+    return {
+        name: abs(_read_number(said.get("friction", "0")))
+        + speed[name] * abs(_read_number(said.get("damping", "0")))
+        for name, said in each.items()
+        if said is not None and name in speed
+    }
+
+
+def _find_elements(robot: Robot, tag: str) -> Sequence[Element]:
+    """Elements of a robot's URDF; none where it cannot be read."""
+    try:
+        return (
+            parse_xml(robot.urdf.encode(), Path("robot.urdf")).findall(tag) if f"<{tag}" in robot.urdf else ()
+        )
+    except InputError:
+        return ()
+
+
+def _read_number(text: str) -> float:
+    number = text.strip().lstrip("+-")
+    return float(number) if number.replace(".", "", 1).isdigit() else 0.0
 
 
 def find_torque_scale(samples: TorqueSamples, reading: Reading) -> Iterable[Correction]:

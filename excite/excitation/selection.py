@@ -61,11 +61,9 @@ class Criterion(Protocol):
 
     def value(self, information: Array) -> float:
         """How good an information matrix ``(k, k)`` is."""
-        ...
 
     def gradient(self, information: Array) -> Array:
         """``(k, k)`` such that ``trace(gradient · G)`` is the first-order gain of a small addition ``G``."""
-        ...
 
 
 class LogDeterminant:
@@ -229,8 +227,6 @@ def _exchange_motions(
 
 def _most_promising(information: Information, gradient: Array, able: Indices) -> Indices:
     """Those of ``able`` with the largest first-order gain, the earlier first of equals."""
-    if not len(able):
-        return able
     slope = np.einsum("mij,ij->m", information.single[able], gradient)
     return able[np.argsort(-slope, kind="stable")[:_TRIED]]
 
@@ -241,7 +237,6 @@ def _most_promising(information: Information, gradient: Array, able: Indices) ->
 _ENOUGH, _BEYOND = 0.9, 0.01
 # Motions that the choice is begun with in turn, those first that alone come nearest to the limits.
 _STARTS = 8
-_SEGMENT_CHOICE_LEAST_GAIN = 1e-9
 # What a segment above its limit costs beside its excess: nothing at first, then more than all excesses together.
 _EXCESS, _MISSED = 0.0, 1e4
 # Share of the largest eigenvalue below which the smallest is rounding.
@@ -259,11 +254,6 @@ class SegmentInformation:
 
     segments: tuple[str, ...]
     single: tuple[Array, ...]
-
-    @property
-    def n_motions(self) -> int:
-        """Number of candidates."""
-        return len(self.single[0])
 
 
 def segment_information(
@@ -367,7 +357,7 @@ class _Search:
             if rest:
                 options.append((float(self.cost(so_far, missed)), rest))
             value, option = min(options, default=(np.inf, rest))
-            if value < now - _SEGMENT_CHOICE_LEAST_GAIN:
+            if value < now - _LEAST_GAIN:
                 now, better = value, option
         return better
 
@@ -498,24 +488,22 @@ def by_rsd(candidates: Candidates) -> Selection:
     A parameter's deviation is taken relative to its value in the model, or to 0.01 where that is smaller.
     """
     base = candidates.base
-    known = candidates.known()
-    scale = np.maximum(np.abs(nominal_values(candidates.robot, base)), NEGLIGIBLE)
+    known, scale = candidates.known(), np.maximum(np.abs(nominal_values(candidates.robot, base)), NEGLIGIBLE)
     return _select_greedily(candidates, known, TotalDeviation(known.back, scale))
 
 
 def by_targets(candidates: Candidates) -> Selection:
-    """Greedy by what is asked for, within the budget; values below 0.01 are no target unless named."""
-    base = candidates.base
+    """Greedy by what is asked for as far as all candidates reach it; values below 0.01 are no target unless named."""
     known = candidates.known()
     criterion = ReachedTargets.of(
         candidates.robot,
-        base,
+        candidates.base,
         candidates.asked,
         target_rsd=candidates.target_rsd,
         rows=candidates.factors[0].rate_hz / candidates.rows_hz,
         back=known.back,
     )
-    return _select_greedily(candidates, known, criterion)
+    return _select_greedily(candidates, known, criterion.within(known.before + known.single.sum(axis=0)))
 
 
 def by_segments(candidates: Candidates) -> Selection:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
@@ -77,17 +77,19 @@ def wanted_parameters(robot: Robot, base: BaseParameters, targets: Sequence[str]
 
 @dataclass(frozen=True, eq=False)
 class ReachedTargets:
-    """Minus how far standard deviations are above their goals: ``−Σ log(1 + (σ/goal)²)/2``.
+    """Minus how far standard deviations are above their goals: ``−Σ weight log(1 + (σ/goal)²)/2``.
 
     A parameter far from its goal counts as in the log-determinant, one that has met it hardly at all.
 
     Attributes:
         back: ``(n, k)`` from the coordinates of the information to the parameters that are asked for.
         goal: ``(n,)`` standard deviations to reach [SI].
+        weight: ``(n,)``, or of all alike.
     """
 
     back: Array
     goal: Array
+    weight: Array | float = 1.0
 
     @classmethod
     def of(
@@ -115,14 +117,21 @@ class ReachedTargets:
         back = np.eye(len(values)) if back is None else back
         return cls(back[wanted], 0.01 * target_rsd * values[wanted] / np.sqrt(rows))
 
+    def within(self, most: Array) -> ReachedTargets:
+        """Each target weighted by how near the most information there can be, ``(k, k)``, brings it: 1/(1 + (σ/goal)²).
+
+        What all candidates together do not tell no choice of them does: seconds for it are lost to the others.
+        """
+        return replace(self, weight=1.0 / (1.0 + self._excess(most)[0]))
+
     def value(self, information: Array) -> float:
         """Of an information matrix ``(k, k)``."""
-        return -float(0.5 * np.log1p(self._excess(information)[0]).sum())
+        return -float(0.5 * (self.weight * np.log1p(self._excess(information)[0])).sum())
 
     def gradient(self, information: Array) -> Array:
-        """``½ M⁻¹ Tᵀ diag(1/(goal² + σ²)) T M⁻¹``."""
+        """``½ M⁻¹ Tᵀ diag(weight/(goal² + σ²)) T M⁻¹``."""
         excess, solved = self._excess(information)
-        return np.asarray((solved * (0.5 / (self.goal**2 * (1.0 + excess)))) @ solved.T)
+        return np.asarray((solved * (0.5 * self.weight / (self.goal**2 * (1.0 + excess)))) @ solved.T)
 
     def _excess(self, information: Array) -> tuple[Array, Array]:
         """``(σ/goal)²``, ``(n,)``, and ``M⁻¹ Tᵀ``."""

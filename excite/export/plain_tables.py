@@ -12,13 +12,7 @@ import pyarrow.csv
 
 from excite.atomic import atomic_folder, atomic_path
 from excite.errors import InputError
-from excite.export.exporter import (
-    Exporter,
-    Setting,
-    as_comments,
-    motion_warnings,
-    write_statement,
-)
+from excite.export.exporter import Exporter, Setting, as_comments, motion_warnings, write_statement
 from excite.formats.arrays import NpzFormat
 from excite.formats.arrow import arrow_table
 from excite.formats.lerobot import write_data_set

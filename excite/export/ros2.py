@@ -14,13 +14,7 @@ import numpy as np
 from excite.arrays import Array
 from excite.atomic import atomic_folder, atomic_path, write_text
 from excite.errors import InputError
-from excite.export.exporter import (
-    Exporter,
-    Setting,
-    between_rests,
-    comment_lines,
-    goal_velocities,
-)
+from excite.export.exporter import Exporter, Setting, between_rests, comment_lines, goal_velocities
 from excite.formats.number import shorten_value
 from excite.motion.motion import Motion
 from excite.motion.readers.ros2 import (

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 from xml.etree.ElementTree import Element, indent, tostring
 
 import numpy as np
@@ -19,14 +19,7 @@ from excite.errors import InputError, UnknownNameError
 from excite.finding import Finding, list_names
 from excite.formats.documents import read_xml, read_yaml
 from excite.formats.number import check_number
-from excite.human.body import (
-    ANTHROPOMETRY,
-    DIMENSIONS,
-    Anthropometry,
-    Body,
-    body_of,
-    segment_box,
-)
+from excite.human.body import ANTHROPOMETRY, DIMENSIONS, Anthropometry, Body, body_of, segment_box
 from excite.human.markers.marker_set import (
     MARKER_SETS,
     MarkerSet,
@@ -59,7 +52,7 @@ from excite.human.segments import (
 )
 from excite.human.trial_poses import Calibration, TrialPoses, calibrate_body, trial_poses
 from excite.logs.files import save_log
-from excite.logs.header_blocks import Role, SensorHeader, TrialHeader
+from excite.logs.header_blocks import Role, TrialHeader
 from excite.logs.log import Log, LogHeader, Trial
 from excite.logs.signals.butterworth import settling_samples
 from excite.progress import Progress, silent
@@ -517,7 +510,6 @@ def measure_recordings(
         body = body.with_masses(model.segment_masses(body), Path(str(settings.osim)).name)
     body = body.with_masses(settings.segment_mass)
     measured: list[MeasuredTrial] = []
-    reports: list[TrialReport] = []
     findings: list[Finding] = [found for recording in still for found in recording.findings]
     for number, recording in enumerate(upright_trials):
         progress("trials", number, len(upright_trials))
@@ -529,13 +521,11 @@ def measure_recordings(
                 field="cutoff_hz",
                 remedy=f"choose one below {0.5 * recording.rate_hz:g} Hz, or 0 for none",
             )
-        trial, report, found = measured_trial(body, calibration, recording, cutoff)
-        measured.append(trial)
-        reports.append(report)
-        findings += found
+        measured.append(measured_trial(body, calibration, recording, cutoff))
+        findings += measured[-1].findings
     progress("trials", len(upright_trials), len(upright_trials))
     log = human_log(body, measured, settings.hold_out, cutoff)
-    return MeasuredPerson(body, calibration, log, tuple(reports), tuple(findings))
+    return MeasuredPerson(body, calibration, log, tuple(one.report for one in measured), tuple(findings))
 
 
 def write_person(person: MeasuredPerson, folder: Path) -> None:
@@ -561,18 +551,18 @@ class MeasuredTrial:
     """A trial ready for the log.
 
     Attributes:
-        name: of the trial.
         poses: postures of all frames.
         readings: plates at the same times.
         frames: which frames the plates carry.
-        rate_hz: of the frames [Hz].
+        report: what is said of it.
+        findings: what was found on the way.
     """
 
-    name: str
     poses: TrialPoses
     readings: tuple[PlateReading, ...]
     frames: slice
-    rate_hz: float
+    report: TrialReport
+    findings: tuple[Finding, ...]
 
 
 def human_log(body: Body, trials: Sequence[MeasuredTrial], hold_out: float, cutoff_hz: float | None) -> Log:
@@ -587,32 +577,29 @@ def human_log(body: Body, trials: Sequence[MeasuredTrial], hold_out: float, cuto
         cutoff_hz: low-pass that markers and forces went through.
 
     Raises:
-        InputError: rates differ, or the share is none.
+        InputError: rates differ.
     """
-    if not 0.0 <= hold_out < 1.0:
-        raise InputError(f"is {hold_out}", field="hold_out", remedy="choose a share of 0 to 0.9")
-    rate = trials[0].rate_hz
-    for trial in trials:
-        if abs(trial.rate_hz / rate - 1.0) > 1e-3:
+    rate = trials[0].report.rate_hz
+    for report in (trial.report for trial in trials):
+        if abs(report.rate_hz / rate - 1.0) > 1e-3:
             raise InputError(
-                f"runs at {trial.rate_hz:g} Hz, the first trial at {rate:g} Hz",
-                source=trial.name,
+                f"runs at {report.rate_hz:g} Hz, the first trial at {rate:g} Hz",
+                source=report.trial,
                 field="rate",
                 remedy="make logs of each",
             )
-    names = _sensor_names(trials)
-    sensors: list[SensorHeader] = []
-    parts: list[tuple[dict[str, Any], Role]] = []
+    names, plates = _sensor_names(trials), dict[str, PlateReading]()
     for number, trial in enumerate(trials):
         for reading in trial.readings:
-            if all(names[number, reading.name] != sensor.name for sensor in sensors):
-                x, y, z = (float(value) for value in reading.center)
-                place: dict[str, Any] = {"parent": "world", "xyz": (x, y, z), "foot": reading.foot}
-                own = names[number, reading.name]
-                sensors.append(SensorHeader(name=own, kind="force_plate", **place))
+            plates.setdefault(names[number, reading.name], reading)
+    sensors = [
+        {"name": own, "kind": "force_plate", "parent": "world", "xyz": one.center.tolist(), "foot": one.foot}
+        for own, one in plates.items()
+    ]
+    edge = settling_samples(rate, cutoff_hz) // 2 if cutoff_hz is not None else 0
+    parts: list[tuple[dict[str, Any], Role]] = []
     for number, trial in enumerate(trials):
-        edge = settling_samples(rate, cutoff_hz) // 2 if cutoff_hz is not None else 0
-        whole = _trial_channels(trial, number, names, [sensor.name for sensor in sensors], edge)
+        whole = _trial_channels(trial, number, names, list(plates), edge)
         if len(trials) > 1 or hold_out == 0.0:
             parts.append((whole, "validation" if number and number == len(trials) - 1 else "identification"))
         else:
@@ -659,11 +646,7 @@ def _sensor_names(trials: Sequence[MeasuredTrial]) -> dict[tuple[int, str], str]
 
 
 def _trial_channels(
-    trial: MeasuredTrial,
-    number: int,
-    names: dict[tuple[int, str], str],
-    sensors: list[str],
-    edge: int,
+    trial: MeasuredTrial, number: int, names: dict[tuple[int, str], str], sensors: list[str], edge: int
 ) -> dict[str, Any]:
     """Channels of a trial; ``edge`` frames that the filter's transient reaches are left out at either end."""
     pose = trial.poses.pose
@@ -672,7 +655,7 @@ def _trial_channels(
     for reading in trial.readings:
         wrenches[names[number, reading.name]] = reading.wrench
     whole = {
-        "time": np.arange(n) / trial.rate_hz + trial.poses.time[0],
+        "time": np.arange(n) / trial.report.rate_hz + trial.poses.time[0],
         "q": joint_angles(pose),
         "base": base_pose(pose),
         "wrenches": wrenches,
@@ -700,31 +683,21 @@ def _part_of(whole: dict[str, Any], span: slice) -> dict[str, Any]:
 # A recording of a person as a trial: postures, plates, and what stood on them.
 
 
-class Measured(NamedTuple):
-    """A trial, what is reported of it, and what was found on the way."""
-
-    trial: MeasuredTrial
-    report: TrialReport
-    findings: tuple[Finding, ...]
-
-
 def measured_trial(
     body: Body, calibration: Calibration, recording: Recording, cutoff_hz: float | None
-) -> Measured:
+) -> MeasuredTrial:
     """Postures, plates and spans of a recording; ``cutoff_hz`` of the markers' low-pass, None for none [Hz]."""
     poses = trial_poses(calibration, recording, cutoff_hz)
     placement = place_segments(poses.pose, body.offsets)
     readings, odd = plate_readings(recording, placement, body, cutoff_hz)
     held = find_support(body, placement, readings, recording.rate_hz, recording.source)
-    name = recording.source.stem
-    trial = MeasuredTrial(name, poses, readings, held.frames, recording.rate_hz)
     span = held.frames
     report = TrialReport(
-        trial=name,
+        trial=recording.source.stem,
         seconds=(span.stop - span.start) / recording.rate_hz,
         rate_hz=recording.rate_hz,
         plates_kg=held.mass,
         marker_rms_m=dict(poses.marker_rms),
         plates=tuple(StoodOn(r.name, r.foot, r.distance) for r in readings),
     )
-    return Measured(trial, report, (*poses.findings, *odd, *held.findings))
+    return MeasuredTrial(poses, readings, span, report, (*poses.findings, *odd, *held.findings))

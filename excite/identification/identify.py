@@ -84,7 +84,7 @@ def identify(
 
     Methods, by what they give (:func:`~excite.identification.estimators.registry.method_summaries` says when to take
     which): bodies that can exist, as near to the nominal ones as the log supports, ``adaptive``; base parameters from
-    the data alone ``ls``, ``wls``, ``robust``; parameters near the nominal model
+    the data alone ``ls``, ``wls``; parameters near the nominal model
     ``map``, ``qp``, ``hqp``; parameters within bounds ``cls1``, ``cls2``; parameters of bodies that can exist
     ``cls3``, ``lmi``, ``physical``.
 

@@ -118,11 +118,7 @@ def _cut_stretches(problem: IdentificationProblem) -> list[Flags]:
 
 
 def _joint_triangle(
-    problem: IdentificationProblem,
-    rows: Flags,
-    own: Indices,
-    joint: int,
-    carried: Sequence[bool],
+    problem: IdentificationProblem, rows: Flags, own: Indices, joint: int, carried: Sequence[bool]
 ) -> Array:
     """Triangle of one joint's rows; drives of other joints have nothing there, nor have loads not ``carried``."""
     n, joint_name = problem.n_inertial, problem.channel_names[joint]

@@ -157,12 +157,7 @@ def essential_parameters(statistics: BaseEstimate) -> EssentialParameters:
 
 
 def eliminate_parameters(
-    factor: Array,
-    rotated: Array,
-    least: Array,
-    meat: Array,
-    squares: float = 0.0,
-    n_rows: int = 0,
+    factor: Array, rotated: Array, least: Array, meat: Array, squares: float = 0.0, n_rows: int = 0
 ) -> EssentialParameters:
     """Remove, one at a time and re-estimating, the worst of the small and poorly determined parameters.
 

@@ -155,11 +155,7 @@ _FEWEST_ROWS = 10
 @one_blas_thread
 @step("filter and stack rows")
 def build_problem(
-    robot: Robot,
-    log: Log,
-    settings: ProblemSettings | None = None,
-    *,
-    role: str | None = "identification",
+    robot: Robot, log: Log, settings: ProblemSettings | None = None, *, role: str | None = "identification"
 ) -> IdentificationProblem:
     """Turn trials into the linear problem that identification solves.
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -86,19 +87,19 @@ def save_motion(motion: Motion, path: Path, *, single: bool = False) -> Path:
     return path
 
 
+# What a motion knows of itself and its file says: under the same names but for ``following``, which is ``next`` there.
+_STATED = ("robot_hash", "generator", "seed", "targets", "versions", "previous", "following")
+
+
 def _motion_document(motion: Motion, digest: str) -> dict[str, Any]:
     metadata = motion.metadata
     verdict = metadata.verdict
     return {
         "schema": SCHEMA,
         "robot": motion.robot,
-        **{name: getattr(metadata, name) for name in ("robot_hash", "generator", "seed")},
-        "targets": list(metadata.targets),
-        "versions": dict(metadata.versions),
-        "previous": metadata.previous,
-        "next": metadata.following,
+        **{{"following": "next"}.get(name, name): getattr(metadata, name) for name in _STATED},
         "content_hash": digest,
-        "verdict": dict(verdict) if verdict is not None and verdict.get("content_hash") == digest else None,
+        "verdict": verdict if verdict is not None and verdict.get("content_hash") == digest else None,
     }
 
 
@@ -227,17 +228,9 @@ def _read_statement(metadata: Any, path: Path) -> MotionDocument | None:
 def _motion_metadata(said: MotionDocument | None, digest: str) -> MotionMetadata:
     if said is None:
         return MotionMetadata(generator="elsewhere")
-    return MotionMetadata(
-        generator=said.generator,
-        seed=said.seed,
-        targets=said.targets,
-        robot_hash=said.robot_hash,
-        versions=said.versions,
-        previous=said.previous,
-        following=said.following,
-        verdict=said.verdict,
-        stated_hash="" if said.content_hash == digest else said.content_hash,
-    )
+    stated_hash = "" if said.content_hash == digest else said.content_hash
+    own = {name: getattr(said, name) for name in (*_STATED, "verdict")}
+    return MotionMetadata(**own, stated_hash=stated_hash)
 
 
 # Columns of a motion's file, checked before they become a motion: numbers, of one length, in order of time.
@@ -245,42 +238,32 @@ def _motion_metadata(said: MotionDocument | None, digest: str) -> MotionMetadata
 
 def numeric_columns(columns: Mapping[str, NDArray[Any]], path: Path) -> dict[str, Array]:
     """Columns of ``excite.motion/1`` as numbers, each of one axis, of equal length and finite; raises MotionError."""
-    found: dict[str, Array] = {}
-    rows: int | None = None
-    for name, column in columns.items():
-        if name != "time" and name.partition(".")[0] not in {"q", "v", "a", "base", "contact"}:
-            continue
-        values = _read_column(column, name, path)
-        rows = len(values) if rows is None else rows
+    found = {
+        name: _read_column(column, name, path)
+        for name, column in columns.items()
+        if name == "time" or name.partition(".")[0] in {"q", "v", "a", "base", "contact"}
+    }
+    rows = len(next(iter(found.values()), ()))
+    for name, values in found.items():
         if len(values) != rows:
-            raise MotionError(
-                f"has {len(values)} rows, others have {rows}",
-                source=path,
-                field=name,
-                remedy="align the columns",
-            )
-        found[name] = values
+            what = f"has {len(values)} rows, others have {rows}"
+            raise MotionError(what, source=path, field=name, remedy="align the columns")
     return found
 
 
 def _read_column(column: NDArray[Any], name: str, path: Path) -> Array:
+    refusal = partial(MotionError, source=path, field=name)
     if np.ndim(column) != 1:
-        raise MotionError(
-            f"has the shape {np.shape(column)}", source=path, field=name, remedy="write one number a row"
-        )
+        raise refusal(f"has the shape {np.shape(column)}", remedy="write one number a row")
     try:
         if np.asarray(column).dtype.kind not in "fiub":
             raise TypeError(f"values are {str(np.asarray(column)[:1])[:40]}")
         values = np.asarray(column, dtype=float)
     except (TypeError, ValueError) as error:
-        raise MotionError(
-            f"is not numeric ({error})", source=path, field=name, remedy="write numbers only"
-        ) from error
+        raise refusal(f"is not numeric ({error})", remedy="write numbers only") from error
     if not np.isfinite(values).all():
         row = int(np.argmax(~np.isfinite(values)))
-        raise MotionError(
-            f"is {values[row]} in row {row}", source=path, field=name, remedy="remove NaN and infinity"
-        )
+        raise refusal(f"is {values[row]} in row {row}", remedy="remove NaN and infinity")
     return values
 
 
@@ -304,21 +287,16 @@ def check_joints(columns: Iterable[str], robot: Robot, path: Path, whose: str) -
 
 def check_time(columns: Mapping[str, Array], path: Path) -> None:
     """Raise MotionError where the time [s] is missing, too short or does not increase."""
+    refusal = partial(MotionError, source=path, field="time")
     if "time" not in columns:
-        raise MotionError(
-            "column is missing", source=path, field="time", remedy="add the time of each row [s]"
-        )
+        raise refusal("column is missing", remedy="add the time of each row [s]")
     time = columns["time"]
     if len(time) < 3:
-        raise MotionError(
-            f"has {len(time)} samples", source=path, field="time", remedy="at least 3 are needed"
-        )
-    step = np.diff(time)
-    if (step <= 0.0).any():
-        at = float(time[int(np.argmax(step <= 0.0))])
-        raise MotionError(
-            f"does not increase after {at:.4f} s", source=path, field="time", remedy="sort the samples"
-        )
+        raise refusal(f"has {len(time)} samples", remedy="at least 3 are needed")
+    falls = np.diff(time) <= 0.0
+    if falls.any():
+        at = float(time[int(np.argmax(falls))])
+        raise refusal(f"does not increase after {at:.4f} s", remedy="sort the samples")
 
 
 def stack_columns(columns: Mapping[str, Array], names: Iterable[str], path: Path) -> Array:

@@ -72,21 +72,24 @@ def in_order(
         total = len(tasks)
     common = shared if isinstance(shared, Shared) else Shared(shared)
     processes = at_once(jobs)
+
+    def run_elsewhere(some: Iterable[Task], left: int | None) -> Iterator[Result]:
+        file = None if common.value is None else common.file()
+        yield from _Round(processes, left, (function, file), stage).results(some)
+
     if isinstance(processes, int) and (processes == 1 or (total is not None and total < 2)):
         results = _run_here(function, tasks, common.value)
     elif isinstance(jobs, AtMost):
-        results = _begun_here(function, tasks, common, jobs, total, stage)
+        results = _begin_here(function, tasks, common.value, jobs.processes, total, run_elsewhere)
     else:
-        results = _run_elsewhere(function, tasks, common, processes, total, stage)
+        results = run_elsewhere(tasks, total)
     return _report_progress(results, total, stage, progress)
 
 
 def _report_progress(
     results: Iterator[Result], total: int | None, stage: str, progress: Progress
 ) -> Iterator[Result]:
-    done = 0
-    for result in results:
-        done += 1
+    for done, result in enumerate(results, start=1):
         progress(stage, done, done if total is None else total)
         yield result
 
@@ -99,35 +102,23 @@ def _run_here(
         yield call(shared, task)
 
 
-def _run_elsewhere(
+def _begin_here(
     function: Callable[[Any, Task], Result],
     tasks: Iterable[Task],
-    shared: Shared[Any],
-    jobs: int | Executor,
+    shared: Any,
+    processes: int,
     total: int | None,
-    stage: str,
-) -> Iterator[Result]:
-    file = None if shared.value is None else shared.file()
-    yield from _Round(jobs, total, (function, file), stage).results(tasks)
-
-
-def _begun_here(
-    function: Callable[[Any, Task], Result],
-    tasks: Iterable[Task],
-    shared: Shared[Any],
-    jobs: AtMost,
-    total: int | None,
-    stage: str,
+    run_elsewhere: Callable[[Iterable[Task], int | None], Iterator[Result]],
 ) -> Iterator[Result]:
     """Do tasks in this process until it is plain that others pay, which then do the rest."""
     source, seconds = iter(tasks), list[float]()
     for task in source:
         left = None if total is None else total - len(seconds)
-        if _are_ready(jobs.processes, left) or _is_worth_starting(seconds, left, jobs.processes):
-            yield from _run_elsewhere(function, chain([task], source), shared, jobs.processes, left, stage)
+        if _are_ready(processes, left) or _is_worth_starting(seconds, left, processes):
+            yield from run_elsewhere(chain([task], source), left)
             return
         begun = processor_s()
-        result = next(_run_here(function, [task], shared.value))
+        result = next(_run_here(function, [task], shared))
         seconds.append(processor_s() - begun)
         yield result
 

@@ -267,11 +267,9 @@ class JointRows:
         """Samples inside the motion with known torques at which the joint moves: where it stands, stiction rules."""
         # What takes contact forces out of the rows mixes all joints.
         mixing = np.ones((len(joints),) * 2) if self.robot.floating and self.robot.feet else self.motors
-        use = k.valid[:, None] & ~beyond_on_grid(trial, self._measured, k.time, mixing)
-        if k.standing:
-            return use
-        use[: k.moving.start] = use[k.moving.stop :] = False
-        if "coulomb" in self.terms:
+        known = ~beyond_on_grid(trial, self._measured, k.time, mixing)
+        use = (k.valid if k.standing else k.in_motion)[:, None] & known
+        if "coulomb" in self.terms and not k.standing:
             shortest = max(2, round(STANDS_FOR_S * k.rate_hz))
             use &= ~long_standstill(k.v[:, joints], self.settings.standstill_velocity, shortest)
         return use

@@ -104,12 +104,7 @@ class RefusalTally:
             yield self._refused(item.kind, where, item, rejection.candidate)
 
     def _refused(
-        self,
-        reason: str,
-        where: str,
-        found: Violation | Rejection,
-        candidate: str,
-        unit: str | None = None,
+        self, reason: str, where: str, found: Violation | Rejection, candidate: str, unit: str | None = None
     ) -> Refused:
         unit = unit or unit_of(reason, where, self._sliding)
         return Refused(reason, where, 1, found.value, found.limit, unit, found.time_s, candidate)

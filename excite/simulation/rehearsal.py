@@ -333,13 +333,6 @@ def loaded_robot(
     # A trunk's frame may lie any way round in it.
     shift = data.oMi[trunk + 1].rotation.T @ np.array(offset)
     centre = robot.nominal_parameters[10 * trunk + 1 : 10 * trunk + 4] / masses[trunk] + shift
-    part = AddedPart(
-        what="unknown load",
-        segment=trunk,
-        link=robot.segments[trunk].link,
-        mass=load * float(masses.sum()),
-        position=(float(centre[0]), float(centre[1]), float(centre[2])),
-        size=(0.1,) * 3,
-    )
+    part = AddedPart.on_segment(robot, "unknown load", trunk, load * float(masses.sum()), centre, (0.1,) * 3)
     virtual = nominal_robot(robot)
     return replace(virtual, truth=with_part(virtual.truth, part))

@@ -89,38 +89,31 @@ def run_experiment(
         _Run(motion, roles.get(motion.name, "identification"), seed, float(start))
         for motion, seed, start in zip(motions, seeds, starts, strict=False)
     )
-    done = list(
-        in_order(
-            _simulate_trial,
-            tasks,
-            jobs=jobs,
-            shared=virtual,
-            total=len(names),
-            stage="simulate",
-            progress=progress,
-        )
+    found = in_order(
+        _simulate_trial,
+        tasks,
+        jobs=jobs,
+        shared=virtual,
+        total=len(names),
+        stage="simulate",
+        progress=progress,
     )
-    trials = [trial for trial, _ in done]
-    replays = [judgement for _, judgement in done]
+    done = list(found)
+    trials = tuple(trial for trial, _ in done)
     headers = tuple(
         TrialHeader(
             file=f"{trial.name}.parquet",
             role=roles.get(trial.name, "identification"),
-            session="simulation",
-            start_s=float(start),
+            session=trial.session,
+            start_s=trial.start_s,
         )
-        for trial, start in zip(trials, starts, strict=False)
-    )
-    dated = tuple(
-        replace(trial, session=header.session, start_s=header.start_s)
-        for trial, header in zip(trials, headers, strict=True)
+        for trial in trials
     )
     robot = virtual.robot
     # The nominal model that a log brings along: a URDF, which says nothing of loops, or the whole description.
     text = robot.urdf if robot.mechanism is None else portable_description(robot)
-    return SimulatedRuns(
-        Log(header=log_header(robot, headers), trials=dated, robot_text=text), tuple(replays)
-    )
+    log = Log(header=log_header(robot, headers), trials=trials, robot_text=text)
+    return SimulatedRuns(log, tuple(judgement for _, judgement in done))
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,4 +128,5 @@ class _Run:
 
 def _simulate_trial(virtual: VirtualRobot, task: _Run) -> tuple[Trial, Replay]:
     run = watched_run(virtual, task.motion, task.session_s)
-    return sense_recording(virtual, run.recording, task.role, np.random.default_rng(task.seed)), run.replay
+    trial = sense_recording(virtual, run.recording, task.role, np.random.default_rng(task.seed))
+    return replace(trial, session="simulation", start_s=task.session_s), run.replay

@@ -38,6 +38,20 @@ class AddedPart:
     position: tuple[float, float, float]
     size: tuple[float, float, float]
 
+    @classmethod
+    def on_segment(
+        cls,
+        robot: Robot,
+        what: str,
+        segment: int,
+        mass: float,
+        position: Array,
+        size: tuple[float, float, float],
+    ) -> AddedPart:
+        """A part of a robot's segment, of which an index is given."""
+        x, y, z = position.tolist()
+        return cls(what, segment, robot.segments[segment].link, mass, (x, y, z), size)
+
 
 @dataclass(frozen=True, eq=False)
 class TrueParameters:
@@ -78,7 +92,7 @@ def with_part(truth: TrueParameters, part: AddedPart) -> TrueParameters:
     # What carries it may have moments in the model that no body has.
     phi[own] = possible_parameters(phi[own], part.link)
     phi[own] += box_parameters(part.mass, np.array(part.position), np.array(part.size))
-    return TrueParameters(phi, (*truth.parts, part), truth.scatter)
+    return replace(truth, phi=phi, parts=(*truth.parts, part))
 
 
 def moved_inertia(robot: Robot, joint: str) -> float:
@@ -221,29 +235,26 @@ def _path_to_base(parents: list[int], index: int) -> list[int]:
     return path
 
 
+# Of what lies at a trunk: where from its centre of mass, and how far it may be from there, x ahead and z up at rest
+# [m]; its size [m].
+_ON_TRUNK = {
+    "computer": ((-0.07, 0.0, 0.05), (0.01, 0.02, 0.03), (0.08, 0.20, 0.20)),
+    "load": ((0.0, 0.0, 0.08), (0.05, 0.02, 0.01), (0.15, 0.10, 0.05)),
+}
+
+
 def _place_part(robot: Robot, rng: np.random.Generator, what: str, segment: int, mass: float) -> AddedPart:
-    """A part behind the trunk's centre of mass, on a back, or at the end of a hand or head (at rest, x ahead, z up)."""
-    data = joints_at(robot.model, robot.rest)
+    """A part behind the trunk's centre of mass, on a back, or at the end of a hand or head."""
     joint = robot.segments[segment].joint
-    com = robot.model.inertias[joint].lever
-    if what == "computer":
-        offset, spread, size = np.array([-0.07, 0.0, 0.05]), np.array([0.01, 0.02, 0.03]), (0.08, 0.20, 0.20)
-        away = data.oMi[joint].rotation.T @ (offset + spread * rng.uniform(-1.0, 1.0, 3))
-    elif what == "load":
-        offset, spread, size = np.array([0.0, 0.0, 0.08]), np.array([0.05, 0.02, 0.01]), (0.15, 0.10, 0.05)
-        away = data.oMi[joint].rotation.T @ (offset + spread * rng.uniform(-1.0, 1.0, 3))
+    com, drawn = robot.model.inertias[joint].lever, rng.uniform(-1.0, 1.0, 3)
+    if what in _ON_TRUNK:
+        offset, spread, size = _ON_TRUNK[what]
+        turn = joints_at(robot.model, robot.rest).oMi[joint].rotation
+        away = turn.T @ (np.array(offset) + np.array(spread) * drawn)
     else:
-        length, size = max(float(np.linalg.norm(com)), 1e-6), (0.06, 0.06, 0.06)
-        away = 0.03 * com / length + 0.01 * rng.uniform(-1.0, 1.0, 3)
-    position = com + away
-    return AddedPart(
-        what,
-        segment,
-        robot.segments[segment].link,
-        mass,
-        (float(position[0]), float(position[1]), float(position[2])),
-        size,
-    )
+        away = 0.03 * com / max(float(np.linalg.norm(com)), 1e-6) + 0.01 * drawn
+        size = (0.06, 0.06, 0.06)
+    return AddedPart.on_segment(robot, what, segment, mass, com + away, size)
 
 
 # From ten inertial parameters to the rigid body that they describe, and back.

@@ -234,10 +234,6 @@ class VirtualRobot:
         """The same robot with one more effect on what its sensors say."""
         return replace(self, readings=(*self.readings, reading))
 
-    def noiseless(self) -> VirtualRobot:
-        """The same robot with sensors free of noise."""
-        return replace(self, noise=0.0)
-
 
 def nominal_robot(robot: Robot) -> VirtualRobot:
     """The virtual robot that is the model: nominal parameters, declared drives."""

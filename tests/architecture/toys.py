@@ -165,7 +165,7 @@ ToyLaw = SpringLaw
             "simulation.effects.toy",
             "ToyLaw",
             '_E("toy", "a spring", "N·m/rad", 0.0, 100.0, _all_joints, _constant_value(5.0),'
-            " lambda v, name, x: v.with_law(ToyLaw(_joint_index(v, name), x)))",
+            " lambda v, name, x: v.with_law(ToyLaw(v.robot.joint_index(name), x)))",
             "    # readings",
         ),
     ),

@@ -27,6 +27,7 @@ from excite.excitation.selection import (
     greedy_choice,
     select_motions,
 )
+from excite.excitation.targets import wanted_parameters
 from excite.regressor.base_parameters import BaseParameters, structural_base_parameters
 from excite.robot.robot import Robot
 from tests.excitation.conftest import sines
@@ -145,3 +146,47 @@ def test_best_three_is_what_greedy_choices_are_compared_with(candidates: Candida
 def test_unknown_rule(candidates: Candidates) -> None:
     with pytest.raises(UnknownNameError, match=r"unknown selection 'worst'; choose one of best_three"):
         select_motions("worst", candidates)
+
+
+@pytest.mark.parametrize("reached", [2, 4, 8, 12])
+@pytest.mark.parametrize("far", [6.0, 20.0, 60.0])
+def test_seconds_go_to_targets_that_some_choice_reaches(
+    candidates: Candidates, reached: int, far: float
+) -> None:
+    """One motion tells a few targets within their goals, one brings all others from far above theirs to less far."""
+    base, rsd = candidates.base, 15.0
+    first = candidates.factors[0]
+    wanted = wanted_parameters(candidates.robot, base, ())
+    values = np.abs(nominal_values(candidates.robot, base))
+    goal = 0.01 * rsd * values / np.sqrt(first.rate_hz / candidates.rows_hz)
+    some = np.flatnonzero(wanted)[:reached]
+
+    def factor(name: str, ratio: np.ndarray) -> MotionFactor:
+        rows = np.zeros_like(first.matrix)
+        rows[base.independent, base.independent] = 1.0 / (ratio * np.maximum(goal, 1e-3))
+        return replace(first, motions=(name,), matrix=rows)
+
+    weak = np.full(len(wanted), 1e4)
+    few, many = weak.copy(), np.full(len(wanted), far)
+    few[some], many[some] = 0.7, 1e4
+    factors = [factor("many", many), factor("few", few), factor("none", weak)]
+    asked = replace(
+        candidates,
+        ranking=rank(candidates.robot, factors, base),
+        factors=factors,
+        durations=np.full(3, 5.0),
+        weighted=lambda: (factors, ()),
+        budget_s=5.0,
+        target_rsd=rsd,
+    )
+    assert select_motions("targets", asked).indices == (1,)
+    # Where none is reached they all count as they did.
+    none = [factor("weak", weak), factor("many", many)]
+    asked = replace(
+        asked,
+        ranking=rank(candidates.robot, none, base),
+        factors=none,
+        durations=np.full(2, 5.0),
+        weighted=lambda: (none, ()),
+    )
+    assert select_motions("targets", asked).indices == (1,)

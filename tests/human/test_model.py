@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.virtual_person import pose_of
 from excite.errors import InputError
-from excite.human.body import body_of
+from excite.human.body import body_of, segment_box
 from excite.human.markers.inverse_kinematics import MarkerModel, solve_poses
 from excite.human.measure import robot_yaml, urdf_text
 from excite.human.segments import (
@@ -120,3 +120,12 @@ def test_no_step_from_the_posture_that_markers_ask_for_costs_less(robust):
         slope, curvature = (ahead - behind) / (2.0 * h), (ahead + behind - 2.0 * least) / h**2
         # What Newton's step along it would gain is nothing against the cost.
         assert (curvature > 0.0).all() and (slope**2 / (2.0 * curvature) < 1e-4 * least).all(), column
+
+
+@pytest.mark.parametrize("height", [1.55, 1.82])
+def test_the_ankle_is_as_high_above_the_sole_as_in_winter(height: float) -> None:
+    """3.9 % of stature (Winter 2009, figure 4.1), and the foot 15.2 % long."""
+    body = body_of(Subject(70.0, height, "female"))
+    foot = segment_box(body, NAMES.index("left_foot"))
+    assert foot[0, 2] == pytest.approx(-0.039 * height)
+    assert np.ptp(foot[:, 0]) == pytest.approx(0.152 * height)

@@ -12,11 +12,11 @@ from excite.identification.constraints.cones import segment_scales
 from excite.identification.estimators.conic import (
     Adaptive,
     AdaptiveSettings,
-    ConicAnswer,
     ConicProblem,
     interior_point,
 )
 from excite.identification.estimators.estimator import Estimate, SolveStatus
+from excite.identification.estimators.projection import ProjectionAnswer
 from excite.identification.inertia import pseudo_inertia_matrices
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import prior_std
@@ -146,7 +146,7 @@ class TestTotalMass:
 
 class TestSolversThatLie:
     def test_a_false_no_is_not_believed(self, arm):
-        def pessimist(problem: ConicProblem) -> ConicAnswer:
+        def pessimist(problem: ConicProblem) -> ProjectionAnswer:
             return replace(interior_point(problem), infeasible=True)
 
         with pytest.raises(NoSolutionError, match=r"\(not optimal\)") as caught:
@@ -157,9 +157,9 @@ class TestSolversThatLie:
         assert np.allclose(best.parameters, solved(arm, inertia_floor=0.0).parameters, rtol=1e-5, atol=1e-7)
 
     def test_what_is_not_a_number_is_said_to_be(self, arm):
-        def dumb(problem: ConicProblem) -> ConicAnswer:
+        def dumb(problem: ConicProblem) -> ProjectionAnswer:
             true = interior_point(problem)
-            return ConicAnswer(true.z, np.full_like(true.multipliers, np.nan))
+            return ProjectionAnswer(true.z, np.full_like(true.multipliers, np.nan))
 
         with pytest.raises(NoSolutionError, match=r"\(not finite\)") as caught:
             Adaptive(dumb).estimate(arm, AdaptiveSettings())

@@ -10,7 +10,6 @@ from excite.identification.constraints.cones import body_ellipsoids, com_ellipso
 from excite.identification.constraints.linear import equivalent_boxes
 from excite.identification.estimators.conic import (
     Cls3Settings,
-    ConicAnswer,
     ConicProblem,
     DensityRealisable,
     PhysicallyConsistent,
@@ -19,6 +18,7 @@ from excite.identification.estimators.conic import (
     interior_point,
 )
 from excite.identification.estimators.estimator import SolveStatus
+from excite.identification.estimators.projection import ProjectionAnswer
 from excite.identification.estimators.scaled_problem import pullback_metric
 from excite.identification.inertia import central_inertia_matrices, inertia_matrices, pseudo_inertia_matrices
 from excite.identification.judgement import check_consistency
@@ -101,15 +101,15 @@ class TestLyingSolvers:
     def test_is_caught(self, kind, lie, problem):
         honest = estimated(kind(), problem, **WEAK)
 
-        def liar(conic: ConicProblem) -> ConicAnswer:
+        def liar(conic: ConicProblem) -> ProjectionAnswer:
             true = interior_point(conic)
             if lie == "ignores":
-                return ConicAnswer(conic.target.copy(), np.zeros_like(true.multipliers))
+                return ProjectionAnswer(conic.target.copy(), np.zeros_like(true.multipliers))
             if lie == "far":
-                return ConicAnswer(true.z + 10.0, 3.0 * np.abs(true.multipliers) + 1.0)
+                return ProjectionAnswer(true.z + 10.0, 3.0 * np.abs(true.multipliers) + 1.0)
             if lie == "nan":
-                return ConicAnswer(np.full_like(true.z, np.nan), true.multipliers)
-            return ConicAnswer(true.z, true.multipliers, infeasible=True)
+                return ProjectionAnswer(np.full_like(true.z, np.nan), true.multipliers)
+            return ProjectionAnswer(true.z, true.multipliers, infeasible=True)
 
         try:
             found = estimated(kind(liar), problem, **WEAK)

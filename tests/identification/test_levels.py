@@ -14,13 +14,13 @@ from excite.identification.estimators.estimator import SolveStatus
 from excite.identification.estimators.hierarchy import Level, solve_hierarchy
 from excite.identification.estimators.hqp import (
     BoundedNearBase,
-    Cls1Settings,
     HierarchicalProgram,
     HqpSettings,
     paper_levels,
 )
 from excite.identification.estimators.projection import ActiveSetProjector
 from excite.identification.estimators.scaled_problem import scaled_parameters
+from excite.identification.estimators.settings import ParameterBoundsSettings
 from excite.identification.physical.bounds import KnownBounds
 from excite.identification.physical.default_bounds import bound_rows, parameter_bounds
 from excite.identification.problem import IdentificationProblem
@@ -173,7 +173,7 @@ def test_violations_active_rows_and_residual_are_those_of_the_parameters(arm):
 
 
 def test_bounds_are_spreads_about_nominal_or_those_given(arm):
-    settings = Cls1Settings(bound_width=2.0, prior_spread=0.3)
+    settings = ParameterBoundsSettings(bound_width=2.0, prior_spread=0.3)
     rows = iterate_weights(condense_problem(arm))
     lower, upper = parameter_bounds(rows, settings)
     spread = prior_std(arm, settings.spreads(arm.robot))
@@ -195,7 +195,7 @@ def test_bounds_are_spreads_about_nominal_or_those_given(arm):
 
 
 def test_active_bounds_are_those_that_are_reached(arm):
-    settings = Cls1Settings(bound_width=0.1)
+    settings = ParameterBoundsSettings(bound_width=0.1)
     found = BoundedNearBase().estimate(arm, settings)
     rows = found.regression
     listed = scaled_parameters(rows, settings).constraints(bound_rows(rows, settings))

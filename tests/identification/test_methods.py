@@ -10,7 +10,6 @@ from excite.errors import InputError, NoSolutionError, UnknownNameError
 from excite.identification.constraints.linear import mirrored_parameters, within_bounds
 from excite.identification.estimators.hqp import (
     BoundedNearBase,
-    Cls1Settings,
     HierarchicalProgram,
     HqpSettings,
     masses_in_range,
@@ -21,6 +20,7 @@ from excite.identification.estimators.least_squares import (
     WlsSettings,
 )
 from excite.identification.estimators.projection import ProjectionAnswer
+from excite.identification.estimators.settings import ParameterBoundsSettings
 from excite.identification.inertia import inertia_matrices
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import prior_std
@@ -103,7 +103,7 @@ class TestHierarchicalProgram:
 
 class TestBounded:
     def test_bounds_hold_exactly_and_nothing_within_is_nearer(self, arm):
-        settings = Cls1Settings(bound_width=0.1)
+        settings = ParameterBoundsSettings(bound_width=0.1)
         found = BoundedNearBase().estimate(arm, settings)
         free = WeightedLeastSquares().estimate(arm, WlsSettings()).parameters
         assert found.active, "no bound binds"
@@ -121,7 +121,7 @@ class TestBounded:
     def test_bounds_that_leave_nothing_are_named(self, arm):
         bounds = np.array([np.full(arm.n_params, 1.0), np.full(arm.n_params, 0.0)])
         with pytest.raises(InputError, match=r"panda_link1|link1"):
-            BoundedNearBase().estimate(arm, Cls1Settings(parameter_bounds=bounds))
+            BoundedNearBase().estimate(arm, ParameterBoundsSettings(parameter_bounds=bounds))
         with pytest.raises(InputError, match="shape"):
             within_bounds(arm, np.zeros((2, 3)))
 

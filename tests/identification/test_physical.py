@@ -10,7 +10,8 @@ import pytest
 
 from excite.errors import InputError, NoSolutionError
 from excite.identification.estimators.estimator import SolveStatus
-from excite.identification.estimators.physical import PhysicalRetrieval, PhysicalSettings, feasible_set
+from excite.identification.estimators.physical import PhysicalRetrieval, feasible_set
+from excite.identification.estimators.settings import StatedBoundsSettings
 from excite.identification.inertia import physical_parameters, standard_parameters
 from excite.identification.judgement import check_consistency
 from excite.identification.physical import retrieval as relaxation_module
@@ -20,9 +21,11 @@ from excite.identification.physical.retrieval import Relaxation, RetrievalSettin
 from tests.reproduction import iiwa
 from tests.reproduction.iiwa_excitation import excitation
 
-SETTINGS = PhysicalSettings()
+SETTINGS = StatedBoundsSettings()
 QUICK = RetrievalSettings(starts=0, nodes=1)
-PRINCIPAL = replace(iiwa.bounds(), rules=replace(iiwa.bounds().rules, principal_triangle=True))
+PRINCIPAL = replace(
+    iiwa.bounds(), rules=InertiaRules(**vars(iiwa.bounds().rules) | {"principal_triangle": True})
+)
 
 
 @pytest.fixture(scope="module")
@@ -199,7 +202,7 @@ class TestRetrieval:
         assert verdict.triangle_inequality and verdict.pseudo_inertia_min_eigenvalue > 0.0
 
     def test_weighed_mass_is_met(self, problem):
-        settings = PhysicalSettings(total_mass=22.5)
+        settings = StatedBoundsSettings(total_mass=22.5)
         parameters = PhysicalRetrieval(iiwa.bounds(), QUICK).estimate(problem, settings).parameters
         assert parameters[:70:10].sum() == pytest.approx(22.5, rel=2e-6)
 
@@ -233,7 +236,7 @@ class TestFaults:
             PhysicalRetrieval(other).estimate(problem, SETTINGS)
 
     def test_contradiction(self, problem):
-        rules = replace(iiwa.bounds().rules, slender={"link1": 0}, slenderness=200.0)
+        rules = InertiaRules(**vars(iiwa.bounds().rules) | {"slender": {"link1": "x"}, "slenderness": 200.0})
         with pytest.raises(NoSolutionError, match="nothing between"):
             PhysicalRetrieval(replace(iiwa.bounds(), rules=rules)).estimate(problem, SETTINGS)
 

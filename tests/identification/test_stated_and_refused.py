@@ -26,17 +26,16 @@ from excite.identification.estimators.hqp import (
 from excite.identification.estimators.least_squares import (
     LeastSquares,
     LsSettings,
-    MapSettings,
     MaximumAPosteriori,
     WeightedLeastSquares,
     WlsSettings,
 )
 from excite.identification.estimators.method_settings import estimator_settings
-from excite.identification.estimators.physical import PhysicalRetrieval, PhysicalSettings
+from excite.identification.estimators.physical import PhysicalRetrieval
 from excite.identification.estimators.projection import ActiveSetProjector
 from excite.identification.estimators.registry import DEFAULT_METHOD, ESTIMATORS, method_summaries
 from excite.identification.estimators.scaled_problem import scaled_parameters
-from excite.identification.estimators.settings import known_segments
+from excite.identification.estimators.settings import PullSettings, StatedBoundsSettings, known_segments
 from excite.identification.inertia import inertia_matrices
 from excite.identification.physical.bounds import KnownBounds
 from excite.identification.physical.default_bounds import default_bounds
@@ -172,7 +171,7 @@ def test_the_solution_of_ls_is_the_shortest(reference, arm):
 
 @pytest.mark.parametrize("alpha", [1e-3, 1.0, 1e4])
 def test_the_most_probable_parameters_are_those_of_the_normal_equations(alpha, arm):
-    found = MaximumAPosteriori().estimate(arm, MapSettings(alpha=alpha, prior_spread=0.3))
+    found = MaximumAPosteriori().estimate(arm, PullSettings(alpha=alpha, prior_spread=0.3))
     rows = found.regression
     weights = 1.0 / (rows.std * np.sqrt(rows.noise.inflation))[arm.channel]
     scales = prior_std(arm, 0.3)
@@ -263,7 +262,7 @@ class TestPhysical:
         """All masses together more than their bounds allow."""
         links = [segment.link for segment in arm.robot.segments]
         masses = {f"{link}.m": (1.0, 2.0) for link in links}
-        settings = PhysicalSettings(bounds=KnownBounds(parameters=masses, total_mass=(100.0, 101.0)))
+        settings = StatedBoundsSettings(bounds=KnownBounds(parameters=masses, total_mass=(100.0, 101.0)))
         with pytest.raises(NoSolutionError, match="leave nothing between them") as caught:
             PhysicalRetrieval().estimate(arm, settings)
         best = caught.value.best
@@ -278,10 +277,10 @@ class TestPhysical:
 
     def test_bounds_of_another_robot_are_told_apart(self, arm):
         other = replace(
-            default_bounds(arm.robot, PhysicalSettings()), links=tuple("abcdefg"), source="there.yaml"
+            default_bounds(arm.robot, StatedBoundsSettings()), links=tuple("abcdefg"), source="there.yaml"
         )
         with pytest.raises(InputError) as caught:
-            PhysicalRetrieval(other).estimate(arm, PhysicalSettings())
+            PhysicalRetrieval(other).estimate(arm, StatedBoundsSettings())
         links = ", ".join(segment.link for segment in arm.robot.segments)
         assert (
             str(caught.value)

@@ -172,7 +172,7 @@ def allowed_set(*, principal: bool = False) -> FeasibleSet:
     """What eq. (16) to (18) allow; with ``principal`` only bodies that can exist."""
     known = bounds()
     if principal:
-        known = replace(known, rules=replace(known.rules, principal_triangle=True))
+        known = replace(known, rules=known.rules.model_copy(update={"principal_triangle": True}))
     return FeasibleSet(known, DRIVES, np.arange(N_JOINTS), np.zeros(N_INERTIAL))
 
 

@@ -9,8 +9,8 @@ import numpy as np
 from excite.arrays import Array
 from excite.identification.constraints.cones import com_ellipsoids
 from excite.identification.constraints.linear import bounds_about_nominal
-from excite.identification.estimators.hqp import Cls1Settings
 from excite.identification.estimators.registry import find_estimator
+from excite.identification.estimators.settings import ParameterBoundsSettings
 from excite.identification.inertia import central_inertia_matrices
 from excite.identification.problem import IdentificationProblem, build_problem
 from excite.identification.regression import prior_std
@@ -61,7 +61,7 @@ class Trajectories:
     def criteria(self, trajectory: int, parameters: Array) -> dict[str, bool]:
         """The three rows "Additional Criteria" of Table 5."""
         problem, mass = self.problems[trajectory], parameters[::10]
-        settings = Cls1Settings()
+        settings = ParameterBoundsSettings()
         spread = prior_std(problem, settings.spreads(self.robot))
         bounds = bounds_about_nominal(problem, spread, settings.bound_width).reshape(2, -1, 10)[:, :, 1:4]
         first = parameters.reshape(-1, 10)[:, 1:4]

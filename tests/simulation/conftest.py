@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from excite.robot.robot import Robot
@@ -12,7 +14,7 @@ from tests.simulation.motions import generator, squatting, waving
 
 @pytest.fixture(scope="session")
 def changed_g1(g1: Robot) -> VirtualRobot:
-    return changed_robot(g1, generator(3)).noiseless()
+    return replace(changed_robot(g1, generator(3)), noise=0.0)
 
 
 @pytest.fixture(scope="session")
@@ -22,7 +24,7 @@ def squat(changed_g1: VirtualRobot) -> Recording:
 
 @pytest.fixture(scope="session", params=["panda", "ur10"])
 def arm(request: pytest.FixtureRequest) -> VirtualRobot:
-    return changed_robot(request.getfixturevalue(request.param), generator(5)).noiseless()
+    return replace(changed_robot(request.getfixturevalue(request.param), generator(5)), noise=0.0)
 
 
 @pytest.fixture(scope="session")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -21,7 +22,7 @@ NAMES = sorted(INJECTED_EFFECTS)
 
 @pytest.fixture(scope="module")
 def plain(panda: Robot) -> VirtualRobot:
-    return nominal_robot(panda).noiseless()
+    return replace(nominal_robot(panda), noise=0.0)
 
 
 @pytest.fixture(scope="module")

@@ -10,12 +10,7 @@ import numpy as np
 
 from excite.arrays import Array, is_whole
 from excite.conversion.columns.vocabulary import COMMANDED, MEASURED, OF_WORD
-from excite.logs.units import (
-    TO_SI,
-    UNITS,
-    trailing_compound,
-    unit_named,
-)
+from excite.logs.units import TO_SI, UNITS, trailing_compound, unit_named
 
 # Servos count from the end of their range, with zero in its middle: Dynamixel's X and MX, Feetech's STS over a turn;
 # Dynamixel's AX, Feetech's SCS over 300 degrees (their control tables). Zeros of counts [rad], and how many there are.

@@ -78,12 +78,7 @@ def read_source(path: Path) -> tuple[Recording, ...]:
     size = sum(file.stat().st_size for file in files if file.is_file())
     # As long as reading may take: starting, then a tenth of what disks do [s, bytes/s].
     found: tuple[Recording, ...] = in_child(
-        f"{__name__}:_read",
-        name,
-        path,
-        source=path,
-        seconds=30.0 + size / 2e6,
-        kept=True,
+        f"{__name__}:_read", name, path, source=path, seconds=30.0 + size / 2e6, kept=True
     )
     return found
 

@@ -74,20 +74,22 @@ class BudgetVerdict:
         return self._judge_named_effects(kept, accepted, whole=whole) if kept else self._judge_unnamed_gap()
 
     def _has_share_at_place(self, item: Named) -> bool:
-        """Whether an effect surely takes some of the gap of its own joint, and no less there than what has no name.
+        """Whether an effect surely takes a share of the gap of its own joint, no less than what has no name there.
 
-        Of what acts on several joints: of any of them. It is no trifle there, or its size is known to a tenth.
+        Of what acts on several joints: of any of them. Less than is named may be more than stays unexplained there.
         """
         term = self._terms_by_key[item.effect, item.location]
-        sizes = [item.values[p.name] for p in term.effect.linear if not p.beside and p.name in item.values]
-        known = any(std is not None and abs(size) * THRESHOLDS.trifle > std for size, std in sizes)
-        least = 0.0 if known else THRESHOLDS.trifle
         own = None if term.own is None else list(self.budget.channels.values())[term.own]
-        return any(
-            share.interval90[0] > 0.0 and share.share >= max([least, *(u.share for u in channel.unnamed)])
-            for channel, share in self._shares_of(item)
-            if own is None or channel is own
-        )
+        for channel, share in self._shares_of(item):
+            unnamed = [u.share for u in channel.unnamed]
+            least = min(THRESHOLDS.sure, max(channel.rest + sum(unnamed), 0.0))
+            if (
+                (own is None or channel is own)
+                and share.interval90[0] > least
+                and share.share >= max(unnamed, default=0.0)
+            ):
+                return True
+        return False
 
     def _shares_of(self, item: Named) -> list[tuple[ChannelBudget, EffectShare]]:
         """Channels whose gap an effect takes a share of, each with that share."""

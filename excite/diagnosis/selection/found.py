@@ -280,6 +280,13 @@ def _whole_delay(maker: TermMaker, term: Term, x: Array) -> Term | None:
     return maker.make_term(closer, term.location, (float(np.clip(term.to_beta(x)[0], low, high)),))
 
 
+def _with_whole_delays(terms: Sequence[Term], selected: EffectPosterior, rows: Rows) -> list[Term]:
+    """Terms, a delay at its own length where a secant stands for it, which tells it near its own alone."""
+    model = fit_model(Design(rows, tuple(terms)), range(len(terms)), left_out=False)
+    maker = TermMaker(Context(selected.full), selected.full.strict)
+    return [_whole_delay(maker, term, model.term_parameters(k)) or term for k, term in enumerate(terms)]
+
+
 def _sample_models(gram: Gram, begin: Sequence[Term], sweeps: int, rng: np.random.Generator) -> Draws:
     """Models, from the mode that an ascent from some terms reaches."""
     problem = problem_of(gram.atoms, gram.gram, gram.reduced)
@@ -357,7 +364,7 @@ def build_gap_model(
     free = [gram.atoms[a].term for a in sure]
     terms = _terms_with_share(choose_bodies(free, selected.full, rows), selected, rows)
     # A body beside what is named alone: what stood beside it may have cancelled a part of it.
-    terms = choose_bodies(terms, selected.full, rows)
+    terms = _with_whole_delays(choose_bodies(terms, selected.full, rows), selected, rows)
     if _forms_of(terms) != _forms_of(free):
         selected, rows, terms = _settle_again(basis, terms, selected)
     if sigma is not None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -21,7 +21,7 @@ from excite.doctor.channel_errors import (
     refine_zeros,
 )
 from excite.doctor.channel_mapping import Reading
-from excite.doctor.checks.values import of_unknown_unit
+from excite.doctor.checks.values import never_at_end, of_unknown_unit
 from excite.doctor.doubt import Doubt
 from excite.doctor.inertial_prior import STRONG_ODDS
 from excite.doctor.mistakes.torques import (
@@ -51,16 +51,17 @@ _OF_BODIES = frozenset({Doubt.SIZE, Doubt.CLOCK, Doubt.POSITION})
 def find_misreadings(case: Case) -> None:
     """Signs, order, units, zeros, clock, delay, poses by which the model explains torques or wrenches far better."""
     header, stated = case.log.header, Reading.as_stated(case.log)
-    late = replace(DELAY, corrections=partial(find_delay, late_s=case.latest_s))
-    measured = header.posture == "measured"
-
-    def possible(mistakes: Sequence[Mistake]) -> list[Mistake]:
-        return [late if one is DELAY else one for one in mistakes if measured or not one.of_posture]
-
     if header.free_base and header.sensors and (wrenches := wrench_samples(case.robot, case.log)) is not None:
-        _correct(case, *misreadings(wrenches, stated, possible(OF_WRENCHES)), wrenches.what)
+        _correct(case, *misreadings(wrenches, stated, _possible(case, OF_WRENCHES)), wrenches.what)
     elif (torques := case.samples) is not None:
-        _find_in_torques(case, torques, stated, possible(OF_TORQUES))
+        _find_in_torques(case, torques, stated, _possible(case, OF_TORQUES))
+
+
+def _possible(case: Case, mistakes: Sequence[Mistake]) -> list[Mistake]:
+    """Mistakes that a log's channels can have: postures that were computed have none."""
+    late = replace(DELAY, corrections=partial(find_delay, late_s=case.latest_s))
+    measured = case.log.header.posture == "measured"
+    return [late if one is DELAY else one for one in mistakes if measured or not one.of_posture]
 
 
 def _find_in_torques(
@@ -116,7 +117,7 @@ def _find_in_torques(
             case, samples, stated, other_machine(samples, stated, stated.tick), found, outside
         )
         return
-    _correct(case, reading, found, samples.what)
+    _correct_alike(case, stated, reading, found)
 
 
 def _is_elsewhere(samples: TorqueSamples, reading: Reading, found: Found, outside: Flags) -> bool:
@@ -154,6 +155,67 @@ def _correct(case: Case, reading: Reading, found: Found, what: str) -> None:
         case.log = reading.of(case.log)
     if reading.is_compensated and any(item.correction.mends == ADDED for item in found):
         put_weight_back(case, reading)
+
+
+# Trials that are not like the others.
+
+
+def _correct_alike(case: Case, stated: Reading, reading: Reading, found: Found) -> None:
+    """Correct the torques of all trials, unless that makes those of one of them much less likely."""
+    several = len(case.log.trials) > 1 and not all(item.correction.ask for item in found)
+    for part in case.trial_samples.values() if several else ():
+        before = part.judged(stated)
+        case.differing |= before.odds(part.judged(reading, before.counts)) < -STRONG_ODDS
+    if not case.differing:
+        _correct(case, reading, found, TorqueSamples.what)
+
+
+def find_unexplained_torques(case: Case) -> None:
+    """Trials whose torques neither likely bodies nor friction explain: not those of this motion, or spoilt.
+
+    Bodies are fitted to each trial alone, so that one that differs from the others shows by itself; mistakes that
+    explain it are looked for in it alone.
+    """
+    stated, header = Reading.as_stated(case.log), case.log.header
+    if case.samples is None or header.torque == "current" or case.is_strange:
+        return
+    # What is cut off of a torque nothing explains.
+    parts = case.trial_samples if never_at_end(case.log, case.samples).all() else {}
+    lost = _unlike_others(parts, stated)
+    possible, named = _possible(case, OF_TORQUES), set[str]()
+    for name in parts if case.differing else lost if len(lost) < len(parts) else ():
+        part = parts[name]
+        reading, found = refine_zeros(part, *misreadings(part, stated, possible), possible)
+        if found and part.unexplained_beside(reading, part.judged(reading).left) < THRESHOLD.in_place:
+            text = "; ".join(item.correction.text for item in found)
+            figures = {key: size for item in found for key, size in item.correction.figures.items()}
+            places = tuple(dict.fromkeys(place for item in found for place in item.correction.places))
+            sure, more = min(item.sure for item in found), {"severity": "spoils", "trials": (name,)}
+            case.add("unexplained_torques", f"in {name} alone: {text}", figures, places, sure=sure, **more)
+            named.add(name)
+    if silent := tuple(name for name in lost if name not in named):
+        text = (
+            f"neither bodies near the model's nor friction explain the torques of {list_names(silent)}: they are not "
+            "those of this motion, have lost their sign or place, or are another quantity"
+        )
+        figures = {"left": max(lost[name] for name in silent)}
+        case.add("unexplained_torques", text, figures, case.samples.channels, trials=silent)
+
+
+def _unlike_others(parts: Mapping[str, TorqueSamples], reading: Reading) -> dict[str, float]:
+    """Trials of whose torques half stays unexplained, or far more than elsewhere, and that share, by name."""
+    left = {name: part.judged(reading).left for name, part in parts.items()}
+    whole = {name: float(np.exp(2.0 * left[name]) @ part.power(reading)) for name, part in parts.items()}
+    beside = {name: part.unexplained_beside(reading, left[name]) for name, part in parts.items()}
+    usual = [part.zeros_are_usual(reading) for part in parts.values()]
+    return {
+        name: whole[name]
+        for name, part in parts.items()
+        if whole[name] > THRESHOLD.unexplained
+        or beside[name] > THRESHOLD.in_place > min(beside.values()) / beside[name]
+        or part.needs_unlikely_bodies(reading)
+        or (any(usual) and not part.zeros_are_usual(reading))
+    }
 
 
 def find_zeroed_torques(case: Case) -> None:

@@ -14,10 +14,10 @@ from excite.doctor.channel_errors import misreadings
 from excite.doctor.channel_mapping import Reading
 from excite.doctor.doubt import Doubt
 from excite.doctor.mistakes.torques import ModelParts, parts_in
-from excite.doctor.model_comparison import fit_parts
+from excite.doctor.model_comparison import fit_parts, shares_left
 from excite.doctor.thresholds import THRESHOLD
 from excite.doctor.torque_samples import TorqueSamples
-from excite.doctor.torque_scale import TORQUE_SCALE, likely_gears
+from excite.doctor.torque_scale import TORQUE_SCALE, likely_gears, stated_friction
 from excite.errors import LogError
 from excite.finding import list_names
 from excite.logs.log import Log, Trial
@@ -177,6 +177,38 @@ def stopped_rows(trial: Trial, columns: Sequence[int]) -> Flags:
 # Torques that are too weak, or those before the gear.
 
 
+def find_unsigned_torques(case: Case) -> None:
+    """Torques of one sign that agree with the model far better with the sign that it gives each sample."""
+    samples, reading = case.samples, Reading.as_stated(case.log)
+    if samples is None:
+        return
+    torque, (model, drive, columns) = samples.measured_torque(reading), samples.predicted(reading)
+    columns_of = [case.log.header.joints.index(joint) for joint in samples.channels]
+    values = [
+        found[:, columns_of] for trial in case.log.trials if (found := _trial_torques(trial)) is not None
+    ]
+    one_sign = np.all([(one >= 0.0).all(axis=0) for one in values], axis=0)
+    if not one_sign.any():
+        return
+    signed, x = np.sign(model) * torque, np.stack([*drive, model, np.ones_like(model)])
+    # Friction turns some signs: fit and signs in turn.
+    for _ in range(8):
+        fit = [x[:, :, j].T @ np.linalg.lstsq(x[:, :, j].T, signed[:, j])[0] for j in range(torque.shape[1])]
+        signed = np.sign(np.column_stack(fit)) * torque
+    before = np.minimum(*(shares_left(columns.sums_with(sign * torque)) for sign in (1.0, -1.0)))
+    after = shares_left(columns.sums_with(signed))
+    lost = one_sign & (
+        np.log(before) - np.log(np.maximum(after, THRESHOLD.least_share)) > 2.0 * THRESHOLD.sign_tells
+    )
+    lost &= after < THRESHOLD.in_place
+    if lost.any():
+        names = tuple(np.array(samples.channels)[lost].tolist())
+        text = f"torques of {list_names(names)} are never negative where the model's are: they have lost their sign"
+        more = {"severity": "fatal", "repaired": False} if lost.all() else {}
+        case.add("unsigned_torques", text, {"joints": float(len(names))}, names, **more)
+        case.ignore_torques(names)
+
+
 def find_weak_torques(case: Case) -> None:
     """Torques far below what the nominal masses need, of some joints or of most."""
     samples, reading = case.samples, Reading.as_stated(case.log)
@@ -191,7 +223,7 @@ def find_weak_torques(case: Case) -> None:
     # takes hides the bodies' torque and is large. A torque that is cut off is weaker than it was.
     unexplained = samples.judged(reading).left > 0.5 * np.log(THRESHOLD.unexplained)
     read, needed = samples.measured_torque(reading).std(axis=0), samples.predicted(reading)[0].std(axis=0)
-    whole, limit = _never_at_end(case.log, samples), THRESHOLD.weak_torque
+    whole, limit = never_at_end(case.log, samples), THRESHOLD.weak_torque
     weak = unexplained & (np.abs(gains) < limit) & (read < limit * needed) & whole
     if weak.any() and 2 * weak.sum() <= len(weak):
         names = tuple(np.array(samples.channels)[weak])
@@ -253,18 +285,23 @@ def find_missing_friction(case: Case) -> None:
     joints = np.array(samples.channels)
     limits = np.asarray(case.robot.limits.torque, dtype=float)[[case.robot.joint_index(j) for j in joints]]
     # What is cut off of a torque is friction, too.
-    moves = (fast > THRESHOLD.still) & _never_at_end(case.log, samples)
+    moves = (fast > THRESHOLD.still) & never_at_end(case.log, samples)
     clear = moves & (friction > left)
     usual = float(np.quantile((friction / limits)[clear], 0.5, method="higher")) if clear.any() else 0.0
     # What the others have would stand out of what nothing explains there.
     lacks = moves & (friction < THRESHOLD.next_to_nothing * usual * limits) & (left < usual * limits)
     usual_sizes = THRESHOLD.next_to_nothing * needed, THRESHOLD.gear_friction * limits
     nowhere = moves & (friction < np.minimum(*usual_sizes)) & (left < np.maximum(*usual_sizes))
+    # A model may state friction, and the whole of it would stand out of what nothing explains.
+    at_speed = dict(zip(samples.channels, fast.tolist(), strict=True))
+    stated = np.array([stated_friction(case.robot, at_speed).get(joint, 0.0) for joint in samples.channels])
+    beneath = moves & (friction < THRESHOLD.weak_torque * stated) & (left < stated)
     more: dict[str, object] = {}
     # Of a robot whose log says nothing of friction none is missed.
     has_friction = {*DRIVE_TERMS["coulomb"].effects} & {*case.log.header.modelled}
-    if has_friction and 2 * nowhere.sum() > moves.sum():
-        lacks, more = nowhere, {"severity": "note"}
+    most = [one for one in (nowhere, beneath) if has_friction and 2 * one.sum() > moves.sum()]
+    if most:
+        lacks, more = most[0], {"severity": "note"}
     elif not clear.sum() >= lacks.sum() > 0:
         return
     each = {f"friction.{joint}": float(size) for joint, size in zip(joints, friction, strict=True)}
@@ -273,38 +310,10 @@ def find_missing_friction(case: Case) -> None:
         f"torques of {list_names(joints[lacks])} hold next to no friction ({said}): a driver has subtracted it, or "
         "they were measured behind the gear"
     )
+    if most and most[0] is beneath:
+        told = list_names([f"{joint} {size:.2g} N·m" for joint, size in zip(joints, stated, strict=True)], 8)
+        text += f", or the friction that the model states there is a placeholder ({told})"
     case.add("no_friction", text, each, tuple(joints[lacks]), **more)
-
-
-def find_unexplained_torques(case: Case) -> None:
-    """Trials of whose torques neither likely bodies nor friction explain half: not those of this motion, or spoilt.
-
-    Bodies are fitted to each trial alone, so that one that differs from the others shows by itself.
-    """
-    samples, reading, header = case.samples, Reading.as_stated(case.log), case.log.header
-    if samples is None or header.torque == "current" or case.is_strange:
-        return
-    # What is cut off of a torque nothing explains.
-    if not _never_at_end(case.log, samples).all():
-        return
-    parts = [samples.choose(samples.first == first) for first in np.unique(samples.first)]
-    judged = [one.judged(reading).left for one in parts]
-    whole = [float(np.exp(2.0 * left) @ one.power(reading)) for one, left in zip(parts, judged, strict=True)]
-    beside = [one.unexplained_beside(reading, left) for one, left in zip(parts, judged, strict=True)]
-    lost = [
-        share > THRESHOLD.explained
-        or share_beside > THRESHOLD.in_place > min(beside) / share_beside
-        or one.needs_unlikely_bodies(reading)
-        for one, share, share_beside in zip(parts, whole, beside, strict=True)
-    ]
-    names = [trial.name for trial in case.log.role("identification")]
-    if any(lost) and len(names) == len(lost):
-        trials = tuple(np.array(names)[lost].tolist())
-        text = (
-            f"neither bodies near the model's nor friction explain the torques of {list_names(trials)}: they are not "
-            "those of this motion, have lost their sign or place, or are another quantity"
-        )
-        case.add("unexplained_torques", text, {"left": max(whole)}, samples.channels, trials=trials)
 
 
 def _own_inertia(samples: TorqueSamples) -> Array:
@@ -393,7 +402,7 @@ def _marked_rows(log: Log, joints: Sequence[str]) -> int:
     return sum(int(trial.beyond[:, columns].sum()) for trial in log.trials if trial.beyond is not None)
 
 
-def _never_at_end(log: Log, samples: TorqueSamples) -> Flags:
+def never_at_end(log: Log, samples: TorqueSamples) -> Flags:
     """Torques that are never at an end of their range, ``(n_torques,)``."""
     return np.array([not _marked_rows(log, [name]) for name in samples.channels])
 

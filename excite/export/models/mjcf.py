@@ -29,13 +29,7 @@ from excite.export.models.parameters import (
     moved_pseudo,
     split_segment,
 )
-from excite.export.models.verification import (
-    Reading,
-    States,
-    mujoco_places,
-    mujoco_torques,
-    random_states,
-)
+from excite.export.models.verification import Reading, States, mujoco_places, mujoco_torques, random_states
 from excite.formats.documents import MAX_XML_BYTES
 from excite.formats.file import read_bytes
 from excite.identification.inertia import parameters_of_pseudo_inertia, pseudo_inertia_matrices

@@ -13,14 +13,7 @@ from excite.arrays import Array
 from excite.atomic import all_or_nothing, atomic_path, write_bytes, write_text
 from excite.display import Row, Tabled, count
 from excite.errors import InputError, NoSolutionError
-from excite.export.models.model_format import (
-    JOINT_TERMS,
-    SERVO_TERMS,
-    Lost,
-    ModelFormat,
-    Rendered,
-    Subject,
-)
+from excite.export.models.model_format import JOINT_TERMS, SERVO_TERMS, Lost, ModelFormat, Rendered, Subject
 from excite.export.models.parameters import (
     ASSUMED,
     Found,

@@ -34,10 +34,7 @@ from excite.robot.urdf.tree import MOVING, WORLD, declare_world
 from excite.robot.urdf.writing import MOMENTS, number_text
 
 # By term that a URDF holds: the element of a joint, its attribute there, and what one that is missing stands for.
-URDF_TERMS = {
-    "viscous": ("dynamics", "damping", 0.0),
-    "coulomb": ("dynamics", "friction", 0.0),
-}
+URDF_TERMS = {"viscous": ("dynamics", "damping", 0.0), "coulomb": ("dynamics", "friction", 0.0)}
 
 
 class UrdfFormat(ModelFormat):

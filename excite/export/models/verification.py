@@ -186,10 +186,7 @@ def mujoco_places(robot: Robot, model: mujoco.MjModel) -> MujocoPlaces:
     if free:
         base = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, robot.base_link)
         first = next((row for row in free if model.jnt_bodyid[row] == base), free[0])
-        q[:0], v[:0] = (
-            model.jnt_qposadr[first] + np.arange(7),
-            model.jnt_dofadr[first] + np.arange(6),
-        )
+        q[:0], v[:0] = (model.jnt_qposadr[first] + np.arange(7), model.jnt_dofadr[first] + np.arange(6))
         start[q[:7]] = 0.0
     return MujocoPlaces(np.array(q), np.array(v), start, int(model.nv))
 

@@ -184,14 +184,7 @@ def _fit_frames(
 
 
 def _state_of(
-    model: MarkerModel,
-    pose: Pose,
-    target: Array,
-    seen: Flags,
-    prior: Array,
-    weight: Array,
-    *,
-    robust: bool,
+    model: MarkerModel, pose: Pose, target: Array, seen: Flags, prior: Array, weight: Array, *, robust: bool
 ) -> _State:
     placed = place_segments(pose, model.offsets)
     points = placed.locate_points(model.segment, model.local)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 
@@ -171,9 +172,7 @@ def pseudo_inertia_cones(problem: IdentificationProblem, floor: float) -> Cones:
     Args:
         floor: the least eigenvalue stays above this share of the nominal one, both of ``D J D``.
     """
-    unit = np.concatenate([pseudo_inertia_matrices(row) for row in np.eye(10)])
-    nominal = pseudo_inertia_matrices(problem.prior[: problem.n_inertial])
-    return _body_cones_of(problem, unit, nominal, segment_scales(problem), floor, "pseudo_inertia")
+    return _body_cones(problem, pseudo_inertia_matrices, segment_scales(problem), floor, "pseudo_inertia")
 
 
 def feasibility_cones(problem: IdentificationProblem, floor: float) -> Cones:
@@ -182,17 +181,13 @@ def feasibility_cones(problem: IdentificationProblem, floor: float) -> Cones:
     ``[[L, S(h)ᵀ], [S(h), m·1]] ≻ 0`` says both by its Schur complement (Sousa and Cortesão 2014); the triangle
     inequality is not implied.
     """
-    unit = np.concatenate([spatial_inertia_matrices(row) for row in np.eye(10)])
-    nominal = spatial_inertia_matrices(problem.prior[: problem.n_inertial])
     scales = segment_scales(problem)[:, [0, 0, 0, 3, 3, 3]]
-    return _body_cones_of(problem, unit, nominal, scales, floor, "feasible_inertia")
+    return _body_cones(problem, spatial_inertia_matrices, scales, floor, "feasible_inertia")
 
 
 def inertia_cones(problem: IdentificationProblem, floor: float) -> Cones:
     """Inertia about the joint frame's origin positive definite (eq. 12 of Jovic et al., T-RO 2016)."""
-    unit = np.concatenate([inertia_matrices(row) for row in np.eye(10)])
-    nominal = inertia_matrices(problem.prior[: problem.n_inertial])
-    return _body_cones_of(problem, unit, nominal, segment_scales(problem)[:, :3], floor, "inertia_cone")
+    return _body_cones(problem, inertia_matrices, segment_scales(problem)[:, :3], floor, "inertia_cone")
 
 
 def spatial_inertia_matrices(parameters: Array) -> Array:
@@ -209,9 +204,11 @@ def spatial_inertia_matrices(parameters: Array) -> Array:
     return full
 
 
-def _body_cones_of(
-    problem: IdentificationProblem, unit: Array, nominal: Array, scales: Array, floor: float, kind: str
+def _body_cones(
+    problem: IdentificationProblem, of: Callable[[Array], Array], scales: Array, floor: float, kind: str
 ) -> Cones:
+    """Matrices that are linear in each body's ten parameters stay above a share of the nominal ones."""
+    unit, nominal = of(np.eye(10).ravel()), of(problem.prior[: problem.n_inertial])
     order = unit.shape[1]
     shape = triangle_of(order)
     segments = moving_segments(problem)
@@ -321,7 +318,7 @@ def _ellipsoid_shape(q: Array, link: str) -> tuple[Array, Array]:
 def mass_in_ellipsoids(problem: IdentificationProblem, ellipsoids: Array) -> LinearConstraints:
     """``tr(J Q) ≥ 0``: with ``J ⪰ 0``, a density inside the ellipsoid has these parameters (Wensing et al. 2018)."""
     segments = moving_segments(problem)
-    unit = np.concatenate([pseudo_inertia_matrices(row) for row in np.eye(10)])
+    unit = pseudo_inertia_matrices(np.eye(10).ravel())
     matrix = np.zeros((len(segments), problem.n_params))
     for place, k in enumerate(segments):
         matrix[place, 10 * k : 10 * k + 10] = np.einsum("pij,ij->p", unit, ellipsoids[k])

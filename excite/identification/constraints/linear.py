@@ -350,10 +350,7 @@ def stated_bounds(
             place, label = NAMES.index(name), f"stated:{segment.link}.{name}"
             column, mass = 10 * k + place, 10 * k
             if 0 < place < 4:
-                entries += [
-                    ({column: 1.0, mass: -low}, 0.0, label),
-                    ({column: -1.0, mass: high}, 0.0, label),
-                ]
+                entries += [({column: 1.0, mass: -low}, 0.0, label), ({column: -1.0, mass: high}, 0.0, label)]
             else:
                 # A mass has no such part.
                 part = max(place - 4, 0)

@@ -46,6 +46,7 @@ from excite.identification.estimators.estimator import (
     checked_estimate,
     no_solution,
 )
+from excite.identification.estimators.projection import ProjectionAnswer
 from excite.identification.estimators.scaled_problem import Ridge, build_ridge, pullback_metric
 from excite.identification.estimators.settings import (
     BodySettings,
@@ -82,22 +83,7 @@ class ConicProblem:
     cones: tuple[Cones, ...]
 
 
-@dataclass(frozen=True, eq=False)
-class ConicAnswer:
-    """What a solver says.
-
-    Attributes:
-        z: ``(n,)``.
-        multipliers: of the linear rows, then of the cones' entries.
-        infeasible: whether it says that there is no point.
-    """
-
-    z: Array
-    multipliers: Array
-    infeasible: bool = False
-
-
-ConicSolver = Callable[[ConicProblem], ConicAnswer]
+ConicSolver = Callable[[ConicProblem], ProjectionAnswer]
 
 
 def stack_rows(problem: ConicProblem) -> tuple[Array, Array]:
@@ -110,7 +96,7 @@ def stack_rows(problem: ConicProblem) -> tuple[Array, Array]:
     return np.vstack(matrices), np.concatenate(bounds)
 
 
-def interior_point(problem: ConicProblem, tolerance: float = _TOLERANCE) -> ConicAnswer:
+def interior_point(problem: ConicProblem, tolerance: float = _TOLERANCE) -> ProjectionAnswer:
     """Clarabel on one thread.
 
     Centred at the unconstrained optimum, where the objective is small: relative tolerances then mean
@@ -133,10 +119,10 @@ def interior_point(problem: ConicProblem, tolerance: float = _TOLERANCE) -> Coni
         kinds,
         tolerance,
     )
-    return ConicAnswer(problem.target + found.x, found.dual, found.infeasible)
+    return ProjectionAnswer(problem.target + found.x, found.dual, found.infeasible)
 
 
-def refine_answer(problem: ConicProblem, answer: ConicAnswer) -> ConicAnswer:
+def refine_answer(problem: ConicProblem, answer: ProjectionAnswer) -> ProjectionAnswer:
     """Newton's steps on ``λ = Π(λ − M z(λ) − c)`` with ``z = target + Mᵀλ`` (Qi and Sun 1993).
 
     From an interior-point answer they converge quadratically to rounding where the constraints are not
@@ -170,7 +156,7 @@ def refine_answer(problem: ConicProblem, answer: ConicAnswer) -> ConicAnswer:
         else:
             break
         dual, value, residual, error = tried, value_there, residual_there, size
-    better = ConicAnswer(problem.target + matrix.T @ dual, dual)
+    better = ProjectionAnswer(problem.target + matrix.T @ dual, dual)
     return better if conic_distance(problem, better) < conic_distance(problem, answer) else answer
 
 
@@ -223,7 +209,7 @@ def conic_violations(problem: ConicProblem, z: Array) -> dict[str, float]:
     return worst
 
 
-def conic_distance(problem: ConicProblem, answer: ConicAnswer) -> float:
+def conic_distance(problem: ConicProblem, answer: ProjectionAnswer) -> float:
     """Bound on the distance from an answer to the optimum, from its duality gap.
 
     Multipliers are put into their cones first; nothing that the solver says of itself is used. Infinite where they are
@@ -347,7 +333,7 @@ def consistent_or_raised(best: Estimate) -> Estimate:
     return best
 
 
-def _is_ray(problem: ConicProblem, answer: ConicAnswer) -> bool:
+def _is_ray(problem: ConicProblem, answer: ProjectionAnswer) -> bool:
     """Whether multipliers prove that there is no point: ``λ`` in the dual cone, ``Mᵀλ = 0``, ``λᵀc < 0``."""
     matrix, offset = stack_rows(problem)
     ray = answer.multipliers

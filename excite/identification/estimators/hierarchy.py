@@ -15,11 +15,7 @@ import numpy as np
 from excite.arrays import Array, Flags
 from excite.identification.constraints.linear import LinearConstraints, stack_constraints, unit_rows
 from excite.identification.estimators.estimator import DISTANCE_TOLERANCE, FEASIBLE, SolveStatus
-from excite.identification.estimators.projection import (
-    ProjectionAnswer,
-    Projector,
-    distance_to_optimum,
-)
+from excite.identification.estimators.projection import ProjectionAnswer, Projector, distance_to_optimum
 from excite.identification.regression import row_space
 
 Mask = Flags

@@ -316,12 +316,7 @@ def paper_levels(rows: Regression, settings: HqpSettings, scaled: Scaled) -> tup
 # Parameters within bounds nearest to the unconstrained base solution (CLS-1 of Golluccio et al. 2020).
 
 
-@dataclass(frozen=True)
-class Cls1Settings(ParameterBoundsSettings):
-    """Settings of ``cls1``: bounds of the parameters, stated ones before those about the nominal model."""
-
-
-class BoundedNearBase(Estimator[Cls1Settings]):
+class BoundedNearBase(Estimator[ParameterBoundsSettings]):
     """``bounds ≻ (π_b(π) = π̂_b) ≻ (π = π_nominal)``: CLS-1 with what it leaves open decided.
 
     ``π̂_b`` are the least-squares base parameters. The distance from them is the plain sum of squares of SI
@@ -335,7 +330,7 @@ class BoundedNearBase(Estimator[Cls1Settings]):
     use = (
         "comparison with published CLS-1 results: parameters within bounds; bodies need not be able to exist"
     )
-    settings_class = Cls1Settings
+    settings_class = ParameterBoundsSettings
     guarantees = (
         "every parameter within its bounds, and no others within them have base parameters nearer to the "
         "least-squares ones; bodies need not be able to exist"
@@ -347,7 +342,7 @@ class BoundedNearBase(Estimator[Cls1Settings]):
     def __init__(self, projector: Projector | None = None):
         self._projector = projector
 
-    def solve(self, rows: Regression, settings: Cls1Settings) -> Estimate:
+    def solve(self, rows: Regression, settings: ParameterBoundsSettings) -> Estimate:
         """See :meth:`Estimator.solve`.
 
         Raises:

@@ -16,12 +16,7 @@ from excite.identification.estimators.estimator import (
 )
 from excite.identification.estimators.scaled_problem import build_ridge
 from excite.identification.estimators.settings import EstimatorSettings, PullSettings
-from excite.identification.regression import (
-    Regression,
-    iterate_weights,
-    least_squares,
-    prior_std,
-)
+from excite.identification.regression import Regression, iterate_weights, least_squares, prior_std
 from excite.rows.settings import number, word
 
 # Least squares, every row counted alike (eq. 5, Jovic et al. 2016; eq. 6, Xu et al. 2020).
@@ -69,12 +64,7 @@ class LeastSquares(Estimator[LsSettings]):
 # The most probable parameters given the data and the nominal model, no other constraint.
 
 
-@dataclass(frozen=True)
-class MapSettings(PullSettings):
-    """Settings of ``map``: the pull to the nominal model and its spreads."""
-
-
-class MaximumAPosteriori(Estimator[MapSettings]):
+class MaximumAPosteriori(Estimator[PullSettings]):
     """The unconstrained minimum of eq. (4) of Jovic et al. 2015, in closed form.
 
     Predicts better than plain least squares where the motion is short; its bodies need not be able to exist.
@@ -83,13 +73,13 @@ class MaximumAPosteriori(Estimator[MapSettings]):
     name = "map"
     title = "least squares, pulled to the nominal model where the data say little"
     use = "short motions of which only predictions matter: bodies need not be able to exist"
-    settings_class = MapSettings
+    settings_class = PullSettings
     guarantees = (
         "the global minimum of the weighted residual plus the weighted distance from the nominal model, in closed "
         "form; bodies need not be able to exist"
     )
 
-    def solve(self, rows: Regression, settings: MapSettings) -> Estimate:
+    def solve(self, rows: Regression, settings: PullSettings) -> Estimate:
         """See :meth:`Estimator.solve`."""
         objective = build_ridge(rows, settings)
         return finite_or_raised(checked_estimate(self.name, rows, objective, objective.target, 0.0, {}))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -22,12 +22,7 @@ from excite.identification.physical.default_bounds import default_bounds, tie_to
 from excite.identification.physical.feasible_set import FeasibleSet, base_objective, essential_objective
 from excite.identification.physical.retrieval import RetrievalSettings, retrieve_parameters
 from excite.identification.problem import IdentificationProblem
-from excite.identification.regression import (
-    RANK_TOLERANCE,
-    Regression,
-    prior_std,
-    square_factor,
-)
+from excite.identification.regression import RANK_TOLERANCE, Regression, prior_std, square_factor
 from excite.identification.statistics import parameter_labels
 from excite.regressor.base_parameters import base_parameters
 
@@ -42,12 +37,7 @@ _UNITS = {
 }
 
 
-@dataclass(frozen=True)
-class PhysicalSettings(StatedBoundsSettings):
-    """Settings of ``physical``: stated bounds, and what bounds the bodies where nothing is stated."""
-
-
-class PhysicalRetrieval(Estimator[PhysicalSettings]):
+class PhysicalRetrieval(Estimator[StatedBoundsSettings]):
     """Mass, centre of mass and inertia of each segment, within bounds, that explain the torques best.
 
     The objective is eq. (15): the unweighted residual of the essential parameters. The bounds (16), the total
@@ -71,7 +61,7 @@ class PhysicalRetrieval(Estimator[PhysicalSettings]):
         "arms of which much is known beforehand, from data sheets or a scale: keeps stated bounds exactly, and proves "
         "that nothing within them explains the torques better"
     )
-    settings_class = PhysicalSettings
+    settings_class = StatedBoundsSettings
     guarantees = (
         "bounds, total mass and rules of the inertias hold exactly; no other parameters that meet them have an "
         "objective below the certificate's lower bound"
@@ -86,7 +76,7 @@ class PhysicalRetrieval(Estimator[PhysicalSettings]):
     ):
         self._bounds, self._effort, self._essential = bounds, effort or RetrievalSettings(), essential
 
-    def solve(self, rows: Regression, settings: PhysicalSettings) -> Estimate:
+    def solve(self, rows: Regression, settings: StatedBoundsSettings) -> Estimate:
         """See :meth:`Estimator.solve`.
 
         Raises:
@@ -152,7 +142,7 @@ class PhysicalRetrieval(Estimator[PhysicalSettings]):
         what = f"{error.what}: at best {missed or 'nothing is left'} outside"
         return NoSolutionError(what, best=best, remedy=error.remedy)
 
-    def _bounds_for(self, problem: IdentificationProblem, settings: PhysicalSettings) -> PhysicalBounds:
+    def _bounds_for(self, problem: IdentificationProblem, settings: StatedBoundsSettings) -> PhysicalBounds:
         links = tuple(segment.link for segment in problem.robot.segments)
         if self._bounds is None:
             usual = default_bounds(problem.robot, settings)

@@ -18,11 +18,13 @@ class ProjectionAnswer:
 
     Attributes:
         z: ``(n,)``.
-        multipliers: ``(n_rows,)``, one per constraint; those of inequalities are not negative.
+        multipliers: ``(n_rows,)``, one per constraint, then those of cones' entries; of inequalities not negative.
+        infeasible: whether it says that there is no point.
     """
 
     z: Array
     multipliers: Array
+    infeasible: bool = False
 
 
 Projector = Callable[[Array, LinearConstraints], "ProjectionAnswer | None"]

@@ -143,7 +143,7 @@ def relative_map(problem: IdentificationProblem) -> Array:
     Of the nominal parameters it is the identity matrix.
     """
     nominal = pseudo_inertia_matrices(problem.prior[: problem.n_inertial])
-    unit = np.concatenate([pseudo_inertia_matrices(row) for row in np.eye(10)])
+    unit = pseudo_inertia_matrices(np.eye(10).ravel())
     shape = triangle_of(4)
     scales = segment_scales(problem)
     maps = np.empty((len(nominal), 10, 10))

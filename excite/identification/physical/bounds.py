@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
 
 from excite.arrays import Array, Indices
 from excite.errors import InputError
 from excite.identification.inertia import DIAGONAL, NAMES, OFF_DIAGONAL, inertia_matrices, physical_parameters
 from excite.results import Name, Stated, Unbounded, named, stated
 
+_Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 
-@dataclass(frozen=True)
-class InertiaRules:
+
+class InertiaRules(BaseModel):
     """Rules between the moments of inertia about each centre of mass, along the joint frame's axes (eq. 18).
 
     The diagonal moments always obey the triangle inequality.
@@ -26,16 +28,18 @@ class InertiaRules:
             for no rule.
         slenderness: the moment about the own axis of each link in ``slender``, times this, is at most each of
             the others.
-        slender: own axis (0, 1 or 2) of slender links, by link.
+        slender: own axis of slender links, by link.
         principal_triangle: whether the principal moments obey the triangle inequality too, without which no
             body of positive density exists; eq. (18) asks it of the diagonal ones alone.
     """
 
-    diagonal_ratio: float | None = 100.0
-    off_diagonal_share: float | None = 0.1
-    slenderness: float = 3.0
-    slender: Mapping[str, int] = field(default_factory=dict)
-    principal_triangle: bool = True
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    diagonal_ratio: _Positive | None = 100.0
+    off_diagonal_share: _Positive | None = 0.1
+    slenderness: _Positive = 3.0
+    slender: dict[str, Literal["x", "y", "z"]] = {}
+    principal_triangle: Annotated[bool, Field(strict=True)] = True
 
     def rows(self, link: str) -> Array:
         """Rows ``R`` of ``R · (Ixx, Ixy, Iyy, Ixz, Iyz, Izz) ≥ 0`` for a link, ``(k, 6)``."""
@@ -47,7 +51,7 @@ class InertiaRules:
             signs = [(a, b, sign) for a in DIAGONAL for b in OFF_DIAGONAL for sign in (1.0, -1.0)]
             found += [{a: self.off_diagonal_share, b: sign} for a, b, sign in signs]
         if link in self.slender:
-            own = DIAGONAL[self.slender[link]]
+            own = DIAGONAL["xyz".index(self.slender[link])]
             found += [{b: 1.0, own: -self.slenderness} for b in DIAGONAL if b != own]
         return np.array([[row.get(place, 0.0) for place in range(6)] for row in found])
 
@@ -263,7 +267,7 @@ class KnownBounds:
             upper=upper,
             drives={**usual.drives, **self.drives},
             total_mass=total,
-            rules=replace(usual.rules, **self.rules),
+            rules=usual.rules.model_copy(update=self.rules),
             source=self.source,
         )
 

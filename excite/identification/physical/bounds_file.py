@@ -15,14 +15,13 @@ from excite.errors import InputError
 from excite.formats.documents import check_content, read_yaml
 from excite.identification.estimators.settings import BodySettings
 from excite.identification.inertia import NAMES
-from excite.identification.physical.bounds import Interval, KnownBounds
+from excite.identification.physical.bounds import InertiaRules, Interval, KnownBounds
 from excite.identification.physical.default_bounds import default_bounds, derived_boxes
 from excite.robot.quantities import MAX_INERTIA
 from excite.robot.robot import Robot
 from excite.rows.drive_terms import DRIVE_TERMS
 
 SCHEMA = "excite.physical_bounds/1"
-_AXES = ("x", "y", "z")
 
 
 def _check_pair(pair: Interval) -> Interval:
@@ -47,12 +46,7 @@ _Number = Annotated[
     Field(ge=-MAX_INERTIA, le=MAX_INERTIA, allow_inf_nan=False),
 ]
 _Pair = Annotated[tuple[_Number, _Number], AfterValidator(_check_pair)]
-_Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 _Name = Literal["m", "cx", "cy", "cz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz"]
-
-
-class _Block(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 class BoundsEntry(BaseModel):
@@ -61,18 +55,10 @@ class BoundsEntry(BaseModel):
     bounds: _Pair
 
 
-class InertiaRules(_Block):
-    """Rules between the moments of inertia of a link."""
-
-    diagonal_ratio: _Positive | None = None
-    off_diagonal_share: _Positive | None = None
-    slenderness: _Positive = 1.0
-    slender: dict[str, Literal["x", "y", "z"]] = {}
-    principal_triangle: Annotated[bool, Field(strict=True)] = True
-
-
-class BoundsDocument(_Block):
+class BoundsDocument(BaseModel):
     """What is known of a robot's physical parameters, each [lower, upper] in SI."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
 
     schema_: Literal["excite.physical_bounds/1"] = Field(alias="schema")
     source: str | None = Field(default=None, description="where the numbers come from")
@@ -139,10 +125,7 @@ def load_bounds(path: str | Path, robot: Robot) -> KnownBounds:
     refuse_unless(some, "", "bounds nothing", "give links, drives or total_mass")
     rules = {} if document.rules is None else document.rules.model_dump(exclude_unset=True)
     for link in rules.get("slender", ()):
-        field = f"rules.slender.{link}"
-        refuse_unless(link in links, field, "is no link of the robot", own)
-    if "slender" in rules:
-        rules["slender"] = {link: _AXES.index(axis) for link, axis in rules["slender"].items()}
+        refuse_unless(link in links, f"rules.slender.{link}", "is no link of the robot", own)
     return KnownBounds(parameters, drives, document.total_mass, rules, document.source or str(path))
 
 

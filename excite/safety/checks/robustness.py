@@ -69,16 +69,10 @@ def judge_robustness(sweep: Sweep, parameters: ParameterSet, *, decides: bool = 
 def _stated_set(robot: Robot) -> Uncertainty:
     """The set as ``robot.yaml`` states it, or the default."""
     stated, known = uncertainty_of(robot), robot.description.uncertainty is not None
-    load = stated.payload
+    load = None if stated.payload is None else LoadRange(**stated.payload.model_dump())
+    words = uncertainty_in_words(stated) + ("" if known else " (assumed)")
     return Uncertainty(
-        stated.mass,
-        stated.com,
-        stated.inertia,
-        None if load is None else LoadRange(load.link, load.mass, load.position),
-        stated.identified,
-        stated.sigmas,
-        known,
-        uncertainty_in_words(stated) + ("" if known else " (assumed)"),
+        **stated.model_dump(exclude={"payload", "source"}), payload=load, stated=known, words=words
     )
 
 

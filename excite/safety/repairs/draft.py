@@ -70,12 +70,7 @@ class Draft:
 
 def refused_by(draft: Draft, near: TooClose, where: str = "{}") -> Rejection:
     """The rejection of a draft in which two bodies come too close; ``where`` holds their names."""
-    return draft.rejected(
-        "self_collision",
-        where.format(near.pair),
-        value=near.distance,
-        limit=near.required,
-    )
+    return draft.rejected("self_collision", where.format(near.pair), value=near.distance, limit=near.required)
 
 
 class Repair(ABC):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -88,8 +89,7 @@ class MotionPath:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class RunPath:
+class RunPath(NamedTuple):
     """Samples of a path that is run.
 
     Attributes:

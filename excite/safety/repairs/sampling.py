@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property, partial
 from importlib.metadata import version
 from typing import Any, ClassVar, NamedTuple
@@ -16,7 +16,7 @@ from excite.motion.generators.generator import rest_joints
 from excite.motion.motion import Motion, MotionMetadata
 from excite.robot.robot import Robot
 from excite.safety.repairs.draft import Draft, Rejection, Repair, refused_by
-from excite.safety.repairs.path import run_path
+from excite.safety.repairs.path import RunPath, run_path
 
 _VERSIONS = ("excite", "pin", "placo", "toppra", "ruckig", "numpy", "scipy")
 # A start this far from rest needs a transfer [rad or m].
@@ -37,32 +37,29 @@ class Sampling(Repair):
         if draft.path is None or draft.law is None:
             return draft.rejected("no_time_law", "path")
         rate = self.robot.description.sensors.rate_hz
-        moved = run_path(draft.path, draft.law, rate)
-        time, q, v, a = moved.time, moved.q, moved.v, moved.a
-        contacts = {foot.name: draft.candidate.supports(moved.s, foot.name) for foot in self.robot.feet}
+        moved, candidate, closing = run_path(draft.path, draft.law, rate), draft.candidate, self.robot.closing
+        contacts = {foot.name: candidate.supports(moved.s, foot.name) for foot in self.robot.feet}
+        q, v, a = moved[2:]
         rest = rest_joints(self.robot)
         if not self.robot.floating and np.abs(q[0] - rest).max() > _NEAR:
             there, back = (
-                plan_transfer(self.robot, rest, q[0], rate),
-                plan_transfer(self.robot, q[-1], rest, rate),
+                plan_transfer(self.robot, start, end, rate) for start, end in ((rest, q[0]), (q[-1], rest))
             )
             for part in (there, back):
-                ways = (
-                    part.q if self.robot.closing is None else self.robot.closing.close_configurations(part.q)
-                )
+                ways = part.q if closing is None else closing.close_configurations(part.q)
                 collision = self.probe.first(ways)
                 if collision is not None:
                     return refused_by(draft, self.probe.closest(ways[collision:]), "transfer, {}")
-            q, v, a = _join_phases(there, (q, v, a), back)
-            if self.robot.closing is not None:
-                q, v, a = self.robot.closing.complete_motion(q, v, a)
-            time = np.arange(len(q)) / rate
-        candidate = draft.candidate
+            # One after the other, shared samples once.
+            phases = zip(there[2:], moved[2:], back[2:], strict=True)
+            q, v, a = (np.vstack([first[:-1], middle, last[1:]]) for first, middle, last in phases)
+            if closing is not None:
+                q, v, a = closing.complete_motion(q, v, a)
         motion = Motion(
             name=candidate.name,
             robot=self.robot.name,
             joint_names=self.robot.joint_names,
-            time=time,
+            time=np.arange(len(q)) / rate,
             q=q,
             v=v,
             a=a,
@@ -78,36 +75,13 @@ class Sampling(Repair):
         return replace(draft, motion=motion)
 
 
-def _join_phases(there: Transfer, middle: tuple[Array, Array, Array], back: Transfer) -> list[Array]:
-    """Positions, velocities and accelerations one after the other, shared samples once."""
-    parts = ((there.q, there.v, there.a), middle, (back.q, back.v, back.a))
-    return [np.vstack([parts[0][k][:-1], parts[1][k], parts[2][k][1:]]) for k in range(3)]
-
-
 # Jerk-limited transfers from rest to rest (ruckig, Berscheid and Kröger 2021).
 
 # Share of velocity, acceleration and jerk limits that a transfer uses.
 _SHARE = 0.5
 
 
-@dataclass(frozen=True, eq=False)
-class Transfer:
-    """Samples of a transfer of the actuated joints, both ends included.
-
-    Attributes:
-        time: ``(n,)`` [s], from 0.
-        q: ``(n, n_joints)`` [rad or m].
-        v: ``(n, n_joints)``.
-        a: ``(n, n_joints)``.
-    """
-
-    time: Array
-    q: Array
-    v: Array
-    a: Array
-
-
-def plan_transfer(robot: Robot, start: Array, end: Array, rate_hz: float) -> Transfer:
+def plan_transfer(robot: Robot, start: Array, end: Array, rate_hz: float) -> RunPath:
     """Move the joints on a straight line from ``start`` to ``end``, at rest at both, jerk-limited.
 
     Args:
@@ -115,6 +89,9 @@ def plan_transfer(robot: Robot, start: Array, end: Array, rate_hz: float) -> Tra
         start: ``(n_joints,)`` [rad or m].
         end: ``(n_joints,)`` [rad or m].
         rate_hz: rate of the samples; the duration is a whole number of them [Hz].
+
+    Returns:
+        Samples of the joints; ``s`` is the share of the way.
 
     Raises:
         NoSolutionError: ruckig finds none.
@@ -133,12 +110,8 @@ def plan_transfer(robot: Robot, start: Array, end: Array, rate_hz: float) -> Tra
     k = duration * rate_hz / samples
     states = np.array([share(t) for t in np.minimum(time * k, duration)])
     states[-1] = 1.0, 0.0, 0.0
-    return Transfer(
-        time=time,
-        q=start + states[:, :1] * way,
-        v=k * states[:, 1:2] * way,
-        a=k**2 * states[:, 2:] * way,
-    )
+    q, v, a = (states * [1.0, k, k**2]).T[:, :, None] * way
+    return RunPath(time, states[:, 0], start + q, v, a)
 
 
 class _State(NamedTuple):

@@ -17,12 +17,7 @@ from scipy.linalg import qr, solve_banded
 from excite.arrays import Array
 from excite.errors import MotionError
 from excite.motion.generators.curves import Curve, PolynomialCurve, SplineCurve, hermite_curve
-from excite.motion.generators.generator import (
-    Candidate,
-    leg_joints,
-    pelvis_joint,
-    support_corners,
-)
+from excite.motion.generators.generator import Candidate, leg_joints, pelvis_joint, support_corners
 from excite.robot.robot import Foot, Robot
 from excite.robot.shapes.shape import has_area, joints_at
 from excite.safety.ground_forces import wrench_at_world_origin, zero_moment_point
@@ -91,10 +86,7 @@ class WholeBody(Repair):
                 value = float(joints[row, joint])
                 limit = low[joint] if value < 0.5 * (low[joint] + high[joint]) else high[joint]
                 return draft.rejected(
-                    "joint_position",
-                    self.robot.joint_names[joint],
-                    value=value,
-                    limit=float(limit),
+                    "joint_position", self.robot.joint_names[joint], value=value, limit=float(limit)
                 )
         foot = self._grounded(candidate, s, q)
         if foot is not None:
