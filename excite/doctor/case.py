@@ -41,6 +41,7 @@ class Case:
         doubts: what the log tells only about, as far as it could not be repaired to the last.
         latest_s: torques that are less late than this are left so [s].
         differing: whether mistakes were found that some trials have and others do not.
+        set_aside: joints that are taken as without a torque while mistakes are looked for.
     """
 
     robot: Robot
@@ -49,6 +50,7 @@ class Case:
     doubts: set[Doubt] = field(default_factory=set)
     latest_s: float = THRESHOLD.late_s
     differing: bool = False
+    set_aside: tuple[str, ...] = ()
     _sampled: tuple[Log, TorqueSamples | None] | None = None
     _of_trials: tuple[Log, dict[str, TorqueSamples]] | None = None
 

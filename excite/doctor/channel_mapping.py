@@ -47,7 +47,9 @@ class Reading:
         position_of: ``(n_joints,)`` column that holds each joint's position.
         position_sign: ``(n_joints,)`` ±1.
         unit: ``(n_joints,)`` of positions in radians or metres: π/180 where they are degrees.
-        zero: ``(n_joints,)`` added to positions, after sign and unit [rad or m].
+        joined: ``(n_joints, n_joints)`` what makes joints' positions of these, as where motors of a differential turn
+            by the sum and the difference of two joints; its inverse makes their torques of those of the motors.
+        zero: ``(n_joints,)`` added to positions, after all that [rad or m].
         torque_of: ``(n_torques,)`` column that holds the torque of each joint that has one.
         torque_factor: ``(n_torques,)`` torques are multiplied by it, sign and all.
         tick: seconds per unit of the stamps.
@@ -66,6 +68,7 @@ class Reading:
     position_of: Indices
     position_sign: Array
     unit: Array
+    joined: Array
     zero: Array
     torque_of: Indices
     torque_factor: Array
@@ -87,6 +90,7 @@ class Reading:
             position_of=np.arange(n),
             position_sign=np.ones(n),
             unit=np.ones(n),
+            joined=np.eye(n),
             zero=np.zeros(n),
             torque_of=np.arange(m),
             torque_factor=np.ones(m),
@@ -131,7 +135,8 @@ class Reading:
         """Equal for readings that make the same motion of the same log."""
         rest = [self.tick, list(BasePose).index(self.pose)]
         taken = (self.taken, self.absent)
-        parts = (self.position_of, self.position_sign, self.unit, rest, self.zero, self.gravity, *taken)
+        channels = (self.position_of, self.position_sign, self.unit, self.joined, self.zero)
+        parts = (*channels, rest, self.gravity, *taken)
         return b"".join(np.asarray(part, dtype=float).tobytes() for part in parts)
 
     def with_weight(self) -> Reading:
@@ -150,6 +155,10 @@ class Reading:
         factors = self.torque_factor.copy()
         factors[list(joints)] *= factor
         return replace(self, torque_factor=factors)
+
+    def joined_torques(self, joints: Sequence[int] | Indices) -> Array:
+        """What makes torques of those of the motors, ``(n_torques, n_torques)``; ``joints``: which have one."""
+        return np.asarray(np.linalg.inv(self.joined)[:, joints][joints].T)
 
     def with_wrenches(self, sensors: Sequence[int], matrix: Array) -> Reading:
         """Wrenches of some sensors turned by a matrix ``(6, 6)``."""
@@ -172,7 +181,7 @@ class Reading:
         at = time + self.late_s / self.tick
 
         def moved(values: Array | None, zero: Array | float = 0.0) -> Array | None:
-            return None if values is None else values[:, self.position_of] * factor + zero
+            return None if values is None else values[:, self.position_of] * factor @ self.joined.T + zero
 
         def shifted(values: Array) -> Array:
             if self.late_s == 0.0:
@@ -183,10 +192,12 @@ class Reading:
             if values is None:
                 return None
             found = values.astype(float)
-            found[:, columns] = found[:, columns][:, self.torque_of] * factors
+            found[:, columns] = (
+                found[:, columns][:, self.torque_of] @ self.joined_torques(columns).T * factors
+            )
             return shifted(found)
 
-        q = trial.q[:, self.position_of] * factor + self.zero
+        q = trial.q[:, self.position_of] * factor @ self.joined.T + self.zero
         marked = forces(trial.beyond)  # type: ignore[arg-type]
         # Of sensors that the log does not describe readings stay as they are.
         wrenches = dict(trial.wrenches)
@@ -204,7 +215,7 @@ class Reading:
             a=moved(trial.a),
             tau=forces(trial.tau, self.torque_factor),
             current=forces(trial.current, self.torque_factor),
-            beyond=None if marked is None else marked > 0.0,
+            beyond=None if marked is None else marked != 0.0,
             base=None if trial.base is None else self.pose.read(trial.base),
             wrenches={name: shifted(values) for name, values in wrenches.items()},
         )

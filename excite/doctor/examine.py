@@ -13,6 +13,7 @@ from excite.doctor.channel_errors import OF_TORQUES, OF_WRENCHES
 from excite.doctor.channel_mapping import Reading
 from excite.doctor.checks.channels import (
     find_misreadings,
+    find_scales_set_aside,
     find_unexplained_torques,
     find_zeroed_torques,
     put_weight_back,
@@ -44,6 +45,7 @@ from excite.doctor.checks.values import (
     find_torque_ends,
     find_unsigned_torques,
     find_weak_torques,
+    set_clipped_aside,
 )
 from excite.doctor.doubt import Doubt
 from excite.doctor.mistakes.torques import take_weight
@@ -70,6 +72,7 @@ RULES: tuple[Callable[[Case], None], ...] = (
     find_whole_turns,
     find_coarse_steps,
     find_range_ends,
+    set_clipped_aside,
     find_degrees,
     find_constants,
     find_stopped_torques,
@@ -82,6 +85,7 @@ RULES: tuple[Callable[[Case], None], ...] = (
     find_weak_torques,
     find_motor_side,
     find_missing_friction,
+    find_scales_set_aside,
     find_torque_ends,
     find_unexplained_torques,
     find_beyond_limits,

@@ -126,7 +126,7 @@ class Samples(ABC):
         factor = reading.position_sign * reading.unit
         source = self.places[reading.position_of]
         for values, offset, scale in ((q, shift, 1.0), (v, 0, reading.tick), (a, 0, reading.tick**2)):
-            values[:, self.places + offset] = values[:, source + offset] * factor / scale
+            values[:, self.places + offset] = values[:, source + offset] * factor / scale @ reading.joined.T
         q[:, self.places + shift] += reading.zero
         return Moved(q, v, a)
 

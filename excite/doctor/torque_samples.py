@@ -114,7 +114,8 @@ class TorqueSamples(Samples):
 
     def measured_torque(self, reading: Reading) -> Array:
         """Torques as the reading has them, ``(n, n_torques)``."""
-        return self.logged_late(reading)[:, reading.torque_of] * reading.torque_factor
+        torque = self.logged_late(reading)[:, reading.torque_of] @ reading.joined_torques(self.measured).T
+        return torque * reading.torque_factor
 
     def product_sums(self, reading: Reading) -> Array:
         """Sums of products of drive, model and measured torque, ``(n_torques, 5, 5)``."""

@@ -22,7 +22,10 @@ from excite.doctor.torque_samples import TorqueSamples
 from excite.errors import InputError
 from excite.finding import list_names
 from excite.formats.documents import parse_xml
+from excite.logs.units import size_of
 from excite.robot.robot import Robot
+
+_UNITS = ("lbf·ft", "lbf·in", "ozf·in", "kgf·m", "kgf·cm", "N·cm", "N·mm", "kN·m")
 
 
 class Scale(NamedTuple):
@@ -89,12 +92,19 @@ def find_scale(samples: TorqueSamples, reading: Reading) -> Scale | None:
     alike = spread < min(THRESHOLD.scales_agree, THRESHOLD.scale_stands_out * abs(np.log(factor)))
     if not alike or is_near_one(factor, THRESHOLD.scale_off):
         return None
-    cause = "another unit, a load that the model does not have, or the model of a smaller robot"
+    unit = f"another unit{name_units(factor)}"
+    cause = f"{unit}, a load that the model does not have, or the model of a smaller robot"
     if factor < 1.0:
-        cause = "currents, another unit, torques before the gear, or the model of a larger robot"
+        cause = f"currents, {unit}, torques before the gear, or the model of a larger robot"
     return Scale(
         np.full(len(told), 1.0 / factor), np.array([factor]), cause, apart=False, far=most and outside
     )
+
+
+def name_units(times: float) -> str:
+    """Units of torque of which a newton metre has about so many, in words; empty for none."""
+    names = [unit for unit in _UNITS if is_near_one(times * size_of(unit), np.exp(0.5 * THRESHOLD.near_unit))]
+    return f" ({' or '.join(f'{unit}: {1.0 / size_of(unit):.3g}' for unit in names)})" if names else ""
 
 
 def likely_gears(samples: TorqueSamples, reading: Reading) -> str:

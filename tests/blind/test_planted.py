@@ -83,6 +83,8 @@ def test_friction_planted_in_a_real_record_is_scored(
         ("ar5", Effect("joint_spring", 0, 2.988), "AR5-5_07R-W4C4A2_joint_1"),
         # Its torque is that of the joint before.
         ("panda", Effect("encoder_offset", 2, -0.03), "panda_joint3"),
+        # With friction that drifts and a late motor beside it the likelihood is higher, and predicts no better.
+        ("emps", Effect("coulomb_friction", 0, 13.11), "axis"),
         # A gear of another ratio, a sensor that feels its neighbour, a wrist's motor.
         ("panda", Effect("position_gain", 5, 0.0523), "panda_joint6"),
         pytest.param(

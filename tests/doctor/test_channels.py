@@ -37,6 +37,10 @@ def order(*pairs: tuple[int, int]) -> list[int]:
     return values
 
 
+# Motors that turn by the sum and the difference of two joints.
+MOTORS = np.eye(7)
+MOTORS[3:5, 3:5] = [[1.0, 1.0], [1.0, -1.0]]
+
 FAULTS = {
     "degrees": (lambda t: replace(t, q=np.degrees(t.q)), "degrees", JOINTS),
     "revolutions": (lambda t: replace(t, q=t.q / (2.0 * np.pi)), "revolutions", JOINTS),
@@ -66,6 +70,16 @@ FAULTS = {
         lambda t: replace(t, q=t.q * np.where(np.arange(7) == 2, 180 / np.pi, 1.0), q_cmd=None),
         "degrees", JOINTS[2:3],
     ),
+    "one in revolutions": (
+        lambda t: replace(t, q=t.q / np.where(np.arange(7) == 1, 2.0 * np.pi, 1.0)), "revolutions", JOINTS[1:2],
+    ),
+    "half turns": (
+        lambda t: replace(t, q=np.where(np.arange(7) == 2, np.mod(t.q, np.pi), t.q)), "whole_turns", JOINTS[2:3],
+    ),
+    "motors of a differential": (
+        lambda t: replace(t, q=t.q @ MOTORS.T, tau=t.tau @ np.linalg.inv(MOTORS), q_cmd=None),
+        "differential", JOINTS[3:5],
+    ),
     "commands in degrees": (lambda t: replace(t, q_cmd=np.degrees(t.q_cmd)), "command_degrees", JOINTS),
     "a command turned": (lambda t: replace(t, q_cmd=t.q_cmd * signs(4)), "command_sign", JOINTS[4:5]),
     "a dead torque": (lambda t: replace(t, tau=t.tau * (np.arange(7) != 5)), "constant", (f"tau.{JOINTS[5]}",)),
@@ -90,6 +104,39 @@ def test_a_mistake_is_named_with_its_place(panda, log, fault):
     assert found[kind].places == places and found[kind].figures and found[kind].text
     spoiling = {item.kind for item in found.values() if item.severity in {"fatal", "spoils"}}
     assert spoiling <= {kind} | COMPANY.get(fault, set())
+
+
+def test_angles_of_a_differential_are_put_right(panda, log):
+    motors = changed(
+        log, lambda t: replace(t, q=t.q @ MOTORS.T, tau=t.tau @ np.linalg.inv(MOTORS), q_cmd=None)
+    )
+    for mended, trial in zip(examine(panda, motors).log.trials, log.trials, strict=True):
+        np.testing.assert_allclose(mended.q, trial.q, atol=1e-12)
+        np.testing.assert_allclose(mended.tau, trial.tau, atol=1e-9)
+
+
+@pytest.mark.parametrize("torque", ["motor_side", "none"])
+@pytest.mark.parametrize("some", [(0,), (1, 2)])
+def test_trials_in_degrees_alone_are_converted(panda, log, some, torque):
+    trials = tuple(replace(t, q=np.degrees(t.q)) if k in some else t for k, t in enumerate(log.trials))
+    ill = changed(
+        replace(log, trials=trials), lambda t: t if torque != "none" else replace(t, tau=None), torque=torque
+    )
+    chart = examine(panda, ill)
+    (found,) = (item for item in chart.findings if item.kind == "degrees")
+    assert found.trials == tuple(log.trials[k].name for k in some) and "alone" in found.text
+    for mended, trial in zip(chart.log.trials, log.trials, strict=True):
+        np.testing.assert_allclose(mended.q, trial.q, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("times", "unit"), [(0.7376, "lbf·ft: 0.738"), (8.851, "lbf·in: 8.85"), (141.6, "ozf·in: 142")]
+)
+def test_units_that_would_make_all_torques_so_large_are_named(panda, log, times, unit):
+    said = [
+        item.text for item in examine(panda, changed(log, lambda t: replace(t, tau=times * t.tau))).findings
+    ]
+    assert any(unit in text for text in said), said
 
 
 @pytest.mark.parametrize("unit", [1.0, 1e-3, 1e-9])

@@ -12,7 +12,7 @@ from excite.doctor.examine import examine
 from excite.logs.files import load_log, save_log
 from excite.logs.robot import nominal_robot
 from excite.robot.loading import load_robot
-from tests.identification.practice_log import arm_log
+from tests.identification.practice_log import arm_log, changed
 
 
 @pytest.mark.parametrize(("factor", "kinds"), [(1.0, {"clipped"}), (0.1, {"clipped", "torque_scale"})])
@@ -73,3 +73,19 @@ def test_noise_stops_at_the_ends_of_a_narrow_range(
     )
     chart = examine(robot, ill)
     assert {finding.kind for finding in chart.findings} - {"quantised"} == {"clipped"}
+
+
+def test_what_is_cut_off_of_a_torque_is_no_other_mistake(tmp_path: Path) -> None:
+    robot, j = load_robot("ur10"), 1
+    log = arm_log(robot, 4, duration=10.0)
+    most = float(np.quantile(np.abs(np.concatenate([t.tau[:, j] for t in log.trials])), 0.1))
+    clipped = changed(
+        log,
+        lambda t: replace(
+            t, tau=np.where(np.arange(robot.n_joints) == j, np.clip(t.tau, -most, most), t.tau)
+        ),
+    )
+    folder = save_log(replace(clipped, robot_text=robot.urdf), tmp_path / "log")
+    chart = examine(robot, load_log(folder, robot))
+    assert {found.kind for found in chart.findings} - {"quantised"} == {"clipped"}
+    assert chart.log.header.no_torque == ()

@@ -53,6 +53,13 @@ def test_ur_has_metres_and_the_matrix_in_the_order_of_its_manual(robot, load):
     np.testing.assert_allclose(rest, inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]], atol=1e-6)
 
 
+def test_a_summary_says_where_the_centre_is_axis_by_axis(robot, load):
+    x, y, z = 1e3 * expected(robot, "tool0")[0]
+    assert (
+        f"1.600 kg, centre of mass ({x:.1f}, {y:.1f}, {z:.1f}) mm" in payload_for(load, robot, "ur").summary()
+    )
+
+
 def test_franka_has_the_arguments_of_set_load_in_its_flange(load):
     panda = load_robot("panda")
     found = json.loads(payload_for(load, panda, "franka").text)

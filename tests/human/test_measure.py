@@ -13,7 +13,8 @@ from benchmarks.people.ground_reaction import ReactionTable, ground_reactions
 from benchmarks.virtual_person import ground_wrench, perform_exercise, true_model
 from excite.cli.main import app
 from excite.human.measure import urdf_text, write_person
-from excite.human.segments import JOINT_NAMES
+from excite.human.plates import foot_line
+from excite.human.segments import JOINT_NAMES, Placement
 from excite.logs.files import load_log
 from excite.logs.signals.butterworth import lowpass
 from excite.robot.loading import load_robot
@@ -29,6 +30,15 @@ def test_dimensions_and_marker_residuals(session, person):
     assert person.calibration.rms < 0.006
     assert all(rms < 0.012 for rms in person.trials[0].marker_rms_m.values())
     assert not person.findings
+
+
+def test_a_foot_reaches_from_its_heel_to_its_toe(session):
+    body, n = session.who.body, 2
+    placement = Placement(np.tile(np.eye(3), (n, 15, 1, 1)), np.zeros((n, 15, 3)))
+    heel, toe = foot_line(placement, "left", body).transpose(1, 0, 2)
+    d = body.dimensions
+    np.testing.assert_allclose(toe - heel, np.tile([d.foot_length, 0.0, 0.0], (n, 1)))
+    np.testing.assert_allclose(heel, np.tile([-d.heel, 0.0, -d.ankle_height], (n, 1)))
 
 
 def test_joint_angles_follow_the_truth(session, person):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from excite.diagnosis.budget.library import Library
 from excite.diagnosis.budget.prediction import Prediction, predict_model
 from excite.diagnosis.budget.record import GapModel, Rival, rows_of
 from excite.diagnosis.budget.shares import shares_of
+from excite.diagnosis.budget.thresholds import THRESHOLDS
 from excite.diagnosis.effects.effect import Effect
 from excite.diagnosis.effects.form import Context
 from excite.diagnosis.effects.registry import EFFECTS
@@ -42,6 +44,7 @@ from excite.diagnosis.selection.settling import (
     settle_shapes,
 )
 from excite.diagnosis.selection.shapes import (
+    RICHER,
     other_forms,
     search_further_forms,
     shape_changes,
@@ -92,6 +95,32 @@ class EffectPosterior:
         """Terms of the likeliest model."""
         return [self.gram.atoms[a].term for a in self.best_atoms]
 
+    @property
+    def probable_terms(self) -> list[Term]:
+        """Those of them that most of the draws have."""
+        number = {key: g for g, key in enumerate(groups_of(self.gram.atoms))}
+        return [term for term in self.best_terms if self.draws.inclusion[number[group_of(term)]] >= _THERE]
+
+
+class _Turn(NamedTuple):
+    """A turn of the search at one power of the likelihood.
+
+    Attributes:
+        search: its state after it.
+        posterior: what it drew.
+        found: atoms that were found in it, for the next one.
+        keys: terms that the next one begins with.
+        kept: of its terms, those that would be kept.
+        model: of those of them that pay for their names by how they predict blocks left out.
+    """
+
+    search: _Search
+    posterior: EffectPosterior
+    found: Atoms
+    keys: list[Term]
+    kept: list[Term]
+    model: Model
+
 
 @dataclass(eq=False)
 class _Search:
@@ -140,37 +169,76 @@ class _Search:
         Of a model that cannot be all of the truth a likelihood of full power may prefer many effects where one predicts
         more; the power is learned by what its models say of blocks left out (Grünwald, van Ommen 2017).
         """
-        ends: list[tuple[_Search, Atoms, list[Term]]] = []
-        best: Model | None = None
-        found: Atoms = {}
-        keys: list[Term] = []
-        for turn, (anneal, white) in enumerate(_TURNS):
-            self.noise = replace(self.noise, anneal=anneal, white=white)
-            posterior = self._draw_posterior(self._collect_atoms(found, searched=turn >= 2), keys, rng)
-            found, keys = self._new_terms(posterior, turn)
-            model = self._fit_named(
-                _terms_with_share(choose_bodies(keys, self.full, self.rows), posterior, self.rows)
-            )
-            # The full power is the rule: models of the same names ask for no other.
-            if (
-                best is None
-                or _forms_of(model.terms) == _forms_of(best.terms)
-                or predictive_nats(model, best) > 0.0
-            ):
-                best = model
-                ends.append((replace(self), found, keys))
-        search, found, keys = ends[-1]
-        atoms = search._collect_atoms(found, searched=True)
-        terms = search._draw_posterior(atoms, keys, rng).best_terms
-        gram = Gram.of_rows(search.rows, search.discrepancy, atoms, search.noise)
-        draws = _sample_models(gram, terms, _LONGER * _SWEEPS, rng)
-        return EffectPosterior(search.full, gram, draws, search.noise, search.slab.gap)
+        first = self._run_turn(0, {}, [], rng)
+        best = last = self._run_turn(1, first.found, first.keys, rng)
+        for k in range(2, len(_TURNS)):
+            last = self._run_turn(k, last.found, last.keys, rng)
+            if self._is_worth_more(last, best):
+                best = last
+        again = best.search._draw_again(best, rng)
+        return (again if self._is_worth_more(again, best) else best).posterior
 
-    def _fit_named(self, named: Sequence[Term]) -> Model:
-        """Terms fitted beside all that a model may begin with: what of that is there says nothing of effects."""
-        groups = {group_of(term) for term in named}
+    def _run_turn(self, k: int, found: Atoms, keys: list[Term], rng: np.random.Generator) -> _Turn:
+        anneal, white = _TURNS[k]
+        self.noise = replace(self.noise, anneal=anneal, white=white)
+        posterior = self._draw_posterior(self._collect_atoms(found, searched=k >= 2), keys, rng)
+        found, keys = self._new_terms(posterior, k)
+        kept = self._keep_terms(keys, posterior)
+        return _Turn(replace(self), posterior, found, keys, kept, self._fit_paying(kept))
+
+    def _draw_again(self, turn: _Turn, rng: np.random.Generator) -> _Turn:
+        """A longer run of a turn, from what it ended with."""
+        atoms = self._collect_atoms(turn.found, searched=True)
+        terms = self._draw_posterior(atoms, turn.keys, rng).best_terms
+        gram = Gram.of_rows(self.rows, self.discrepancy, atoms, self.noise)
+        draws = _sample_models(gram, terms, _LONGER * _SWEEPS, rng)
+        posterior = EffectPosterior(self.full, gram, draws, self.noise, self.slab.gap)
+        kept = self._keep_terms(posterior.probable_terms, posterior)
+        return turn._replace(posterior=posterior, kept=kept, model=self._fit_paying(kept))
+
+    def _is_worth_more(self, turn: _Turn, best: _Turn) -> bool:
+        """Whether a turn's effects predict blocks left out better than another's, by what further ones cost.
+
+        Where no other effects are kept, the later turn is; in other forms, unless these predict worse by what a number
+        costs.
+        """
+        nats = predictive_nats(turn.model, best.model)
+        if {term.key for term in turn.kept} <= {term.key for term in best.kept}:
+            return nats > -RICHER or _forms_of(turn.kept) <= _forms_of(best.kept)
+        cost, other = (sum(self._prices_of(one.model).values()) for one in (turn, best))
+        return nats > max(cost - other, 0.0)
+
+    def _prices_of(self, model: Model) -> dict[int, float]:
+        """By term that not every model may begin with, the nats by which blocks left out have to be likelier with it.
+
+        As a name has to, and by as many for each further number as a form of more numbers has to.
+        """
+        begun = {group_of(term) for term in self.initial_terms}
+        tried = begun.union(map(group_of, (*self.candidates, *self.bodies)))
+        name, terms = float(np.log(THRESHOLDS.odds * max(len(tried), 1))), model.design.terms
+        return {
+            k: name + RICHER * (terms[k].n_parameters - 1)
+            for k in model.chosen
+            if group_of(terms[k]) not in begun
+        }
+
+    def _keep_terms(self, terms: Sequence[Term], posterior: EffectPosterior) -> list[Term]:
+        return _terms_with_share(choose_bodies(terms, self.full, self.rows), posterior, self.rows)
+
+    def _fit_paying(self, kept: Sequence[Term]) -> Model:
+        """Terms that pay, beside all that a model may begin with: what of that is there says nothing of effects."""
+        groups = {group_of(term) for term in kept}
         begun = [term for term in self.initial_terms if group_of(term) not in groups]
-        return fit_model(Design(self.rows, (*named, *begun)), range(len(named) + len(begun)))
+        model = fit_model(Design(self.rows, (*kept, *begun)), range(len(kept) + len(begun)))
+        while True:
+            spare = {
+                k: predictive_nats(model, _without(model, k)) - price
+                for k, price in self._prices_of(model).items()
+            }
+            weakest = min(spare, key=lambda k: spare[k], default=None)
+            if weakest is None or spare[weakest] > 0.0:
+                return model
+            model = _without(model, weakest)
 
     def _draw_posterior(
         self, atoms: list[Atom], keys: Sequence[Term], rng: np.random.Generator
@@ -266,6 +334,11 @@ class _Search:
         return atom_of(term, self.slab, changes)
 
 
+def _without(model: Model, k: int) -> Model:
+    """A model without one of its terms."""
+    return fit_model(model.design, [i for i in model.chosen if i != k], model.weight)
+
+
 def _is_begun(term: Term) -> bool:
     """Whether a term is made anew with every grid, as what the model begins with is."""
     return term.started and not term.effect.along
@@ -357,11 +430,10 @@ def build_gap_model(
     rows = gram.rows
     groups = groups_of(gram.atoms)
     number = {key: g for g, key in enumerate(groups)}
-    sure = [a for a in selected.best_atoms if draws.inclusion[number[group_of(gram.atoms[a].term)]] >= _THERE]
     basis = Basis(
         full, rows_of(full, modelled, floor), modelled, gram.discrepancy, selected.noise, selected.gap
     )
-    free = [gram.atoms[a].term for a in sure]
+    free = selected.probable_terms
     terms = _terms_with_share(choose_bodies(free, selected.full, rows), selected, rows)
     # A body beside what is named alone: what stood beside it may have cancelled a part of it.
     terms = _with_whole_delays(choose_bodies(terms, selected.full, rows), selected, rows)

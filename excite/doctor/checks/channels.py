@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -35,7 +35,7 @@ from excite.doctor.mistakes.torques import (
 from excite.doctor.samples import Correction, Mistake
 from excite.doctor.thresholds import THRESHOLD
 from excite.doctor.torque_samples import TorqueSamples
-from excite.doctor.torque_scale import TORQUE_SCALE
+from excite.doctor.torque_scale import TORQUE_SCALE, name_units
 from excite.doctor.wrench_samples import wrench_samples
 from excite.finding import list_names
 from excite.logs.log import Trial
@@ -157,6 +157,20 @@ def _correct(case: Case, reading: Reading, found: Found, what: str) -> None:
         put_weight_back(case, reading)
 
 
+def find_scales_set_aside(case: Case) -> None:
+    """Take torques back that were set aside, and look for another scale of theirs alone."""
+    aside = case.set_aside
+    case.change_header(no_torque=tuple(j for j in case.log.header.no_torque if j not in aside))
+    samples, stated = case.samples, Reading.as_stated(case.log)
+    if not aside or samples is None or case.is_strange:
+        return
+
+    def theirs(samples: TorqueSamples, reading: Reading) -> Iterable[Correction]:
+        return (one for one in TORQUE_SCALE.corrections(samples, reading) if {*one.places} <= {*aside})
+
+    _correct(case, *misreadings(samples, stated, [replace(TORQUE_SCALE, corrections=theirs)]), samples.what)
+
+
 # Trials that are not like the others.
 
 
@@ -212,7 +226,10 @@ def _unlike_others(parts: Mapping[str, TorqueSamples], reading: Reading) -> dict
         name: whole[name]
         for name, part in parts.items()
         if whole[name] > THRESHOLD.unexplained
-        or beside[name] > THRESHOLD.in_place > min(beside.values()) / beside[name]
+        # Beside much friction nearly all of every torque may be explained, and little of what the bodies make.
+        or min(beside[name], np.exp(2.0 * left[name].max()))
+        > THRESHOLD.in_place
+        > min(beside.values()) / beside[name]
         or part.needs_unlikely_bodies(reading)
         or (any(usual) and not part.zeros_are_usual(reading))
     }
@@ -399,6 +416,13 @@ def _report_other_model(
         f"joints{size} {others}: masses, lengths, axes or zeros of positions are not this robot's (torques per "
         f"what the model needs: {each or 'none tells'})"
     )
+    if len(told) > 1 and np.ptp(np.log(gains[told])) < THRESHOLD.scale_stands_out * abs(
+        np.log(gains[told]).mean()
+    ):
+        times = float(np.exp(np.log(gains[told]).mean()))
+        text += (
+            f", or all torques are {times:.2g} times what they should be, in another unit{name_units(times)}"
+        )
     load = best_load(samples, reading)
     text += "" if load is None else f", or it carries a load: {load.sentence()}"
     kinds = list_names(list(dict.fromkeys(item.mistake.name.replace("_", " ") for item in found)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -58,8 +59,9 @@ def _moves(trial: Trial) -> bool:
 
 
 def find_whole_turns(case: Case) -> None:
-    """Positions that jump by whole turns: an encoder that passed the end of its count, or was read anew."""
-    turning, found = np.flatnonzero(case.turning), set[int]()
+    """Positions that jump by whole or half turns: an encoder that passed the end of its count, or was read anew."""
+    turning, found, limits = np.flatnonzero(case.turning), set[int](), case.robot.limits
+    middle = np.nan_to_num(0.5 * (limits.position_lower + limits.position_upper)[case.columns])
 
     def going_on(trial: Trial) -> Trial:
         """The trial with whole columns, and commands on the turn that their joint is on."""
@@ -67,15 +69,16 @@ def find_whole_turns(case: Case) -> None:
         changed = set()
         for values in whole.values():
             for j in turning:
-                # In radians, degrees or revolutions.
-                turns = (_TURN, 360.0, 1.0)
-                whole_ones = (
-                    without_seams(values[:, j], turn, within=turn == 1.0, time=trial.time) for turn in turns
-                )
-                column = next((one for one in whole_ones if one is not None), None)
-                if column is not None:
-                    values[:, j] = column
-                    changed.add(int(j))
+                # In radians, degrees or revolutions; magnets with two pairs of poles look alike after half a turn.
+                turns = {_TURN: False, 360.0: False, 1.0: True, np.pi: True, 180.0: True}
+                for turn, within in turns.items():
+                    column = without_seams(values[:, j], turn, within=within, time=trial.time)
+                    if column is not None:
+                        # In which half of a turn it begins nothing tells: in that of the middle of its range.
+                        away = middle[j] - 0.5 * (column.min() + column.max()) if turn == np.pi else 0.0
+                        values[:, j] = column + np.pi * np.round(away / np.pi)
+                        changed.add(int(j))
+                        break
         for j in changed if "q_cmd" in whole else ():
             apart = np.median(whole["q"][:, j] - whole["q_cmd"][:, j])
             whole["q_cmd"][:, j] += _TURN * np.round(apart / _TURN)
@@ -86,8 +89,8 @@ def find_whole_turns(case: Case) -> None:
     if found:
         joints = tuple(case.log.header.joints[j] for j in sorted(found))
         text = (
-            f"positions of {list_names(joints)} jump by whole turns: an encoder's count that overflows, or "
-            "angles that are wrapped to one turn"
+            f"positions of {list_names(joints)} jump by whole or half turns: an encoder's count that overflows, "
+            "or angles that are wrapped to a turn"
         )
         case.add("whole_turns", text, {"joints": float(len(joints))}, joints)
 
@@ -204,8 +207,8 @@ class _Reach:
     upper: Array
 
     @classmethod
-    def of(cls, case: Case) -> _Reach:
-        limits, trials = case.robot.limits, case.log.trials
+    def of(cls, case: Case, trials: Sequence[Trial]) -> _Reach:
+        limits = case.robot.limits
         lower, upper = limits.position_lower[case.columns], limits.position_upper[case.columns]
         # Bent limits and calibration are no fault.
         margin = THRESHOLD.beyond_range * (upper - lower)
@@ -227,7 +230,9 @@ class _Reach:
 
 def find_degrees(case: Case) -> None:
     """Joints far beyond their limits that are inside them if the numbers are degrees."""
-    reach, turning = _Reach.of(case), case.turning
+    turning = case.turning
+    trials = [one for one in case.log.trials if (_Reach.of(case, [one]).is_outside & turning).any()]
+    reach = _Reach.of(case, trials or case.log.trials)
     inside = (np.radians(reach.low) >= reach.lower) & (np.radians(reach.high) <= reach.upper)
     furthest = np.maximum(np.abs(reach.low), np.abs(reach.high))
     manifold = furthest > THRESHOLD.manifold * np.maximum(np.abs(reach.lower), np.abs(reach.upper))
@@ -244,8 +249,21 @@ def find_degrees(case: Case) -> None:
         f"positions of {list_names(names)} reach {far:.4g}, far beyond their limits in radians and within them in "
         "degrees: they are probably degrees"
     )
-    case.add("degrees", text, {"largest": far}, names)
-    case.change_trials(lambda trial: _in_radians(trial, which))
+    said = tuple(one.name for one in case.log.trials if not _is_in_radians(case, one, which))
+    text += "" if len(said) == len(case.log.trials) else f", in {list_names(said)} alone"
+    case.add("degrees", text, {"largest": far}, names, trials=said)
+    case.change_trials(lambda trial: _in_radians(trial, which) if trial.name in said else trial)
+
+
+def _is_in_radians(case: Case, trial: Trial, which: Flags) -> bool:
+    """Whether a trial is not in degrees as others of its log are: by its limits, by torques, or else by its size."""
+    if (_Reach.of(case, [trial]).is_outside & which).any():
+        return False
+    alone = Case(case.robot, replace(case.log, trials=(replace(trial, role="identification"),)))
+    if alone.samples is not None:
+        return _turns_over(alone, which)
+    size = [np.sqrt((one.q[:, which] ** 2).mean()) for one in (trial, *case.log.trials)]
+    return bool(size[0] < np.sqrt(np.radians(1.0)) * max(size))
 
 
 def _turns_over(case: Case, which: Flags) -> bool:
@@ -304,7 +322,7 @@ def find_beyond_limits(case: Case) -> None:
             names, largest = case.joints(over), float(share[over].max())
             text = f"{what} of {list_names(names)} reach {largest:.3g} times their limit: {cause}"
             case.add(kind, text, {"share_of_limit": largest}, names)
-    reach = _Reach.of(case)
+    reach = _Reach.of(case, case.log.trials)
     # What goes round and round is no joint with limits, whatever the model says.
     beyond = reach.is_outside & ~reach.is_counted & (reach.high - reach.low <= _TURN)
     if beyond.any():

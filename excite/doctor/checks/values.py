@@ -363,6 +363,15 @@ def _report_unknown_unit(case: Case, samples: TorqueSamples, parts: ModelParts, 
 # Torques at an end of their range: left out where they say less than there was, kept where the drive gave no more.
 
 
+def set_clipped_aside(case: Case) -> None:
+    """Set torques aside that are at an end of their range in most rows: by what is cut off mistakes look likely."""
+    joints, samples = case.log.header.torque_joints, sum(len(trial.time) for trial in case.log.trials)
+    most = [j for j in joints if samples - _marked_rows(case.log, [j]) < THRESHOLD.rows_within * samples]
+    if 0 < len(most) < len(joints):
+        case.set_aside = tuple(most)
+        case.ignore_torques(most)
+
+
 def find_torque_ends(case: Case) -> None:
     """Torques, or currents, at the largest or smallest value that they have."""
     log, kind = case.log, kind_of_torque(case.log)

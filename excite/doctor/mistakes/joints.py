@@ -33,6 +33,40 @@ def find_unit(samples: Samples, reading: Reading, *, unit: float, name: str) -> 
         yield Correction(replace(reading, unit=np.where(samples.sliding, 1.0, unit)), text, turning)
 
 
+def find_revolutions(samples: TorqueSamples, reading: Reading) -> Iterable[Correction]:
+    """One joint in revolutions, which then goes no further than it may; degrees show by themselves."""
+    turn, limits = 2.0 * np.pi, samples.robot.limits
+    index = [samples.robot.joint_index(joint) for joint in samples.joints]
+    lower, upper = limits.position_lower[index], limits.position_upper[index]
+    q, v, _ = samples.motion(reading)
+    q = turn * q[:, samples.places + q.shape[1] - v.shape[1]]
+    within = (q.min(axis=0) >= lower) & (q.max(axis=0) <= upper) & ~samples.sliding & (reading.unit == 1.0)
+    for j in np.flatnonzero(within):
+        unit, name = reading.unit.copy(), samples.joints[j]
+        unit[j] = turn
+        text = f"positions of {name} are probably in revolutions; convert them to radians"
+        yield Correction(replace(reading, unit=unit), text, (name,))
+
+
+_SUMS = [
+    0.5 * np.outer([one, other], [1, 1]) * [[1, way], [1, -way]]
+    for one, other, way in product((1, -1), repeat=3)
+]
+
+
+def find_differential(samples: TorqueSamples, reading: Reading) -> Iterable[Correction]:
+    """Two motors turn two neighbours by their sum and difference; their own angles and torques were logged."""
+    unexplained = samples.left(reading) > 0.5 * np.log(THRESHOLD.in_place)
+    together = (np.diff(samples.measured) == 1) & (unexplained[1:] | unexplained[:-1])
+    for j in samples.measured[:-1][together & np.array_equal(reading.joined, np.eye(len(reading.joined)))]:
+        names = samples.joints[j : j + 2]
+        for sums in _SUMS if not samples.sliding[j : j + 2].any() else ():
+            joined = reading.joined.copy()
+            joined[j : j + 2, j : j + 2] = sums
+            text = f"{list_names(names)} are the two motors of a differential, not its joints: their sum and difference"
+            yield Correction(replace(reading, joined=joined), text, names, changes=4)
+
+
 def find_position_sign(samples: Samples, reading: Reading) -> Iterable[Correction]:
     """A joint's position counts the other way, its torque does not."""
     for j, joint in enumerate(samples.joints):
